@@ -1,0 +1,1 @@
+"""Headless runs over whole data sets."""

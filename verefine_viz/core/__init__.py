@@ -1,0 +1,1 @@
+"""Types and contracts: geometry, camera, observation, problem, records, settings, protocols."""

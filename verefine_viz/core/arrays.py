@@ -1,0 +1,53 @@
+"""Read-only, shape-checked arrays: what every frozen record keeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from verefine_viz.core.errors import ShapeError
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """A read-only array of ``value``, copied unless it already is one.
+
+    Args:
+        value: anything array-like.
+        name: what to call it in an error.
+        shape: expected shape; ``None`` stands for any length.
+        dtype: expected element type; conversion is done.
+
+    Raises:
+        ShapeError: the shape differs.
+    """
+    try:
+        array = np.asarray(value, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name} is not an array of {np.dtype(dtype).name}: {error}") from None
+    matches = array.ndim == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
+    )
+    if not matches:
+        wanted = "×".join("n" if n is None else str(n) for n in shape)
+        raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Float:
+    """:func:`frozen` float64, and every element finite.
+
+    Raises:
+        ShapeError: the shape differs, or an element is NaN or infinite.
+    """
+    array = frozen(value, name, shape)
+    if not np.isfinite(array).all():
+        raise ShapeError(f"{name} holds NaN or infinity, expected finite numbers")
+    return array

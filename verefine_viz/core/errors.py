@@ -1,0 +1,38 @@
+"""Errors a user can meet. Each message says what was wrong, what was expected, and how to fix it, in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class VerefineError(Exception):
+    """Root of all errors this package raises on purpose; the command line prints its text as one line and exits 2."""
+
+
+class InputError(VerefineError):
+    """A file or folder is missing, damaged, or says something impossible."""
+
+
+class SettingsError(VerefineError):
+    """A session file or an option has an unknown name or a value outside its range."""
+
+
+class ShapeError(VerefineError):
+    """An array does not have the shape, type or values (finite, rigid, …) that were asked for."""
+
+
+class NoHypothesisError(VerefineError):
+    """An object has no initial pose to start from."""
+
+
+class NoSupportError(VerefineError):
+    """No support plane or gravity is known, and the request needs physics."""
+
+
+class UnavailableError(VerefineError):
+    """An optional package, a device or a port that the request needs is not there."""
+
+
+def unknown(kind: str, name: object, available: Iterable[object]) -> str:
+    """The text for a name that does not exist: ``unknown refiner 'ipc'; available: icp, tricp``."""
+    return f"unknown {kind} {name!r}; available: {', '.join(str(a) for a in available) or 'none'}"

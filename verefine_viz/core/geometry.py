@@ -1,0 +1,124 @@
+"""Rigid transforms as 4×4 float64 matrices.
+
+``T_a_b`` maps points of frame b into frame a: ``p_a = T_a_b @ p_b``. Chains cancel inside:
+``T_world_obj = T_world_cam @ T_cam_obj``; the inverse swaps the names.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.errors import ShapeError
+
+RIGID_TOLERANCE = 1e-3
+"""How far RᵀR may be from the identity in a pose that is read from a file (rounded decimals) [-]."""
+
+
+def transform(R: ArrayLike, t: ArrayLike) -> Float:
+    """The 4×4 transform of a rotation (3, 3) and a translation (3,)."""
+    T = np.eye(4)
+    T[:3, :3] = R
+    T[:3, 3] = t
+    return T
+
+
+def inverse(T: Float) -> Float:
+    """The inverse of one rigid transform (4, 4) or of many (…, 4, 4)."""
+    R_t = np.swapaxes(T[..., :3, :3], -1, -2)
+    out = np.zeros_like(T)
+    out[..., :3, :3] = R_t
+    out[..., :3, 3] = -(R_t @ T[..., :3, 3:])[..., 0]
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def apply(T: Float, points: Float) -> Float:
+    """``points`` (N, 3) of frame b in frame a, given ``T_a_b``."""
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def as_rigid(value: ArrayLike, name: str) -> Float:
+    """A read-only rigid transform: checked, then its rotation made orthonormal.
+
+    Raises:
+        ShapeError: not 4×4, not finite, mirrored, or further from a rotation than ``RIGID_TOLERANCE``.
+    """
+    T = finite(value, name, (4, 4)).copy()
+    R = T[:3, :3]
+    determinant = float(np.linalg.det(R))
+    if determinant <= 0 or not np.allclose(R.T @ R, np.eye(3), atol=RIGID_TOLERANCE):
+        raise ShapeError(f"{name} is not rigid: det(R) = {determinant:.3f}, expected a rotation matrix with det +1")
+    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-9):
+        raise ShapeError(f"{name} is not rigid: last row is {T[3].tolist()}, expected [0, 0, 0, 1]")
+    T[:3, :3] = nearest_rotation(R)
+    T[3] = [0, 0, 0, 1]
+    T.flags.writeable = False
+    return T
+
+
+def nearest_rotation(M: Float) -> Float:
+    """The rotation closest to ``M`` (3, 3) in the Frobenius norm."""
+    U, _, Vt = np.linalg.svd(M)
+    if np.linalg.det(U @ Vt) < 0:
+        U[:, -1] *= -1
+    return U @ Vt
+
+
+def axis_angle(axis: ArrayLike, angle_rad: float) -> Float:
+    """The rotation (3, 3) by ``angle_rad`` about ``axis`` (3,), right-handed (Rodrigues)."""
+    a = np.asarray(axis, dtype=np.float64)
+    x, y, z = a / np.linalg.norm(a)
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle_rad) * K + (1 - np.cos(angle_rad)) * (K @ K)
+
+
+def rotation_vector(R: Float) -> Float:
+    """Axis times angle [rad] of a rotation (3, 3); the inverse of :func:`axis_angle`."""
+    w, x, y, z = quat_wxyz(R)
+    v = np.array([x, y, z])
+    s = float(np.linalg.norm(v))
+    if s < 1e-300:
+        return np.zeros(3)
+    return v / s * 2.0 * np.arctan2(s, w)
+
+
+def angle_between(R_a: Float, R_b: Float) -> float:
+    """The angle of the rotation that turns one into the other [rad]."""
+    return float(np.linalg.norm(rotation_vector(R_a.T @ R_b)))
+
+
+def quat_wxyz(R: Float) -> Float:
+    """Unit quaternion (w, x, y, z), w ≥ 0, of a rotation (3, 3)."""
+    # The eigenvector of Bar-Itzhack's symmetric matrix: well conditioned at every angle, near 0 and near π alike.
+    m = R
+    K = np.array(
+        [
+            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1]],
+        ]
+    )
+    q = np.linalg.eigh(K)[1][:, -1]
+    return q if q[0] >= 0 else -q
+
+
+def rotation_of_quat_wxyz(quat: ArrayLike) -> Float:
+    """The rotation (3, 3) of a quaternion (w, x, y, z) of any non-zero length."""
+    q = np.asarray(quat, dtype=np.float64)
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def random_unit_vector(rng: np.random.Generator) -> Float:
+    """A direction (3,), uniform on the sphere."""
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)

@@ -1,0 +1,64 @@
+"""What one frame of the sensor says, together with what is derived from it once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import as_rigid
+
+GravitySource = Literal["plane", "world", "given"]
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """The plane that carries the objects, and which way is up.
+
+    The world frame has +z against gravity and its origin on the plane.
+    """
+
+    T_world_cam: Float
+    """(4, 4) [m]."""
+    normal_world: Float
+    """(3,) unit normal of the plane in the world frame, up; equals +z where gravity is taken from the plane."""
+    gravity_source: GravitySource
+    """Where "up" comes from: the plane's normal, the data set's camera pose, or a vector that was given."""
+    inlier_share: float
+    """Share of the background's valid depth that lies on the plane, in [0, 1]."""
+    rms_m: float = 0.0
+    """Root mean square distance of the inliers to the plane [m]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_world_cam", as_rigid(self.T_world_cam, "T_world_cam"))
+        object.__setattr__(self, "normal_world", finite(self.normal_world, "normal_world", (3,)))
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One RGB-D frame."""
+
+    camera: Camera
+    depth_m: NDArray[np.float32]
+    """(H, W) z [m]; 0 where nothing was measured."""
+    normals_cam: NDArray[np.float32]
+    """(H, W, 3) unit normals towards the camera; 0 where none could be estimated."""
+    rgb: NDArray[np.uint8] | None
+    """(H, W, 3), or None where the data set has no colour."""
+    object_mask: Mask
+    """(H, W) union of the masks of all instances in the frame, also of those nobody asked for."""
+    support: Support | None
+    """None: no plane was found and physics is off; ``support_note`` says why."""
+    support_note: str = ""
+
+    def __post_init__(self) -> None:
+        h, w = self.camera.shape
+        object.__setattr__(self, "depth_m", frozen(self.depth_m, "depth", (h, w), np.float32))
+        object.__setattr__(self, "normals_cam", frozen(self.normals_cam, "normals", (h, w, 3), np.float32))
+        object.__setattr__(self, "object_mask", frozen(self.object_mask, "object mask", (h, w), np.bool_))
+        if self.rgb is not None:
+            object.__setattr__(self, "rgb", frozen(self.rgb, "rgb", (h, w, 3), np.uint8))

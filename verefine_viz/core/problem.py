@@ -1,0 +1,111 @@
+"""What a method is asked to solve: a frame, the instances in it, and their first hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One initial pose of one instance: an arm of the bandit."""
+
+    T_cam_obj: Float
+    """(4, 4) [m]."""
+    confidence: float
+    """The estimator's own score; only its order matters."""
+    source: str
+    """Where it comes from, for people: "cosypose", "perturbed 30° 30 mm #3", …"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One object in the frame."""
+
+    instance_id: int
+    """Index in the frame; equals BOP's gt_id where masks come from the data set."""
+    obj_id: int
+    mask: Mask
+    """(H, W) its visible pixels."""
+    points_cam: Float
+    """(N, 3) its observed cloud, subsampled with a seed [m]; empty where the mask holds no depth."""
+    hypotheses: tuple[Hypothesis, ...]
+    """Best first; may be empty."""
+    T_cam_obj_gt: Float | None = None
+    """(4, 4) ground truth, or None."""
+    visib_fract: float | None = None
+    """Visible share of its silhouette, in [0, 1], where the data set says."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mask", frozen(self.mask, "mask", (None, None), bool))
+        object.__setattr__(self, "points_cam", finite(self.points_cam, "observed cloud", (None, 3)))
+        if self.T_cam_obj_gt is not None:
+            object.__setattr__(self, "T_cam_obj_gt", as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One instance with all that is needed to fit its model to the frame."""
+
+    observation: Observation
+    instance: Instance
+    model: ObjectModel
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A model at a pose: what is simulated, rendered, or stands in the way."""
+
+    instance_id: int
+    model: ObjectModel
+    T_cam_obj: Float
+    """(4, 4) [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One frame and the instances to be solved in it."""
+
+    scene_id: int
+    im_id: int
+    observation: Observation
+    models: Mapping[int, ObjectModel]
+    """By obj_id."""
+    instances: tuple[Instance, ...]
+    title: str = ""
+    """For people: data set or demo scene."""
+    notes: tuple[str, ...] = ()
+    """Things about the data a person should know: units guessed, masks missing, …"""
+
+    @cached_property
+    def targets(self) -> tuple[Target, ...]:
+        """One per instance, in order; the same objects at each access."""
+        return tuple(Target(self.observation, i, self.models[i.obj_id]) for i in self.instances)
+
+    @property
+    def frame(self) -> str:
+        """``scene/image``, as session files write it."""
+        return f"{self.scene_id}/{self.im_id}"
+
+    def only(self, instance_ids: Collection[int]) -> Problem:
+        """The same frame with fewer instances to solve (the observation keeps all masks).
+
+        Raises:
+            InputError: an id is not in this frame.
+        """
+        available = [i.instance_id for i in self.instances]
+        for wanted in instance_ids:
+            if wanted not in available:
+                raise InputError(f"{unknown('instance', wanted, available)} (frame {self.frame})")
+        kept = tuple(i for i in self.instances if i.instance_id in instance_ids)
+        return replace(self, instances=kept)

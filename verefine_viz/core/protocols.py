@@ -1,0 +1,96 @@
+"""What can be plugged in. A new refiner, simulator or verifier is one class that has the method named here.
+
+Every answer depends on the arguments only: the same call after any history gives the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.records import Best, Iteration, SimulatedPath
+from verefine_viz.core.scores import ScoreMaps, Scores
+
+
+class Refiner(Protocol):
+    """Improves a pose from the observed cloud."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """The refined pose (4, 4). ``fixed`` are objects already placed, whose points a refiner may leave out."""
+        ...
+
+
+class Simulator(Protocol):
+    """Lets an object move under gravity for a moment."""
+
+    def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
+        """The path of ``moving`` over ``n_steps`` steps of 1/60 s among ``fixed`` objects on the support plane."""
+        ...
+
+
+class Verifier(Protocol):
+    """Judges poses by rendering them (Eq. 1)."""
+
+    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        """Scores of N poses (N, 4, 4) in one call; ``placed`` objects may hide parts of them."""
+        ...
+
+    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        """The same score of one pose, pixel by pixel, for the screen and for recordings."""
+        ...
+
+
+class RunState(Protocol):
+    """What every method's state shows. States are immutable."""
+
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def initial(self) -> tuple[Scores | None, ...]:
+        """Per instance: the scores of its hypotheses before the first iteration; None where the pool is empty."""
+        ...
+
+    @property
+    def best(self) -> tuple[Best | None, ...]:
+        """Per instance: the answer so far; None where the pool is empty."""
+        ...
+
+
+S = TypeVar("S", bound=RunState)
+S_contra = TypeVar("S_contra", bound=RunState, contravariant=True)
+
+
+class Method(Protocol[S]):
+    """An algorithm that can be stepped, rewound, forked and saved."""
+
+    def start(self, problem: Problem) -> S:
+        """The state before iteration 1; scores the hypotheses."""
+        ...
+
+    def step(self, state: S) -> tuple[S, Iteration]:
+        """The next state and the record of how it came about."""
+        ...
+
+    def is_done(self, state: S) -> bool: ...
+
+    def n_iterations(self, state: S) -> int:
+        """How many iterations the whole run will have taken, for progress bars."""
+        ...
+
+    def edit(self, state: S, instance_id: int, arm: int, T_cam_obj: Float) -> S:
+        """The same state with the arm's current pose replaced by one that a person chose."""
+        ...
+
+
+class Watcher(Protocol[S_contra]):
+    """Sees every record of a run; cannot change it."""
+
+    def on_start(self, state: S_contra) -> None: ...
+    def on_iteration(self, state: S_contra, iteration: Iteration) -> None: ...
+    def on_finish(self, state: S_contra) -> None: ...
+
+
+AnyMethod = Method[Any]

@@ -1,0 +1,174 @@
+"""What every iteration leaves behind: enough to redraw it without running anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.scores import PoseScore
+
+TIMING = {"timing": True}
+"""Metadata of fields that differ from run to run and are left out of comparisons."""
+
+StageName = Literal["initial", "current", "simulated", "mixed", "refined", "edited"]
+
+EventKind = Literal[
+    "kept_simulated",
+    "kept_refined",
+    "score_fell",
+    "new_best",
+    "arm_switched",
+    "unstable",
+    "empty_render",
+    "nan_score",
+    "refiner_stuck",
+    "no_physics",
+    "edited",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Where a simulated object touches something, at one step."""
+
+    points_cam: Float
+    """(n, 3) [m]."""
+    normals_cam: Float
+    """(n, 3) unit, pointing onto the moving object."""
+    depths_m: Float
+    """(n,) penetration, positive = overlapping [m]."""
+    forces_n: Float
+    """(n,) normal force [N]."""
+    others: NDArray[np.int64]
+    """(n,) instance_id of what is touched; −1 is the support plane."""
+
+    def __post_init__(self) -> None:
+        n = len(self.depths_m)
+        object.__setattr__(self, "points_cam", finite(self.points_cam, "contact points", (n, 3)))
+        object.__setattr__(self, "normals_cam", finite(self.normals_cam, "contact normals", (n, 3)))
+        object.__setattr__(self, "depths_m", finite(self.depths_m, "contact depths", (n,)))
+        object.__setattr__(self, "forces_n", finite(self.forces_n, "contact forces", (n,)))
+        object.__setattr__(self, "others", frozen(self.others, "contact partners", (n,), np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPath:
+    """What physics did to an object, pose by pose."""
+
+    Ts_cam_obj: Float
+    """(S + 1, 4, 4): the start, then one pose per step [m]."""
+    contacts: tuple[Contacts, ...]
+    """One per step, S of them: contacts at the end of the step."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "Ts_cam_obj", finite(self.Ts_cam_obj, "simulated path", (None, 4, 4)))
+
+    @property
+    def T_cam_obj(self) -> Float:
+        """The last pose (4, 4)."""
+        return self.Ts_cam_obj[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One pose on the way through an iteration."""
+
+    name: StageName
+    T_cam_obj: Float
+    score: PoseScore | None = None
+    """None where the method has no reason to judge it (the mixed pose only starts the refiner)."""
+    ms: float = field(default=0.0, metadata=TIMING)
+    """Time it took to compute the pose [ms]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"{self.name} pose"))
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The bandit's numbers as they were when it chose."""
+
+    arm: int
+    plays: Float
+    """(H,) n_j, discounted where the policy discounts."""
+    mean: Float
+    """(H,) μ_j."""
+    exploration: Float
+    """(H,) c·sqrt(ln Σn / n_j)."""
+    ucb: Float
+    """(H,) mean + exploration."""
+    reason: str
+    """One sentence: "arm 3: 0.71 + 0.09 > arm 1: 0.74 + 0.05"."""
+
+    def __post_init__(self) -> None:
+        for name in ("plays", "mean", "exploration", "ucb"):
+            object.__setattr__(self, name, frozen(getattr(self, name), name, (None,)))
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The answer for one object, so far."""
+
+    T_cam_obj: Float
+    score: PoseScore
+    arm: int
+    iteration: int
+    """0 = an initial pose."""
+    stage: StageName
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, "best pose"))
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """Something about an iteration that is worth a mark on the timeline."""
+
+    kind: EventKind
+    text: str
+    """One sentence with numbers and units."""
+
+
+@dataclass(frozen=True, eq=False)
+class Iteration:
+    """One step of a method."""
+
+    index: int
+    """1, 2, … over the whole run."""
+    instance_id: int
+    obj_id: int
+    arm: int
+    """Index of the hypothesis that was worked on."""
+    arm_iteration: int
+    """1, 2, … for this arm."""
+    stages: tuple[Stage, ...]
+    """In the order they came about; "current" first."""
+    accepted: StageName
+    """The stage that the next iteration of this arm starts from."""
+    best: Best
+    """Best of this object after this iteration."""
+    path: SimulatedPath | None = None
+    choice: Choice | None = None
+    """None for methods that do not choose between hypotheses."""
+    events: tuple[Event, ...] = ()
+    score_ms: float = field(default=0.0, metadata=TIMING)
+    """Time for all scores of this iteration [ms]."""
+
+    def stage(self, name: StageName) -> Stage | None:
+        """The stage of that name, or None."""
+        return next((s for s in self.stages if s.name == name), None)
+
+    @property
+    def accepted_stage(self) -> Stage:
+        """The stage that was kept."""
+        return next(s for s in self.stages if s.name == self.accepted)
+
+    @property
+    def ms(self) -> float:
+        """Computing time of the whole iteration [ms]."""
+        return sum(s.ms for s in self.stages) + self.score_ms

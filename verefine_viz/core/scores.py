@@ -1,0 +1,99 @@
+"""The verification score of poses, with everything that explains it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, frozen
+
+PIXEL_CLASSES = ("explained", "missed", "protruding", "hidden", "unknown")
+"""Column order of ``counts`` and value − 1 of ``ScoreMaps.classes`` (0 = not part of the score).
+
+explained: rendered and observed agree within τ. missed: the object's mask was observed, the pose leaves it empty or
+puts it behind. protruding: the pose puts surface where the sensor saw through. hidden: something nearer stands in
+front. unknown: rendered, but nothing was measured there.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseScore:
+    """The score of one pose."""
+
+    score: float
+    """f̄ of Eq. 1 in [0, 1]; 0 where it is undefined."""
+    depth_fit: float
+    """Mean f_d over the counted pixels."""
+    normal_fit: float
+    """Mean f_n over the counted pixels."""
+    n_pixels: int
+    """N, the counted pixels."""
+    n_rendered: int
+    """Pixels on which the model appears; 0 means an empty render."""
+    counts: tuple[int, int, int, int, int]
+    """Pixels of each of ``PIXEL_CLASSES``."""
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Each class as a share of all classified pixels; all 0 where nothing is classified."""
+        total = max(sum(self.counts), 1)
+        return {name: count / total for name, count in zip(PIXEL_CLASSES, self.counts, strict=True)}
+
+
+ZERO_SCORE = PoseScore(0.0, 0.0, 0.0, 0, 0, (0, 0, 0, 0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """The scores of N poses, as columns."""
+
+    score: Float
+    depth_fit: Float
+    normal_fit: Float
+    n_pixels: NDArray[np.int64]
+    n_rendered: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    """(N, 5) in the order of ``PIXEL_CLASSES``."""
+
+    def __post_init__(self) -> None:
+        # A score that is not a number is worth nothing (METHODS 1.8 #6); the cause shows as an event.
+        object.__setattr__(self, "score", frozen(np.nan_to_num(self.score, nan=0.0), "score", (None,)))
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    def __getitem__(self, i: int) -> PoseScore:
+        c = self.counts[i]
+        return PoseScore(
+            float(self.score[i]),
+            float(self.depth_fit[i]),
+            float(self.normal_fit[i]),
+            int(self.n_pixels[i]),
+            int(self.n_rendered[i]),
+            (int(c[0]), int(c[1]), int(c[2]), int(c[3]), int(c[4])),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreMaps:
+    """The score of one pose, pixel by pixel over the whole image; made only when somebody looks.
+
+    The mean of ``f_d`` and of ``f_n`` over ``counted`` are the score's parts.
+    """
+
+    rendered_m: NDArray[np.float32]
+    """(H, W) depth of the model under the pose [m]; 0 = empty."""
+    rendered_normals: NDArray[np.float32]
+    """(H, W, 3) camera frame."""
+    depth_difference_m: NDArray[np.float32]
+    """(H, W) observed − rendered [m]; NaN where one of them is missing."""
+    angle_rad: NDArray[np.float32]
+    """(H, W) angle between observed and rendered normal [rad]; NaN where one is missing."""
+    f_d: NDArray[np.float32]
+    f_n: NDArray[np.float32]
+    counted: NDArray[np.bool_]
+    """(H, W) pixels that are part of N."""
+    classes: NDArray[np.uint8]
+    """(H, W) 0 = none, 1 + index into ``PIXEL_CLASSES``."""

@@ -1,0 +1,204 @@
+"""Every number that can be set, once: name, unit, default, and the paper's or the code's reading of it.
+
+A session file (TOML) is a :class:`Session`. The field docstrings are what ``--help`` shows. Where the paper can be read
+in two ways the choice is a field; :data:`PUBLISHED` is what the authors' public code does.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=1)]
+Seed = Annotated[int, Field(ge=0)]
+
+
+class Settings(BaseModel):
+    """Base of all settings: immutable, unknown names refused, docstrings kept."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class SceneSettings(Settings):
+    """Which frames and which objects."""
+
+    source: Literal["bop", "demo"] = "demo"
+    """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed."""
+    dataset: str = ""
+    """BOP: the data set folder, relative to the session file."""
+    split: str = "test"
+    """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
+    demo: str = "mug"
+    """Demo: name of the built-in scene; an unknown name lists them."""
+    frames: tuple[str, ...] = ()
+    """Frames as "scene/image"; none = all of the targets file, else all of the split."""
+    objects: tuple[int, ...] = ()
+    """BOP object ids to solve; none = all."""
+    masks: str = "mask_visib"
+    """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
+    gravity: Literal["plane", "world"] | tuple[float, float, float] = "plane"
+    """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
+    camera frame (an IMU's reading)."""
+    seed: Seed = 0
+    """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
+    cloud_points: Count = 1000
+    """Observed points per object that the refiner sees."""
+    model_points: Count = 2000
+    """Points sampled on each model."""
+
+
+class HypothesesSettings(Settings):
+    """Where the first poses come from."""
+
+    source: Literal["results", "perturb"] = "perturb"
+    """results: BOP results files, one hypothesis per row. perturb: ground truth, disturbed as in the paper's ablation."""
+    files: tuple[str, ...] = ()
+    """Results files (CSV), relative to the session file."""
+    max_per_object: Count = 5
+    """H, hypotheses per object; further rows are left out, lowest score first."""
+    rotation_deg: NonNegative = 30.0
+    """perturb: angle of the disturbance about a random axis [deg]. Paper Sec. IV-C."""
+    translation_mm: NonNegative = 30.0
+    """perturb: length of the disturbance in a random direction [mm]. Paper Sec. IV-C."""
+    seed: Seed = 0
+    """perturb: seed."""
+
+
+class MethodSettings(Settings):
+    """Which algorithm, and its budget."""
+
+    name: str = "rir"
+    """refine, phys_before, phys_after, even, expl, pir, sir, rir."""
+    refiner: str = "icp"
+    """Name of the refiner."""
+    iterations: Count = 5
+    """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. III."""
+    exploration: NonNegative = 0.1
+    """c, weight of the exploration term in UCB [score]. 0.1 is in the authors' code; the paper says "small"."""
+    seed: Seed = 0
+    """For methods that draw numbers."""
+    sim_candidate: Literal["full", "rotation_only"] = "full"
+    """SIR: which simulated pose is scored and may be kept: the simulator's whole pose (authors' code) or its rotation
+    with the translation kept, as it enters the refiner."""
+    accept: Literal["latest", "never_worse"] = "latest"
+    """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
+    only if it did not fall."""
+
+
+class IcpSettings(Settings):
+    """Point-to-point (or point-to-plane) ICP. METHODS 4.1."""
+
+    metric: Literal["point", "plane"] = "point"
+    """Distance that a step minimises."""
+    stop: Literal["published", "max_iterations", "tolerance"] = "max_iterations"
+    """published: stops after 2 inner iterations, as the authors' PCL settings do. max_iterations: always runs them all.
+    tolerance: until the step is below 1e-6."""
+    max_iterations: Count = 10
+    """Inner iterations per refiner call."""
+    gate: Literal["shrinking", "published"] = "shrinking"
+    """Largest distance of a correspondence. published: 0.1 × the observed cloud's largest extent, which leaves far
+    starts untouched. shrinking: starts wide and tightens to the published gate."""
+
+
+class ScoreSettings(Settings):
+    """The verification score, Eq. 1."""
+
+    pixels: Literal["classes", "published", "observed"] = "classes"
+    """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
+    in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
+    hides and what was not measured left out."""
+    tau_m: Positive = 0.020
+    """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
+    alpha: Annotated[float, Field(gt=0, le=1)] = 0.707
+    """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
+    0.293."""
+    renderer: Literal["auto", "gl", "cpu"] = "auto"
+    """auto: OpenGL on a real GPU, else the CPU rasteriser."""
+    simplify_mm: NonNegative = 0.2
+    """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle."""
+
+
+class PhysicsSettings(Settings):
+    """The simulator. Paper Sec. V: Bullet, 1/60 s, 10 solver iterations, 4 sub-steps, 1 kg, 3 steps."""
+
+    enabled: bool = True
+    """Off: simulated pose = current pose."""
+    steps: Count = 3
+    """Steps per iteration; 60 for the Extended APC experiments."""
+    step_s: Positive = 1 / 60
+    """Duration of one step [s]."""
+    substeps: Count = 4
+    """Bullet sub-steps per step."""
+    solver_iterations: Count = 10
+    """Bullet constraint solver iterations."""
+    mass_kg: Positive = 1.0
+    """Mass of every object [kg]."""
+    friction: NonNegative = 0.5
+    """Lateral friction of objects; the plane has 1.0."""
+    collider: Literal["decomposition", "hull"] = "decomposition"
+    """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
+    margin_m: NonNegative = 1e-4
+    """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
+    placed: Literal["static", "dynamic"] = "static"
+    """Objects already placed stay where they are, or are pushed (authors' code)."""
+
+
+class BreakpointSettings(Settings):
+    """When a running method should stop and wait; unset = never."""
+
+    score_falls_by: NonNegative | None = None
+    """The accepted score is lower than the arm's previous one by more than this [score]."""
+    simulated_rejected: bool = False
+    """The refined pose was kept instead of the simulated one."""
+    refined_rejected: bool = False
+    """The simulated pose was kept instead of the refined one."""
+    jump_mm: NonNegative | None = None
+    """The accepted pose moved further than this [mm]."""
+    jump_deg: NonNegative | None = None
+    """The accepted pose turned further than this [deg]."""
+    arm_switched: bool = False
+    """The bandit chose another hypothesis than before."""
+    unstable: bool = False
+    """The simulation turned the object by more than 10°."""
+    empty_render: bool = False
+    """A pose rendered to nothing, or its score was not a number."""
+    error_grows_by_mm: NonNegative | None = None
+    """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
+
+
+class RecordingSettings(Settings):
+    """Rerun recordings."""
+
+    keep: Literal["all", "failures", "none"] = "all"
+    """Which frames of a batch keep their recording; failures: final error above 10 % of the diameter, or no answer."""
+    maps: bool = True
+    """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
+
+
+class Session(Settings):
+    """Everything that defines a run."""
+
+    title: str = ""
+    """Shown on the page and in recordings."""
+    preset: Literal["recommended", "published"] = "recommended"
+    """published: every choice as the authors' public code has it; fields given explicitly win over it."""
+    scene: SceneSettings = SceneSettings()
+    hypotheses: HypothesesSettings = HypothesesSettings()
+    method: MethodSettings = MethodSettings()
+    icp: IcpSettings = IcpSettings()
+    score: ScoreSettings = ScoreSettings()
+    physics: PhysicsSettings = PhysicsSettings()
+    breakpoints: BreakpointSettings = BreakpointSettings()
+    recording: RecordingSettings = RecordingSettings()
+
+
+PUBLISHED: dict[str, dict[str, Any]] = {
+    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "simplify_mm": 0.0},
+    "icp": {"metric": "point", "stop": "published", "gate": "published", "max_iterations": 10},
+    "method": {"sim_candidate": "full", "accept": "latest", "exploration": 0.1},
+    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
+}
+"""What ``preset = "published"`` changes (METHODS 1.8 and 9)."""

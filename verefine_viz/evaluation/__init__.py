@@ -1,0 +1,1 @@
+"""Pose errors against ground truth."""

@@ -1,0 +1,1 @@
+"""The paper's algorithms and the policies it compares with, one page each."""

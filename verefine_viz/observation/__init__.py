@@ -1,0 +1,1 @@
+"""What is derived from a frame: normals, observed clouds, support plane and gravity."""

@@ -1,0 +1,1 @@
+"""The Bullet simulator, convex colliders, contacts and plausibility."""

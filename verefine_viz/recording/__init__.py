@@ -1,0 +1,1 @@
+"""Rerun recordings: writer, blueprint, reader."""

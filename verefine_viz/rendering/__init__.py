@@ -1,0 +1,1 @@
+"""Depth rendering and the verification score, on OpenGL and on the CPU."""

@@ -1,0 +1,1 @@
+"""Session files, the engine, history, breakpoints, and the composition root."""
