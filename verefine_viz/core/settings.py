@@ -54,7 +54,7 @@ class HypothesesSettings(Settings):
     """Where the first poses come from."""
 
     source: Literal["results", "perturb"] = "perturb"
-    """results: BOP results files, one hypothesis per row. perturb: ground truth, disturbed as in the paper's ablation."""
+    """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation."""
     files: tuple[str, ...] = ()
     """Results files (CSV), relative to the session file."""
     max_per_object: Count = 5
