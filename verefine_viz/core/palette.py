@@ -1,0 +1,53 @@
+"""Colours that mean something, the same on the page, in maps, recordings and reports."""
+
+from __future__ import annotations
+
+RGB = tuple[int, int, int]
+
+STAGE_COLORS: dict[str, RGB] = {
+    "initial": (120, 120, 120),
+    "current": (160, 160, 160),
+    "simulated": (255, 140, 0),
+    "mixed": (240, 210, 40),
+    "refined": (50, 110, 255),
+    "accepted": (40, 200, 80),
+    "best": (0, 170, 120),
+    "edited": (190, 90, 220),
+    "ground truth": (255, 255, 255),
+}
+
+CLASS_COLORS: dict[str, RGB] = {
+    "explained": (60, 180, 75),
+    "missed": (220, 50, 47),
+    "protruding": (211, 54, 180),
+    "hidden": (96, 125, 139),
+    "unknown": (200, 200, 200),
+}
+
+ARM_COLORS: tuple[RGB, ...] = (
+    (31, 119, 180),
+    (255, 127, 14),
+    (44, 160, 44),
+    (214, 39, 40),
+    (148, 103, 189),
+    (140, 86, 75),
+    (227, 119, 194),
+    (127, 127, 127),
+    (188, 189, 34),
+    (23, 190, 207),
+)
+"""Arm j is drawn in ``ARM_COLORS[j % 10]``."""
+
+EVENT_COLORS: dict[str, RGB] = {
+    "kept_simulated": (255, 140, 0),
+    "kept_refined": (50, 110, 255),
+    "score_fell": (220, 50, 47),
+    "new_best": (40, 200, 80),
+    "arm_switched": (50, 110, 255),
+    "unstable": (220, 50, 47),
+    "empty_render": (220, 50, 47),
+    "nan_score": (220, 50, 47),
+    "refiner_stuck": (220, 50, 47),
+    "no_physics": (160, 160, 160),
+    "edited": (190, 90, 220),
+}
