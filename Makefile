@@ -1,0 +1,52 @@
+# make app | make test | make lint | make bench: each sets up what it needs; second calls start in seconds.
+# Variables: SESSION=sessions/mug.toml (what make app opens), PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
+
+VENV ?= .venv
+SESSION ?=
+WORKERS ?= 2
+BIN = $(VENV)/bin
+SETUP = pyproject.toml scripts/install scripts/find-python
+
+.PHONY: help app test lint bench clean system-app system-test
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another)"
+	@echo "make test   run every test, the browser tests too"
+	@echo "make lint   check format, style, types and layers"
+	@echo "make bench  measure this machine, print a table, write bench.json"
+	@echo "make clean  remove the virtual environment and caches"
+
+app: $(VENV)/.ready-app
+	@$(BIN)/python app.py $(SESSION)
+
+# The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
+test: $(VENV)/.ready-dev system-test
+	$(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
+	$(BIN)/python -m pytest -m browser
+
+lint: $(VENV)/.ready-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.ready-dev
+	$(BIN)/python -m bench
+
+$(VENV)/.ready-app: $(SETUP) | system-app
+	@sh scripts/install $(VENV)
+	@touch $@
+
+$(VENV)/.ready-dev: $(SETUP) | system-app
+	@sh scripts/install $(VENV) dev
+	@touch $(VENV)/.ready-app $@
+
+system-app:
+	@sh scripts/system-packages app
+
+system-test:
+	@sh scripts/system-packages test
+
+clean:
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json
