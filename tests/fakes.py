@@ -1,4 +1,4 @@
-"""A tiny problem with a known answer, and stand-ins for everything that plugs in. Nothing here needs a heavy library."""
+"""A tiny problem with a known answer, and stand-ins for everything that plugs in; no heavy library needed."""
 
 from __future__ import annotations
 

@@ -15,6 +15,9 @@ from verefine_viz.core.errors import ShapeError
 RIGID_TOLERANCE = 1e-3
 """How far RᵀR may be from the identity in a pose that is read from a file (rounded decimals) [-]."""
 
+ORTHONORMAL_TOLERANCE = 1e-9
+"""Below this RᵀR counts as the identity and a pose is left as it is [-]."""
+
 
 def transform(R: ArrayLike, t: ArrayLike) -> Float:
     """The 4×4 transform of a rotation (3, 3) and a translation (3,)."""
@@ -45,15 +48,18 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
     Raises:
         ShapeError: not 4×4, not finite, mirrored, or further from a rotation than ``RIGID_TOLERANCE``.
     """
-    T = finite(value, name, (4, 4)).copy()
+    T = finite(value, name, (4, 4))
     R = T[:3, :3]
-    determinant = float(np.linalg.det(R))
-    if determinant <= 0 or not np.allclose(R.T @ R, np.eye(3), atol=RIGID_TOLERANCE):
+    deviation = float(np.abs(R.T @ R - np.eye(3)).max())
+    if deviation > RIGID_TOLERANCE or np.linalg.det(R) <= 0:
+        determinant = float(np.linalg.det(R))
         raise ShapeError(f"{name} is not rigid: det(R) = {determinant:.3f}, expected a rotation matrix with det +1")
-    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-9):
+    if np.abs(T[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-9:
         raise ShapeError(f"{name} is not rigid: last row is {T[3].tolist()}, expected [0, 0, 0, 1]")
+    if deviation <= ORTHONORMAL_TOLERANCE:
+        return T  # kept bit for bit, so that checking a pose twice never changes it
+    T = T.copy()
     T[:3, :3] = nearest_rotation(R)
-    T[3] = [0, 0, 0, 1]
     T.flags.writeable = False
     return T
 

@@ -1,0 +1,86 @@
+"""The state of one object: its hypotheses, each with the poses it went through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.problem import Target
+from verefine_viz.core.records import Best, StageName
+from verefine_viz.core.scores import PoseScore, Scores
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One pose that was kept."""
+
+    T_cam_obj: Float
+    score: PoseScore
+    stage: StageName
+    iteration: int
+    """Of the whole run; 0 = initial."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One hypothesis on its way."""
+
+    entries: tuple[Entry, ...]
+    """Oldest first; entry 0 is the initial pose."""
+    plays: float
+    """n_j: the initial scoring counts as the first play."""
+    mean: float
+    """μ_j, mean reward over the plays."""
+    n_iterations: int = 0
+    """Iterations spent on it."""
+
+    @property
+    def current(self) -> Entry:
+        return self.entries[-1]
+
+    def moved(self, entry: Entry, reward: float) -> Arm:
+        """After one more iteration that kept ``entry``: μ ← (μ n + s)/(n + 1), n ← n + 1 (METHODS 1.4)."""
+        mean = (self.mean * self.plays + reward) / (self.plays + 1)
+        return Arm((*self.entries, entry), self.plays + 1, mean, self.n_iterations + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectState:
+    """Where a method stands with one object."""
+
+    target: Target
+    initial: Scores
+    arms: tuple[Arm, ...]
+    best: Best
+    n_done: int = 0
+    """Iterations spent on this object."""
+    last_arm: int | None = None
+
+    @property
+    def plays(self) -> Float:
+        return np.array([arm.plays for arm in self.arms], dtype=np.float64)
+
+    @property
+    def means(self) -> Float:
+        return np.array([arm.mean for arm in self.arms], dtype=np.float64)
+
+    def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
+        """One iteration further, spent on arm ``j``."""
+        arms = (*self.arms[:j], arm, *self.arms[j + 1 :])
+        return replace(self, arms=arms, best=best, n_done=self.n_done + 1, last_arm=j)
+
+    def with_edited(self, j: int, T_cam_obj: Float, score: PoseScore, iteration: int) -> ObjectState:
+        """The arm's current pose replaced by one a person chose; costs no play.
+
+        Raises:
+            ShapeError: there is no such arm, or the pose is not rigid.
+        """
+        if not 0 <= j < len(self.arms):
+            raise ShapeError(f"there is no hypothesis {j + 1}; this object has {len(self.arms)}")
+        entry = Entry(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
+        arm = replace(self.arms[j], entries=(*self.arms[j].entries, entry))
+        return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]))

@@ -1,0 +1,66 @@
+"""One iteration of one hypothesis: which poses it goes through, and which of them it keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.protocols import Refiner, Simulator
+from verefine_viz.core.records import SimulatedPath, Stage, StageName
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """The poses of an iteration before they are judged."""
+
+    stages: tuple[Stage, ...]
+    """After "current", in order."""
+    candidates: tuple[StageName, ...]
+    """Those that may be kept; a name without a stage (no physics) does not matter."""
+    path: SimulatedPath | None = None
+    lacks_physics: bool = False
+    """Whether a simulation belongs here but was not possible."""
+
+
+class Chain(Protocol):
+    """How a hypothesis moves on."""
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
+        """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``."""
+        ...
+
+
+def simulate(
+    simulator: Simulator | None, target: Target, T_cam_obj: Float, fixed: Sequence[Placed], n_steps: int
+) -> tuple[Stage, SimulatedPath] | None:
+    """SIM of METHODS 1.0, timed; None where physics is off or the frame has no support plane."""
+    support = target.observation.support
+    if simulator is None or support is None:
+        return None
+    began = perf_counter()
+    moving = Placed(target.instance.instance_id, target.model, T_cam_obj)
+    path = simulator.settle(moving, fixed, support, n_steps)
+    return Stage("simulated", path.T_cam_obj, ms=_since(began)), path
+
+
+def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
+    """REF of METHODS 1.0, timed."""
+    began = perf_counter()
+    return Stage("refined", refiner.refine(target, T_cam_obj, fixed), ms=_since(began))
+
+
+def mixed(simulated: Stage, T_cam_obj: Float) -> Stage:
+    """The simulated rotation with the current translation: [R_sim | t_cur] (paper Sec. III-A)."""
+    T = np.array(simulated.T_cam_obj)
+    T[:3, 3] = T_cam_obj[:3, 3]
+    return Stage("mixed", T)
+
+
+def _since(began: float) -> float:
+    return (perf_counter() - began) * 1e3

@@ -1,0 +1,65 @@
+"""What about an iteration is worth a mark on the timeline, in words with numbers and units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from verefine_viz.core.geometry import angle_between
+from verefine_viz.core.records import Event, Iteration, Stage
+from verefine_viz.methods.arms import ObjectState
+from verefine_viz.methods.chain import Draft
+
+UNSTABLE_DEG = 10.0
+"""A simulation that turns an object by more than this in its few steps says that the pose was not at rest [deg]."""
+
+STUCK_MM = 1e-6
+"""A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""
+
+
+def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[Event, ...]:
+    """The events of an iteration, given its draft and the object's state before it."""
+    current = iteration.stages[0]
+    simulated, refined = iteration.stage("simulated"), iteration.stage("refined")
+    kept = iteration.accepted_stage
+    events: list[Event] = []
+    if draft.lacks_physics and before.n_done == 0:
+        note = before.target.observation.support_note or "physics is switched off"
+        events.append(Event("no_physics", f"No simulation: {note}"))
+    if before.last_arm is not None and before.last_arm != iteration.arm:
+        events.append(Event("arm_switched", f"Switched from hypothesis {before.last_arm + 1} to {iteration.arm + 1}."))
+    if iteration.path is not None:
+        turned = np.rad2deg(angle_between(iteration.path.Ts_cam_obj[0, :3, :3], iteration.path.T_cam_obj[:3, :3]))
+        if turned > UNSTABLE_DEG:
+            events.append(Event("unstable", f"The simulation turned the object by {turned:.1f}°: it was not at rest."))
+    if refined is not None:
+        start = _refiner_start(iteration, refined)
+        moved = 1e3 * float(np.linalg.norm(refined.T_cam_obj[:3, 3] - start.T_cam_obj[:3, 3]))
+        turned = np.rad2deg(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
+        if moved < STUCK_MM and turned < STUCK_MM:
+            events.append(Event("refiner_stuck", "The refiner did not move: no correspondence within its gate."))
+    for stage in iteration.stages:
+        if stage.score is not None and stage.score.n_rendered == 0:
+            events.append(Event("empty_render", f"The {stage.name} pose renders to nothing: outside of the image."))
+    if len(draft.candidates) > 1 and simulated is not None and refined is not None:
+        events.append(_kept(kept, simulated, refined))
+    if kept.score is not None and current.score is not None and kept.score.score < current.score.score:
+        fall = current.score.score - kept.score.score
+        events.append(
+            Event("score_fell", f"The score fell by {fall:.3f}, {current.score.score:.3f} → {kept.score.score:.3f}.")
+        )
+    if iteration.best.iteration == iteration.index and iteration.best.score.score > before.best.score.score:
+        was, now = before.best.score.score, iteration.best.score.score
+        events.append(Event("new_best", f"New best: {now:.3f}, was {was:.3f}."))
+    return tuple(events)
+
+
+def _kept(kept: Stage, simulated: Stage, refined: Stage) -> Event:
+    names = {"simulated": simulated, "refined": refined}
+    scores = ", ".join(f"{name} {s.score.score:.3f}" for name, s in names.items() if s.score is not None)
+    if kept.name == "refined":
+        return Event("kept_refined", f"Refined pose kept ({scores}).")
+    return Event("kept_simulated", f"Refined pose rejected, {kept.name} kept ({scores}).")
+
+
+def _refiner_start(iteration: Iteration, refined: Stage) -> Stage:
+    return iteration.stages[iteration.stages.index(refined) - 1]

@@ -1,0 +1,120 @@
+"""The loop that every method shares for one object: choose a hypothesis, move it on, judge it, keep the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.records import Best, Iteration, Stage
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.methods.bandit import Policy
+from verefine_viz.methods.chain import Chain, Draft
+from verefine_viz.methods.events import events_of
+
+
+@dataclass(frozen=True)
+class ObjectMethod:
+    """A chain for each hypothesis and, with several hypotheses, a policy that chooses among them."""
+
+    chain: Chain
+    verifier: Verifier
+    iterations: int
+    """K, per hypothesis."""
+    policy: Policy | None = None
+    """None: only the first hypothesis is used."""
+    answer_is_best_scored: bool = True
+    """Else the answer is the last pose, and scores are only shown."""
+    never_worse: bool = False
+    """Whether the current pose is kept when every candidate scores lower than it."""
+
+    def start(self, target: Target) -> ObjectState | None:
+        """The state before the first iteration; None where the pool is empty."""
+        hypotheses = target.instance.hypotheses
+        if not hypotheses:
+            return None
+        initial = self.verifier.score(target, np.array([h.T_cam_obj for h in hypotheses]))
+        entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(hypotheses)]
+        arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
+        if self.policy is None:
+            arms = arms[:1]
+        first = int(np.argmax([arm.mean for arm in arms])) if self.answer_is_best_scored else 0
+        return ObjectState(target, initial, arms, _best(entries[first], first))
+
+    def n_iterations(self, state: ObjectState) -> int:
+        return self.iterations * len(state.arms)
+
+    def is_done(self, state: ObjectState) -> bool:
+        return state.n_done >= self.n_iterations(state)
+
+    def step(self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()) -> tuple[ObjectState, Iteration]:
+        """One iteration of the chosen hypothesis; ``index`` counts over the whole run."""
+        choice = self.policy.choose(state) if self.policy else None
+        j = choice.arm if choice else 0
+        arm = state.arms[j]
+        k = arm.n_iterations + 1
+        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed)
+        began = perf_counter()
+        stages = self._judged(state.target, draft, fixed)
+        score_ms = (perf_counter() - began) * 1e3
+        current = Stage("current", arm.current.T_cam_obj, arm.current.score)
+        candidates = [s for s in stages if s.name in draft.candidates]
+        kept = self._keep(current, candidates)
+        entry = Entry(kept.T_cam_obj, _known(kept), kept.name, index)
+        reward = max(_known(s).score for s in candidates)
+        best = self._better(state.best, entry, j)
+        iteration = Iteration(
+            index,
+            state.target.instance.instance_id,
+            state.target.model.obj_id,
+            j,
+            k,
+            (current, *stages),
+            kept.name,
+            best,
+            draft.path,
+            choice,
+            score_ms=score_ms,
+        )
+        iteration = replace(iteration, events=events_of(iteration, draft, state))
+        return state.with_arm(j, arm.moved(entry, reward), best), iteration
+
+    def edit(self, state: ObjectState, arm: int, T_cam_obj: Float, index: int) -> ObjectState:
+        """The same state with the current pose of ``arm`` replaced, scored, and counted for the answer."""
+        score = self.verifier.score(state.target, np.asarray(T_cam_obj, dtype=np.float64)[None])[0]
+        edited = state.with_edited(arm, T_cam_obj, score, index)
+        return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm))
+
+    def _judged(self, target: Target, draft: Draft, fixed: Sequence[Placed]) -> tuple[Stage, ...]:
+        """Scores in one call; the mixed pose only where it may be kept, since it only starts the refiner."""
+        judged = [s for s in draft.stages if s.name != "mixed" or "mixed" in draft.candidates]
+        scores = self.verifier.score(target, np.array([s.T_cam_obj for s in judged]), fixed)
+        of_stage = {s.name: scores[i] for i, s in enumerate(judged)}
+        return tuple(replace(s, score=of_stage.get(s.name)) for s in draft.stages)
+
+    def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
+        """The candidate with the highest score; the later of the two on ties (METHODS 1.3)."""
+        kept = max(reversed(candidates), key=lambda s: _known(s).score)
+        if self.never_worse and _known(kept).score < _known(current).score:
+            return current
+        return kept
+
+    def _better(self, best: Best, entry: Entry, arm: int) -> Best:
+        if self.answer_is_best_scored and not entry.score.score > best.score.score:
+            return best
+        return _best(entry, arm)
+
+
+def _best(entry: Entry, arm: int) -> Best:
+    return Best(entry.T_cam_obj, entry.score, arm, entry.iteration, entry.stage)
+
+
+def _known(stage: Stage) -> PoseScore:
+    assert stage.score is not None, f"the {stage.name} stage was not judged"
+    return stage.score
