@@ -1,0 +1,202 @@
+"""Triangles to a z-buffer, on the CPU (numba).
+
+Pixel (row v, column u) is covered where its centre, the point (u, v) itself, lies in the projected triangle, edges
+included. 1/z is linear over the image, so the buffer holds 1/z: 0 is empty, larger is nearer. Both faces are drawn.
+Triangles that cross the plane z = ``NEAR_M`` are clipped there; what lies behind it is dropped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+NEAR_M = 0.01
+"""Nearest surface that is drawn [m], as in the authors' renderer."""
+
+EDGE_PX = 1e-7
+"""How far outside its triangle a pixel centre may lie [px]: rounding must not open holes along shared edges."""
+
+FAR_AWAY_M = 1e6
+"""A pose whose translation is longer than this is not drawn [m]; keeps pixel coordinates within integers."""
+
+
+@njit(cache=True)
+def is_drawable(T):  # noqa: D103
+    for i in range(3):
+        for j in range(4):
+            if not np.isfinite(T[i, j]) or abs(T[i, j]) > FAR_AWAY_M:
+                return False
+    return True
+
+
+@njit(cache=True)
+def project(T, vertices, fx, fy, cx, cy, projected):
+    """Fills ``projected`` (V, 3) with (u, v, 1/z), or (-, -, 0) in front of the near plane.
+
+    Returns:
+        The box of the vertices in front, (u min, v min, u max, v max), and how many those are.
+    """
+    u_min, v_min, u_max, v_max, n_front = np.inf, np.inf, -np.inf, -np.inf, 0
+    for i in range(len(vertices)):
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        zc = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        if zc < NEAR_M:
+            projected[i, 2] = 0.0
+            continue
+        inv = 1.0 / zc
+        u = (T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) * inv * fx + cx
+        v = (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) * inv * fy + cy
+        projected[i, 0] = u
+        projected[i, 1] = v
+        projected[i, 2] = inv
+        u_min, u_max = min(u_min, u), max(u_max, u)
+        v_min, v_max = min(v_min, v), max(v_max, v)
+        n_front += 1
+    return u_min, v_min, u_max, v_max, n_front
+
+
+@njit(cache=True)
+def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
+    """Draws one projected triangle into the window of the image that starts at column x0, row y0."""
+    height, width = inv_z.shape
+    y_first = max(int(np.ceil(min(va, vb, vc) - EDGE_PX)), y0)
+    y_last = min(int(np.floor(max(va, vb, vc) + EDGE_PX)), y0 + height - 1)
+    if y_first > y_last:
+        return
+    x_first = max(int(np.ceil(min(ua, ub, uc) - EDGE_PX)), x0)
+    x_last = min(int(np.floor(max(ua, ub, uc) + EDGE_PX)), x0 + width - 1)
+    area = (ub - ua) * (vc - va) - (vb - va) * (uc - ua)
+    if x_first > x_last or area == 0.0:
+        return
+    slope_u = ((ib - ia) * (vc - va) - (ic - ia) * (vb - va)) / area
+    slope_v = ((ub - ua) * (ic - ia) - (uc - ua) * (ib - ia)) / area
+    # Slivers have steep slopes that rounding would amplify; the surface never leaves the range of its corners.
+    nearest, farthest = max(ia, ib, ic), min(ia, ib, ic)
+    run_ab = (ub - ua) / (vb - va) if vb != va else 0.0
+    run_bc = (uc - ub) / (vc - vb) if vc != vb else 0.0
+    run_ca = (ua - uc) / (va - vc) if va != vc else 0.0
+    for y in range(y_first, y_last + 1):
+        left, right = np.inf, -np.inf
+        if va != vb and min(va, vb) - EDGE_PX <= y <= max(va, vb) + EDGE_PX:
+            u = ua + (min(max(y, min(va, vb)), max(va, vb)) - va) * run_ab
+            left, right = min(left, u), max(right, u)
+        if vb != vc and min(vb, vc) - EDGE_PX <= y <= max(vb, vc) + EDGE_PX:
+            u = ub + (min(max(y, min(vb, vc)), max(vb, vc)) - vb) * run_bc
+            left, right = min(left, u), max(right, u)
+        if vc != va and min(vc, va) - EDGE_PX <= y <= max(vc, va) + EDGE_PX:
+            u = uc + (min(max(y, min(vc, va)), max(vc, va)) - vc) * run_ca
+            left, right = min(left, u), max(right, u)
+        if not left <= right:
+            continue
+        first = max(int(np.ceil(left - EDGE_PX)), x_first)
+        last = min(int(np.floor(right + EDGE_PX)), x_last)
+        row = ia + slope_v * (y - va)
+        for x in range(first, last + 1):
+            inv = min(max(row + slope_u * (x - ua), farthest), nearest)
+            if inv > inv_z[y - y0, x - x0]:
+                inv_z[y - y0, x - x0] = inv
+                face_of[y - y0, x - x0] = face
+
+
+@njit(cache=True)
+def fill_clipped(inv_z, face_of, x0, y0, face, T, corners, fx, fy, cx, cy):
+    """Draws a triangle (3, 3) that crosses the near plane: the part in front of it, one or two triangles."""
+    kept = np.empty((4, 3))
+    n = 0
+    R, t = np.ascontiguousarray(T[:3, :3]), T[:3, 3]
+    previous = R @ corners[2] + t
+    for k in range(3):
+        current = R @ corners[k] + t
+        if (previous[2] >= NEAR_M) != (current[2] >= NEAR_M):
+            s = (NEAR_M - previous[2]) / (current[2] - previous[2])
+            kept[n] = previous + s * (current - previous)
+            kept[n, 2] = NEAR_M
+            n += 1
+        if current[2] >= NEAR_M:
+            kept[n] = current
+            n += 1
+        previous = current
+    for i in range(n):
+        kept[i, 0] = kept[i, 0] / kept[i, 2] * fx + cx
+        kept[i, 1] = kept[i, 1] / kept[i, 2] * fy + cy
+        kept[i, 2] = 1.0 / kept[i, 2]
+    for i in range(1, n - 1):
+        a, b, c = kept[0], kept[i], kept[i + 1]
+        fill(inv_z, face_of, x0, y0, face, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+
+
+@njit(cache=True)
+def window(T, vertices, fx, fy, cx, cy, height, width, projected):
+    """Projects the vertices and gives the window of the image that holds the model.
+
+    Returns:
+        (x0, y0, columns, rows, number of vertices in front of the near plane); 0 columns where nothing shows.
+    """
+    if not is_drawable(T):
+        return 0, 0, 0, 0, 0
+    u_min, v_min, u_max, v_max, n_front = project(T, vertices, fx, fy, cx, cy, projected)
+    if n_front == 0:
+        return 0, 0, 0, 0, 0
+    if n_front < len(vertices):
+        # What is cut off at the near plane may reach any border of the image.
+        return 0, 0, width, height, n_front
+    x0, x1 = int(np.ceil(max(u_min - EDGE_PX, 0.0))), int(np.floor(min(u_max + EDGE_PX, width - 1.0)))
+    y0, y1 = int(np.ceil(max(v_min - EDGE_PX, 0.0))), int(np.floor(min(v_max + EDGE_PX, height - 1.0)))
+    if x0 > x1 or y0 > y1:
+        return 0, 0, 0, 0, n_front
+    return x0, y0, x1 - x0 + 1, y1 - y0 + 1, n_front
+
+
+@njit(cache=True)
+def draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0):
+    """Draws a model into a window, after :func:`window` filled ``projected``.
+
+    Args:
+        T: (4, 4) T_cam_obj.
+        vertices: (V, 3) [m].
+        faces: (F, 3) vertex indices.
+        normals: (F, 3) unit face normals, object frame.
+        offsets: (F,) n·p of each face's plane [m].
+        closed: the mesh is watertight and its normals point outward: back faces are never the nearest surface, so
+            they are skipped without a change to the picture.
+        projected: (V, 3) u, v, 1/z.
+        n_front: how many vertices are in front of the near plane.
+        fx: as fy, cx, cy: the camera [px].
+        fy: [px].
+        cx: [px].
+        cy: [px].
+        inv_z: (rows, columns) float32, 1/z [1/m], 0 = empty.
+        face_of: (rows, columns) int32, the face that is seen.
+        x0: first column of the window in the image.
+        y0: first row.
+    """
+    all_in_front = n_front == len(vertices)
+    skip_back = closed and all_in_front
+    eye_x = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
+    eye_y = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
+    eye_z = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    for f in range(len(faces)):
+        if skip_back and normals[f, 0] * eye_x + normals[f, 1] * eye_y + normals[f, 2] * eye_z < offsets[f]:
+            continue
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if all_in_front or (projected[a, 2] > 0 and projected[b, 2] > 0 and projected[c, 2] > 0):
+            fill(
+                inv_z, face_of, x0, y0, f,
+                projected[a, 0], projected[a, 1], projected[a, 2],
+                projected[b, 0], projected[b, 1], projected[b, 2],
+                projected[c, 0], projected[c, 1], projected[c, 2],
+            )  # fmt: skip
+        elif projected[a, 2] > 0 or projected[b, 2] > 0 or projected[c, 2] > 0:
+            corners = np.empty((3, 3))
+            corners[0], corners[1], corners[2] = vertices[a], vertices[b], vertices[c]
+            fill_clipped(inv_z, face_of, x0, y0, f, T, corners, fx, fy, cx, cy)
+
+
+@njit(cache=True)
+def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of):
+    """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
+    height, width = inv_z.shape
+    projected = np.empty((len(vertices), 3))
+    _, _, columns, _, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
+    if columns > 0:
+        draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0)
