@@ -178,6 +178,28 @@ class RecordingSettings(Settings):
     """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
 
 
+class Edit(Settings):
+    """A pose that a person moved by hand."""
+
+    after_iteration: Annotated[int, Field(ge=0)]
+    """The iteration after which it was moved; 0 = before the first."""
+    instance: int
+    """instance_id."""
+    hypothesis: Annotated[int, Field(ge=0)]
+    """Index of the hypothesis, from 0."""
+    T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
+    """The new pose, row by row [m]."""
+
+
+class Change(Settings):
+    """Settings that a person changed in the middle of a run."""
+
+    after_iteration: Annotated[int, Field(ge=0)]
+    """The iteration after which they hold; 0 = before the first."""
+    settings: dict[str, dict[str, Any]]
+    """Changed fields by section: {"method": {"exploration": 0.2}}; sections method, icp, score, physics."""
+
+
 class Session(Settings):
     """Everything that defines a run."""
 
@@ -193,6 +215,10 @@ class Session(Settings):
     physics: PhysicsSettings = PhysicsSettings()
     breakpoints: BreakpointSettings = BreakpointSettings()
     recording: RecordingSettings = RecordingSettings()
+    edits: tuple[Edit, ...] = ()
+    """Poses moved by hand, so that a saved session repeats them."""
+    changes: tuple[Change, ...] = ()
+    """Settings changed on the way, so that a saved session repeats them."""
 
 
 PUBLISHED: dict[str, dict[str, Any]] = {

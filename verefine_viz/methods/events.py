@@ -22,6 +22,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
     simulated, refined = iteration.stage("simulated"), iteration.stage("refined")
     kept = iteration.accepted_stage
     events: list[Event] = []
+    if before.arms[iteration.arm].current.stage == "edited":
+        events.append(Event("edited", f"Hypothesis {iteration.arm + 1} was moved by hand before this iteration."))
     if draft.lacks_physics and before.n_done == 0:
         note = before.target.observation.support_note or "physics is switched off"
         events.append(Event("no_physics", f"No simulation: {note}"))

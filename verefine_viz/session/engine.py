@@ -1,0 +1,226 @@
+"""A run: a method on a problem, with its whole history and a cursor in it.
+
+It never draws, logs, sleeps or asks. Watchers see every record and change nothing. Back is a cursor move; a fork is a
+new run that shares the history up to a point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import Method, RunState, Watcher
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.settings import Edit
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is done when: the method, changes of it, and poses moved by hand."""
+
+    method: Method[Any]
+    changes: Mapping[int, Method[Any]]
+    """The method that holds after iteration k."""
+    edits: tuple[Edit, ...] = ()
+
+    def method_at(self, k: int) -> Method[Any]:
+        """The method that makes iteration ``k + 1``."""
+        latest = max((at for at in self.changes if at <= k), default=None)
+        return self.method if latest is None else self.changes[latest]
+
+    def edited(self, state: RunState, k: int) -> RunState:
+        """``state`` after iteration ``k`` with the poses that were moved there."""
+        for edit in self.edits:
+            if edit.after_iteration == k:
+                T_cam_obj = np.array(edit.T_cam_obj).reshape(4, 4)
+                state = self.method_at(k).edit(state, edit.instance, edit.hypothesis, T_cam_obj)
+        return state
+
+
+class Run:
+    """A method on a problem, step by step."""
+
+    def __init__(
+        self,
+        method: Method[Any],
+        problem: Problem,
+        watchers: Sequence[Watcher[Any]] = (),
+        edits: Sequence[Edit] = (),
+        changes: Mapping[int, Method[Any]] | None = None,
+    ) -> None:
+        """Scores the hypotheses; iteration 1 is not yet made.
+
+        Args:
+            method: the algorithm.
+            problem: the frame.
+            watchers: see the start, every new iteration, and the end, in this order.
+            edits: poses to be replaced after the iteration they name.
+            changes: methods that take over after iteration k.
+        """
+        plan = Plan(method, dict(changes or {}), tuple(edits))
+        self._begin(plan, (plan.edited(plan.method_at(0).start(problem), 0),), (), watchers)
+
+    def _begin(
+        self,
+        plan: Plan,
+        states: tuple[RunState, ...],
+        iterations: tuple[Iteration, ...],
+        watchers: Sequence[Watcher[Any]],
+    ) -> None:
+        self._plan = plan
+        self._states = list(states)
+        self._iterations = list(iterations)
+        self._watchers = tuple(watchers)
+        self._finished = False
+        self.cursor = len(iterations)
+        """The iteration that is looked at; 0 = before the first."""
+        for watcher in self._watchers:
+            watcher.on_start(states[0])
+            for state, iteration in zip(states[1:], iterations, strict=True):
+                watcher.on_iteration(state, iteration)
+        self._finish_if_done()
+
+    @property
+    def problem(self) -> Problem:
+        return self._states[0].problem
+
+    @property
+    def method(self) -> Method[Any]:
+        """The method that makes the iteration after the cursor."""
+        return self._plan.method_at(self.cursor)
+
+    @property
+    def edits(self) -> tuple[Edit, ...]:
+        return self._plan.edits
+
+    @property
+    def length(self) -> int:
+        """Iterations made so far."""
+        return len(self._iterations)
+
+    @property
+    def state(self) -> Any:
+        """The state at the cursor."""
+        return self._states[self.cursor]
+
+    @property
+    def final_state(self) -> Any:
+        """The state after the last iteration made."""
+        return self._states[-1]
+
+    @property
+    def iteration(self) -> Iteration | None:
+        """The record at the cursor; None before the first iteration."""
+        return self._iterations[self.cursor - 1] if self.cursor else None
+
+    @property
+    def iterations(self) -> tuple[Iteration, ...]:
+        """All records made so far."""
+        return tuple(self._iterations)
+
+    @property
+    def n_iterations(self) -> int:
+        """How many iterations the whole run will have."""
+        return self._plan.method_at(self.length).n_iterations(self._states[-1])
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no further iteration can be made at the end of the history."""
+        return self._plan.method_at(self.length).is_done(self._states[-1])
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the cursor is at the end of a run that is over."""
+        return self.cursor == self.length and self.is_done
+
+    def step(self) -> Iteration:
+        """One iteration forward: through the history, and past its end by computing.
+
+        Raises:
+            InputError: the run is over.
+        """
+        if self.cursor == self.length:
+            self._compute()
+        self.cursor += 1
+        return self._iterations[self.cursor - 1]
+
+    def seek(self, k: int) -> Iteration | None:
+        """Looks at iteration ``k`` of the history; 0 = before the first.
+
+        Raises:
+            InputError: that iteration was not made yet.
+        """
+        if not 0 <= k <= self.length:
+            raise InputError(f"iteration {k} is not in the history; it has 0 to {self.length}")
+        self.cursor = k
+        return self.iteration
+
+    def back(self) -> Iteration | None:
+        """One iteration back; stays at the start."""
+        return self.seek(max(self.cursor - 1, 0))
+
+    def finish(self) -> RunState:
+        """Runs to the end and gives the final state."""
+        while not self.is_done:
+            self._compute()
+        self.cursor = self.length
+        return self._states[-1]
+
+    def fork(
+        self,
+        k: int,
+        method: Method[Any] | None = None,
+        edit: tuple[int, int, Float] | None = None,
+        watchers: Sequence[Watcher[Any]] = (),
+    ) -> Run:
+        """A new run that shares iterations 1 … k and goes on with another method, or from an edited pose.
+
+        Args:
+            k: the iteration after which the runs part.
+            method: takes over after ``k``; None = the same.
+            edit: (instance_id, hypothesis index, T_cam_obj (4, 4)); that hypothesis goes on from this pose.
+            watchers: of the new run; they see the shared iterations first.
+        """
+        if not 0 <= k <= self.length:
+            raise InputError(f"cannot fork at iteration {k}; the history has 0 to {self.length}")
+        changes = {at: m for at, m in self._plan.changes.items() if at <= k}
+        if method is not None:
+            changes[k] = method
+        edits = tuple(e for e in self._plan.edits if e.after_iteration <= k)
+        states = tuple(self._states[: k + 1])
+        if edit is not None:
+            instance_id, arm, T_cam_obj = edit
+            values = tuple(float(x) for x in np.asarray(T_cam_obj).ravel())
+            added = Edit(after_iteration=k, instance=instance_id, hypothesis=arm, T_cam_obj=values)
+            moved = Plan(self._plan.method, changes, (added,)).edited(states[-1], k)
+            states, edits = (*states[:-1], moved), (*edits, added)
+        forked = Run.__new__(Run)
+        forked._begin(Plan(self._plan.method, changes, edits), states, tuple(self._iterations[:k]), watchers)
+        return forked
+
+    def close(self) -> None:
+        """Tells the watchers that nothing more will come, if they do not know yet."""
+        if not self._finished:
+            self._finished = True
+            for watcher in self._watchers:
+                watcher.on_finish(self._states[-1])
+
+    def _compute(self) -> None:
+        k = self.length
+        state, iteration = self._plan.method_at(k).step(self._states[-1])
+        state = self._plan.edited(state, k + 1)
+        self._states.append(state)
+        self._iterations.append(iteration)
+        for watcher in self._watchers:
+            watcher.on_iteration(state, iteration)
+        self._finish_if_done()
+
+    def _finish_if_done(self) -> None:
+        if self.is_done:
+            self.close()

@@ -1,0 +1,149 @@
+"""Session files: TOML in and out, presets, and errors that name the field."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.settings import PUBLISHED, Session
+
+Raw = Mapping[str, Any]
+
+
+def load_session(path: Path, overrides: Raw | None = None) -> Session:
+    """The session of a file, with ``overrides`` (nested like the file) on top.
+
+    Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
+
+    Raises:
+        InputError: the file cannot be read.
+        SettingsError: it is not TOML, or a field is unknown or out of range.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"session file {path} does not exist") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"session file {path} cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"session file {path} is not TOML: {error}") from None
+    merged = _merged(_with_absolute_paths(raw, path.parent), _with_absolute_paths(overrides or {}, Path.cwd()))
+    return resolve(merged, str(path))
+
+
+def resolve(raw: Raw, origin: str = "session") -> Session:
+    """The session of explicit fields ``raw``: the preset fills in what they leave open.
+
+    Raises:
+        SettingsError: a field is unknown or out of range; the text names it and what was expected.
+    """
+    preset = raw.get("preset", "recommended")
+    base = PUBLISHED if preset == "published" else {}
+    try:
+        session = Session.model_validate(_merged(base, raw))
+    except ValidationError as error:
+        raise SettingsError(f"{origin}: {_first(error)}") from None
+    for change in session.changes:
+        changed(session, change.settings)
+    return session
+
+
+def changed(session: Session, settings: Mapping[str, Mapping[str, Any]]) -> Session:
+    """``session`` with some fields of its method, icp, score or physics sections replaced.
+
+    Raises:
+        SettingsError: another section, an unknown field, or a value out of range.
+    """
+    allowed = ("method", "icp", "score", "physics")
+    for section in settings:
+        if section not in allowed:
+            raise SettingsError(unknown("section that can change during a run", section, allowed))
+    raw = _merged(session.model_dump(exclude={"changes"}), settings)
+    try:
+        return Session.model_validate(raw).model_copy(update={"changes": session.changes})
+    except ValidationError as error:
+        raise SettingsError(f"changed settings: {_first(error)}") from None
+
+
+def session_toml(session: Session) -> str:
+    """The session as TOML with every field explicit; loading it gives the same session."""
+    return tomli_w.dumps(_without_none(session.model_dump(mode="json")))
+
+
+def save_session(session: Session, path: Path) -> None:
+    """Writes :func:`session_toml` to ``path``, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(session_toml(session), encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"cannot write the session to {path}: {error.strerror}") from None
+
+
+def _first(error: ValidationError) -> str:
+    """The first thing that is wrong, in one line."""
+    detail = error.errors()[0]
+    field = ".".join(str(part) for part in detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        return f"unknown field {field!r}; available: {', '.join(_siblings(detail['loc']))}"
+    shown = repr(detail["input"])
+    return f"{field} = {shown[:80]}: {detail['msg'].lower()}"
+
+
+def _siblings(location: tuple[int | str, ...]) -> list[str]:
+    model: Any = Session
+    for part in location[:-1]:
+        model = getattr(model.model_fields.get(part), "annotation", None)
+        if not hasattr(model, "model_fields"):
+            return []
+    return sorted(model.model_fields)
+
+
+def _merged(base: Raw, top: Raw) -> dict[str, Any]:
+    """``top`` over ``base``, section by section."""
+    out: dict[str, Any] = dict(base)
+    for key, value in top.items():
+        below = out.get(key)
+        out[key] = _merged(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return out
+
+
+def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
+    """Paths of scene.dataset, scene.masks and hypotheses.files made absolute."""
+    out = _merged({}, raw)
+    scene, hypotheses = out.get("scene"), out.get("hypotheses")
+    if isinstance(scene, Mapping):
+        scene = dict(scene)
+        if isinstance(scene.get("dataset"), str) and scene["dataset"]:
+            scene["dataset"] = _absolute(scene["dataset"], folder)
+        if isinstance(scene.get("masks"), str) and scene["masks"] not in ("mask", "mask_visib"):
+            scene["masks"] = _absolute(scene["masks"], folder)
+        out["scene"] = scene
+    if isinstance(hypotheses, Mapping) and isinstance(hypotheses.get("files"), list | tuple):
+        files = [_absolute(f, folder) if isinstance(f, str) else f for f in hypotheses["files"]]
+        out["hypotheses"] = {**hypotheses, "files": files}
+    return out
+
+
+def _absolute(path: str, folder: Path) -> str:
+    return os.path.abspath(folder / Path(path).expanduser())
+
+
+def _without_none(value: Any) -> Any:
+    """TOML has no null: a field that is None is left out, which is its default."""
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return value
