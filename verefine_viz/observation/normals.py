@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.camera import Camera
 
-WINDOW_M = 0.006
+WINDOW_M = 0.008
 """Half-width of the fitted window on a surface that faces the camera [m]."""
 MIN_WINDOW_PX = 2
 """Smallest half-width [px]: three samples are the least a slope can be checked with."""

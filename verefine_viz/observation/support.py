@@ -134,10 +134,10 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     best_worth = 0.0
     largest_share = 0.0
     # Open3D's generator is global: seeding it right before each use is what makes the answer depend on the seed alone.
-    for k in range(MAX_PLANES):
-        if len(sample) < max(3, MIN_SHARE * n_sample):
-            break
-        o3d.utility.random.seed(int(rng.integers(2**31)) + k)
+    for _ in range(MAX_PLANES):
+        if len(sample) < max(3, MIN_SHARE * n_sample, best_worth * n_sample):
+            break  # what is left cannot be worth more than what was found
+        o3d.utility.random.seed(int(rng.integers(2**31)))
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample))
         # probability 1 runs every trial: an early stop would depend on how threads happen to interleave.
         coefficients, inlier_idx = cloud.segment_plane(TOLERANCE_M, 3, RANSAC_TRIALS, 1.0)
