@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
@@ -34,7 +34,7 @@ def pose_errors(model: ObjectModel, T_est: Float, T_gt: Float) -> PoseErrors:
     """Errors of ``T_est`` (4, 4) against ``T_gt`` (4, 4), measured on the model's sampled points."""
     estimated, truth = apply(T_est, model.points), apply(T_gt, model.points)
     add = float(np.linalg.norm(estimated - truth, axis=1).mean()) * 1e3
-    adds = float(cKDTree(estimated).query(truth)[0].mean()) * 1e3
+    adds = float(KDTree(estimated).query(truth)[0].mean()) * 1e3
     add_s = adds if model.is_symmetric else add
     return PoseErrors(
         rotation_error_deg(model, T_est, T_gt),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,14 +10,15 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import PUBLISHED, Session
 
 Raw = Mapping[str, Any]
 
 
-def load_session(path: Path, overrides: Raw | None = None) -> Session:
-    """The session of a file, with ``overrides`` (nested like the file) on top.
+def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
+    """The session of a file, with ``overrides`` (nested like the file) on top; without a file, of the defaults.
 
     Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
 
@@ -26,6 +26,9 @@ def load_session(path: Path, overrides: Raw | None = None) -> Session:
         InputError: the file cannot be read.
         SettingsError: it is not TOML, or a field is unknown or out of range.
     """
+    top = _with_absolute_paths(overrides or {}, Path.cwd())
+    if path is None:
+        return resolve(top, "command line")
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -34,8 +37,7 @@ def load_session(path: Path, overrides: Raw | None = None) -> Session:
         raise InputError(f"session file {path} cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"session file {path} is not TOML: {error}") from None
-    merged = _merged(_with_absolute_paths(raw, path.parent), _with_absolute_paths(overrides or {}, Path.cwd()))
-    return resolve(merged, str(path))
+    return resolve(_merged(_with_absolute_paths(raw, path.parent), top), str(path))
 
 
 def resolve(raw: Raw, origin: str = "session") -> Session:
@@ -83,14 +85,8 @@ def save_session(session: Session, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic(path) as part:
         part.write_text(session_toml(session), encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"cannot write the session to {path}: {error.strerror}") from None
 
 
 def _first(error: ValidationError) -> str:
@@ -139,7 +135,7 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 
 def _absolute(path: str, folder: Path) -> str:
-    return os.path.abspath(folder / Path(path).expanduser())
+    return str((folder / Path(path).expanduser()).resolve())
 
 
 def _without_none(value: Any) -> Any:

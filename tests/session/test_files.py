@@ -1,0 +1,119 @@
+"""Session files: round trip, presets, relative paths, and errors that name the field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.session.files import changed, load_session, resolve, save_session
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "s.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_saved_sessions_load_the_same(tmp_path: Path) -> None:
+    raw = {
+        "preset": "published",
+        "title": 'quotes " and \\ and ünïcode',
+        "score": {"tau_m": 0.01},
+        "breakpoints": {"jump_mm": 5.0},
+        "edits": [{"after_iteration": 2, "instance": 1, "hypothesis": 0, "T_cam_obj": [0.1] * 16}],
+        "changes": [{"after_iteration": 3, "settings": {"method": {"exploration": 0.3}}}],
+    }
+    session = resolve(raw)
+    save_session(session, tmp_path / "out.toml")
+    assert load_session(tmp_path / "out.toml") == session
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.toml"]
+
+
+def test_published_sets_every_choice_and_explicit_fields_win() -> None:
+    published = resolve({"preset": "published"})
+    for section, fields in PUBLISHED.items():
+        for name, value in fields.items():
+            assert getattr(getattr(published, section), name) == value
+    assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.stop == "tolerance"
+    assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.gate == "published"
+    assert resolve({}) == Session()
+
+
+def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = '[scene]\nsource="bop"\ndataset="../data"\nmasks="d.json"\n[hypotheses]\nfiles=["a.csv"]'
+    path = write(tmp_path, text)
+    session = load_session(path)
+    assert session.scene.dataset == str((tmp_path / ".." / "data").resolve())
+    assert session.scene.masks == str(tmp_path / "d.json")
+    assert session.hypotheses.files == (str(tmp_path / "a.csv"),)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert load_session(path, {"scene": {"dataset": "x"}}).scene.dataset == str(elsewhere / "x")
+
+
+def test_overrides_win_field_by_field(tmp_path: Path) -> None:
+    path = write(tmp_path, "[method]\nname='sir'\niterations=7")
+    session = load_session(path, {"method": {"name": "pir"}})
+    assert (session.method.name, session.method.iterations) == ("pir", 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[method]\nnam = 'rir'", "unknown field 'method.nam'; available: .*exploration.*name"),
+        ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
+        ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
+        ("[score]\ntau_m = nan", r"score.tau_m = nan: input should be"),
+        ("[score]\npixels = 'all'", "score.pixels = 'all': input should be 'classes', 'published' or 'observed'"),
+        ("[method]\niterations = 0", "method.iterations = 0: input should be greater than or equal to 1"),
+        ("[method]\niterations = 'many'", "method.iterations = 'many': input should be a valid integer"),
+        ("scene = 3", "scene = 3: input should be"),
+        ("preset = 'theirs'", "preset = 'theirs': input should be 'recommended' or 'published'"),
+        ("[method\nname=1", "is not TOML"),
+        ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
+        ("[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]", "edits.0.T_cam_obj"),
+    ],
+)
+def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, expected: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(SettingsError, match=expected) as caught:
+        load_session(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value) or "section that can change" in expected
+
+
+def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        load_session(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_session(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_session(tmp_path / "bytes.toml")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cannot write .*file.s.toml"):
+        save_session(Session(), tmp_path / "file" / "s.toml")
+
+
+def test_changes_replace_only_what_they_name() -> None:
+    session = changed(Session(), {"method": {"exploration": 0.3}})
+    assert session.method.exploration == 0.3
+    assert session.model_copy(update={"method": Session().method}) == Session()
+    with pytest.raises(SettingsError, match=r"changed settings: method.exploration = -1"):
+        changed(Session(), {"method": {"exploration": -1}})
+
+
+def test_every_field_has_a_docstring() -> None:
+    pending = [Session]
+    while pending:
+        model = pending.pop()
+        for name, field in model.model_fields.items():
+            annotation = field.annotation
+            if isinstance(annotation, type) and hasattr(annotation, "model_fields"):
+                pending.append(annotation)
+            else:
+                assert field.description, f"{model.__name__}.{name}"
