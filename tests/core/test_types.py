@@ -1,0 +1,122 @@
+"""The frozen types: shapes are checked, arrays are copied and cannot be written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fakes import box_model, box_problem
+from verefine_viz.core.arrays import frozen
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.scores import Scores
+
+
+def test_frozen_arrays_are_copies_and_read_only() -> None:
+    mine = np.zeros(3)
+    kept = frozen(mine, "x", (3,))
+    mine[0] = 5
+    assert kept[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        kept[0] = 1
+    assert frozen(kept, "x", (None,)) is kept
+
+
+@given(st.floats(50, 2000), st.floats(50, 2000), st.floats(0.1, 3.0), st.integers(0, 63), st.integers(0, 47))
+def test_back_projection_and_projection_are_inverse(fx, fy, z, u, v) -> None:  # type: ignore[no-untyped-def]
+    camera = Camera(np.array([[fx, 0, 31.3], [0, fy, 22.8], [0, 0, 1]]), 64, 48)
+    depth = np.zeros((48, 64))
+    depth[v, u] = z
+    point = camera.back_project(depth)[v, u]
+    assert point[2] == z
+    assert np.allclose(camera.project(point), [u, v], atol=1e-9)
+    assert camera.back_project(depth).sum() == pytest.approx(point.sum())
+
+
+@pytest.mark.parametrize(
+    ("K", "size", "expected"),
+    [
+        (np.diag([0.0, 1, 1]), (4, 4), "focal lengths 0, 1"),
+        (np.eye(3), (0, 4), "the image is 0×4"),
+        (np.eye(4), (4, 4), "expected 3×3"),
+        (np.full((3, 3), np.inf), (4, 4), "NaN or infinity"),
+    ],
+)
+def test_impossible_cameras_are_refused(K, size, expected) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ShapeError, match=expected):
+        Camera(K, *size)
+
+
+def test_broken_models_are_refused() -> None:
+    model = box_model()
+    with pytest.raises(ShapeError, match="has no faces"):
+        replace(model, faces=np.zeros((0, 3), int))
+    with pytest.raises(ShapeError, match="name vertices that do not exist"):
+        replace(model, faces=model.faces + 1)
+    with pytest.raises(ShapeError, match="NaN"):
+        replace(model, vertices=model.vertices * np.nan)
+    with pytest.raises(ShapeError, match="diameter"):
+        replace(model, diameter_m=0.0)
+
+
+def test_the_mesh_hash_follows_the_geometry_alone() -> None:
+    model = box_model()
+    assert replace(model, name="other", obj_id=7).mesh_hash == model.mesh_hash
+    assert replace(model, vertices=model.vertices * 1.001).mesh_hash != model.mesh_hash
+
+
+def test_a_problem_can_be_narrowed_to_some_instances() -> None:
+    problem = box_problem(2, 3)
+    assert [i.instance_id for i in problem.only([2, 0]).instances] == [0, 2]
+    assert problem.only([1]).observation is problem.observation
+    with pytest.raises(InputError, match=r"unknown instance 7; available: 0, 1, 2 \(frame 0/1\)"):
+        problem.only([7])
+    assert problem.targets[0] is problem.targets[0]
+
+
+def test_scores_without_a_number_are_zero() -> None:
+    one = np.ones(2)
+    whole = np.ones(2, np.int64)
+    scores = Scores(np.array([np.nan, 0.5]), one, one, whole, whole, np.tile([1, 2, 3, 4, 0], (2, 1)))
+    assert scores.score.tolist() == [0.0, 0.5]
+    assert scores[1].shares == {"explained": 0.1, "missed": 0.2, "protruding": 0.3, "hidden": 0.4, "unknown": 0.0}
+    assert len(scores) == 2
+
+
+def test_the_first_difference_is_named() -> None:
+    a = box_problem(2).instances[0].hypotheses[0]
+    assert first_difference(a, a) is None
+    assert (first_difference(a, replace(a, confidence=0.1)) or "").startswith("confidence")
+    T = np.array(a.T_cam_obj)
+    T[0, 3] = np.nextafter(T[0, 3], 1)
+    assert (first_difference((a,), (replace(a, T_cam_obj=T),)) or "").startswith("[0].T_cam_obj")
+    assert first_difference((a,), ()) == ": 1 entries against 0"
+    assert first_difference(float("nan"), float("nan")) is None
+    assert first_difference(1, "1") == "record: int against str"
+
+
+def test_unknown_names_list_what_exists() -> None:
+    assert unknown("refiner", "ipc", ["icp", "identity"]) == "unknown refiner 'ipc'; available: icp, identity"
+    assert unknown("refiner", "ipc", []) == "unknown refiner 'ipc'; available: none"
+
+
+def test_files_appear_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "f.txt"
+    with atomic(path) as part:
+        part.write_text("one")
+        assert not path.exists()
+    assert path.read_text() == "one"
+    with pytest.raises(ZeroDivisionError), atomic(path) as part:
+        part.write_text("two")
+        raise ZeroDivisionError
+    assert path.read_text() == "one"
+    with pytest.raises(InputError, match="cannot write"), atomic(path / "below.txt") as part:
+        part.write_text("three")
+    assert [p.name for p in path.parent.iterdir()] == ["f.txt"]
