@@ -117,6 +117,7 @@ def table(title: str, raw: dict[str, object], pool: int, seeds: int) -> None:
 
 
 def main() -> None:
+    """Prints all tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--seeds", type=int, default=3)
