@@ -52,7 +52,8 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
     """
     T = frozen(value, name, (4, 4))
     deviation, determinant, last_row = _deviations(T)
-    if math.isfinite(float(T.sum())) and deviation <= ORTHONORMAL_TOLERANCE and determinant > 0 and last_row <= ORTHONORMAL_TOLERANCE:
+    exact = deviation <= ORTHONORMAL_TOLERANCE and last_row <= ORTHONORMAL_TOLERANCE and determinant > 0
+    if exact and math.isfinite(float(T.sum())):
         return T  # kept bit for bit, so that checking a pose twice never changes it
     finite(T, name, (4, 4))
     if deviation > RIGID_TOLERANCE or determinant <= 0:

@@ -115,6 +115,9 @@ class ScoreSettings(Settings):
     alpha: Annotated[float, Field(gt=0, le=1)] = 0.707
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
     0.293."""
+    pixel_centre: Literal["integer", "half"] = "integer"
+    """Where the centre of pixel (0, 0) lies in the camera matrix's image: at (0, 0), as the depth sensor has it, or
+    half a pixel further, as the authors' projection has it."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
     simplify_mm: NonNegative = 0.2
@@ -222,7 +225,7 @@ class Session(Settings):
 
 
 PUBLISHED: dict[str, dict[str, Any]] = {
-    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "simplify_mm": 0.0},
+    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
     "icp": {"metric": "point", "stop": "published", "gate": "published", "max_iterations": 10},
     "method": {"sim_candidate": "full", "accept": "latest", "exploration": 0.1},
     "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
