@@ -1,0 +1,8 @@
+"""The page in the browser: ``python app.py [SESSION]``, the same as ``verefine-viz view [SESSION]``."""
+
+import sys
+
+from verefine_viz.cli import view
+
+if __name__ == "__main__":
+    sys.exit(view())

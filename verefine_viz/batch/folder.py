@@ -1,0 +1,165 @@
+"""The folder of a batch run: what is in it, who may write to it, and what a restart may build on.
+
+::
+
+    session.toml              exactly what ran, every field explicit
+    run.json                  versions, machine, totals
+    frames.csv, results.csv   a row per object
+    frames/SSSSSS_IIIIII.json the journal: one file per finished frame
+    recordings/….rrd          one recording per frame
+    errors/….txt              tracebacks of frames that failed for a reason nobody foresaw
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+from pydantic import ValidationError
+
+import verefine_viz
+from verefine_viz.batch.rows import FrameResult, frame_name
+from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, save_session
+
+RUN_FILE = "run.json"
+SESSION_FILE = "session.toml"
+
+
+class RunFolder:
+    """A batch folder that this process alone writes to, until :meth:`close`."""
+
+    def __init__(self, path: Path, session: Session) -> None:
+        """Begins a run in ``path``, or goes on with the one that is there.
+
+        Raises:
+            InputError: ``path`` is not a folder, cannot be written, or holds something else.
+            SettingsError: it holds a run of another session or another version.
+            UnavailableError: another process is writing to it.
+        """
+        self.path = path
+        self._lock = _locked(path)
+        try:
+            self._check(session)
+            save_session(session, path / SESSION_FILE)
+            for name in ("frames", "recordings"):
+                (path / name).mkdir(exist_ok=True)
+        except OSError as error:
+            self.close()
+            raise InputError(f"cannot write to {path}: {error.strerror}") from None
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Lets others write to the folder."""
+        self._lock.close()
+
+    def finished(self) -> dict[str, FrameResult]:
+        """The frames that are done, by frame. Failed ones are not among them: they are tried again."""
+        results: dict[str, FrameResult] = {}
+        for file in sorted((self.path / "frames").glob("*.json")):
+            try:
+                result = FrameResult.model_validate_json(file.read_bytes())
+            except (OSError, ValidationError):
+                continue  # Not ours, or damaged: the frame is solved again.
+            if not result.failed and file.stem == frame_name(result.frame):
+                results[result.frame] = result
+        return results
+
+    def keep(self, result: FrameResult) -> None:
+        """Notes a finished frame; from now on a restart does not repeat it."""
+        self.write(f"frames/{frame_name(result.frame)}.json", result.model_dump_json())
+
+    def write(self, name: str, text: str) -> None:
+        """Writes a file of the folder, whole or not at all."""
+        file = self.path / name
+        part = file.with_name(file.name + ".part")
+        try:
+            part.write_text(text, encoding="utf-8")
+            part.replace(file)
+        except OSError as error:
+            raise InputError(f"cannot write {file}: {error.strerror}") from None
+
+    def write_json(self, name: str, value: Mapping[str, Any]) -> None:
+        """:meth:`write` of a JSON object."""
+        self.write(name, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+    def read_run(self) -> dict[str, Any]:
+        """What run.json says; empty where there is none."""
+        return read_run(self.path)
+
+    def _check(self, session: Session) -> None:
+        """Whether what lies in the folder is a run of the same session."""
+        before = self.path / SESSION_FILE
+        if not before.exists():
+            others = sorted(p.name for p in self.path.iterdir() if p.name != ".lock" and p.suffix != ".part")
+            if others:
+                raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
+            return
+        difference = first_change(load_session(before), session)
+        if difference:
+            raise SettingsError(
+                f"{self.path} holds a run of another session: {difference}; choose another --out, or delete the folder"
+            )
+        version = self.read_run().get("version", verefine_viz.__version__)
+        if version != verefine_viz.__version__:
+            raise SettingsError(
+                f"{self.path} was begun by version {version}, this is {verefine_viz.__version__}: "
+                "results would mix; choose another --out"
+            )
+
+
+def read_run(path: Path) -> dict[str, Any]:
+    """What the run.json of a batch folder says; empty where there is none.
+
+    Raises:
+        InputError: it is not what a batch writes.
+    """
+    file = path / RUN_FILE
+    try:
+        value = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file} cannot be read: {error}") from None
+    if not isinstance(value, dict):
+        raise InputError(f"{file} is not the run.json of a batch: expected a JSON object")
+    return value
+
+
+def first_change(before: Session, now: Session) -> str | None:
+    """The first field in which two sessions differ: ``method.name is 'rir' there and 'sir' here``."""
+    there, here = _flat(before.model_dump(), ""), _flat(now.model_dump(), "")
+    for field in {**there, **here}:
+        if there.get(field) != here.get(field):
+            return f"{field} is {there.get(field)!r} there and {here.get(field)!r} here"
+    return None
+
+
+def _flat(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, inner in value.items():
+        out |= _flat(inner, f"{prefix}{key}.") if isinstance(inner, Mapping) else {f"{prefix}{key}": inner}
+    return out
+
+
+def _locked(path: Path) -> TextIO:
+    """An open lock file in ``path``; the system lets go of it when this process ends, however it ends."""
+    if path.exists() and not path.is_dir():
+        raise InputError(f"--out {path} is a file, expected a folder")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        lock = (path / ".lock").open("w")
+    except OSError as error:
+        raise InputError(f"cannot write to --out {path}: {error.strerror}") from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out") from None
+    return lock

@@ -1,0 +1,37 @@
+"""A worker process: builds the session's tools once, then solves the frames it is given."""
+
+from __future__ import annotations
+
+import os
+import threading
+from multiprocessing import connection, parent_process
+from pathlib import Path
+
+from verefine_viz.core.settings import Session
+
+ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def work(channel: connection.Connection, session: Session, out: Path) -> None:
+    """The process's main: receives frames, sends results, until the channel closes."""
+    # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+    from verefine_viz.batch.frame import solve_frame
+    from verefine_viz.session.toolbox import Toolbox
+
+    toolbox = Toolbox(session)
+    try:
+        while True:
+            channel.send(solve_frame(toolbox, channel.recv(), out))
+    except (EOFError, BrokenPipeError):
+        return
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed must not go on writing into a folder that a new run may be using."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)

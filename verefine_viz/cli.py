@@ -1,0 +1,93 @@
+"""The command line: ``verefine-viz view | batch | replay | doctor``.
+
+Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, Protocol, Union
+
+import tyro
+
+import verefine_viz
+from verefine_viz.commands.batch import Batch
+from verefine_viz.commands.doctor import Doctor
+from verefine_viz.commands.replay import Replay
+from verefine_viz.commands.view import View
+from verefine_viz.core.errors import VerefineError
+
+PROGRAM = "verefine-viz"
+COMMANDS: dict[str, type[Command]] = {"view": View, "batch": Batch, "replay": Replay, "doctor": Doctor}
+
+
+class Command(Protocol):
+    """What each command's dataclass has."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Do it; the exit code. ``arguments`` are the words it was parsed from."""
+        ...
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    return run_command(words)
+
+
+def view(arguments: Sequence[str] | None = None) -> int:
+    """``python app.py [SESSION]``, the same as ``verefine-viz view [SESSION]``."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    return run_command(["view", *words])
+
+
+def run_command(words: list[str]) -> int:
+    """Parse and run; an error that a user can mend becomes one line on stderr and exit code 2."""
+    if words == ["--version"]:
+        print(f"{PROGRAM} {verefine_viz.__version__}")
+        return 0
+    try:
+        return parse(words).run(words[1:])
+    except VerefineError as error:
+        return fail(str(error))
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone; what is still buffered has nowhere to go.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return fail(f"{error.filename}: {error.strerror}")
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return 130
+
+
+def parse(words: list[str]) -> Command:
+    """The command that the words ask for. Only its own options are built: that is what keeps --help instant."""
+    if words and words[0] in COMMANDS:
+        command: Any = tyro.cli(COMMANDS[words[0]], prog=f"{PROGRAM} {words[0]}", args=words[1:])
+        return command
+    names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
+    one_of: Any = Union[tuple(names)]  # noqa: UP007
+    return tyro.cli(one_of, prog=PROGRAM, args=words, description=verefine_viz.__doc__)
+
+
+def _named(kind: type[Command]) -> Any:
+    """An empty stand-in for the overview: the command's sentence without its options."""
+    stand_in = dataclasses.make_dataclass(kind.__name__, [])
+    stand_in.__doc__ = kind.__doc__
+    return stand_in
+
+
+def fail(text: str) -> int:
+    """One line on stderr, whatever the text holds; exit code 2."""
+    print(f"{PROGRAM}: {' '.join(text.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

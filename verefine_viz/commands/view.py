@@ -1,0 +1,51 @@
+"""``verefine-viz view``: the page in the browser."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+
+
+@dataclass(frozen=True)
+class View:
+    """Open the page in the browser: step through a run and see why a pose won or lost."""
+
+    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR]")] = None
+    """A session file (.toml) or the folder of a batch run; none = a built-in scene."""
+    host: str = "127.0.0.1"
+    """Address to listen on. The page has no login: keep it on loopback and reach it from elsewhere by ssh -L."""
+    port: int = 8080
+    """Port to listen on; 0 = any free one."""
+    open_browser: bool = True
+    """Open the page in this desktop's browser, where there is one."""
+    settings: AnySettings = field(default_factory=SessionFlags)
+        default_factory=SessionFlags
+    )
+
+    def run(self, arguments: Sequence[str]) -> int:
+        from verefine_viz.session.files import load_session
+        from verefine_viz.viewer.app import serve
+
+        overrides: dict[str, Any] = given(self.settings, arguments)
+        session = load_session(self.session, overrides)
+        serve(
+            session,
+            session_path=self.session,
+            host=self.host,
+            port=self.port,
+            open_browser=self.open_browser and has_desktop(),
+        )
+        return 0
+
+
+def has_desktop() -> bool:
+    """Whether a browser window can be opened here (a text browser would take over the terminal)."""
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
