@@ -1,0 +1,271 @@
+"""A data set in BOP layout: images, cameras, ground truth, masks and targets of one split.
+
+Foreign names stay here: ``cam_R_m2c``, ``cam_t_m2c`` [mm] become ``T_cam_obj`` [m].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.scenes.images import find_image, read_color, read_depth, read_mask, size_text
+from verefine_viz.scenes.jsonfile import integer_of, number_of, numbers_of, read_json
+from verefine_viz.scenes.models import ModelLibrary
+
+MaskFolder = Literal["mask_visib", "mask"]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTruth:
+    """One entry of scene_gt."""
+
+    gt_id: int
+    """Its place in the image's list; second number of the mask files."""
+    obj_id: int
+    T_cam_obj: Float | None
+    """(4, 4) [m]; None where the file's pose is no pose (``fault`` says why)."""
+    visib_fract: float | None
+    fault: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class BopImage:
+    """What the files say about one image."""
+
+    camera: Camera
+    depth_m: NDArray[np.float32]
+    """(H, W) [m]; 0 = not measured."""
+    rgb: NDArray[np.uint8] | None
+    R_world_cam: Float | None
+    """(3, 3) camera to world, where the data set knows it."""
+    notes: tuple[str, ...]
+
+
+class BopDataset:
+    """One split of a data set; files are read when asked for, JSON files and models are kept.
+
+    Args:
+        folder: the data set, with ``models/`` and the split's folder in it.
+        split: test, train_real, test_primesense, …
+        model_points: points to sample on each model.
+        seed: of that sampling.
+
+    Raises:
+        InputError: the folder, the split or the models are not there.
+    """
+
+    def __init__(self, folder: Path | str, split: str, model_points: int = 2000, seed: int = 0) -> None:
+        self.folder = Path(folder)
+        self.split = split
+        if not self.folder.is_dir():
+            raise InputError(f"data set folder {self.folder} does not exist; set scene.dataset to a BOP folder")
+        splits = [p.name for p in sorted(self.folder.iterdir()) if p.is_dir() and _scenes_in(p)]
+        if split not in splits:
+            raise InputError(f"{unknown('split', split, splits)} in {self.folder}")
+        self.models = ModelLibrary(self.folder, model_points, seed)
+        self._scenes = _scenes_in(self.folder / split)
+        self._json: dict[Path, Any] = {}
+
+    @property
+    def name(self) -> str:
+        """The folder's name: ycbv, lmo, …"""
+        return self.folder.name
+
+    @property
+    def scene_ids(self) -> tuple[int, ...]:
+        return tuple(self._scenes)
+
+    def image_ids(self, scene_id: int) -> tuple[int, ...]:
+        """The images of a scene that scene_camera.json lists, in order.
+
+        Raises:
+            InputError: no such scene, or its scene_camera.json is missing or damaged.
+        """
+        path = self._scene(scene_id) / "scene_camera.json"
+        ids = self._read(path, dict)
+        if not all(key.isdecimal() for key in ids):
+            raise InputError(f"{path} has keys that are no image ids, expected {{'0': …, '1': …}}")
+        return tuple(sorted(int(key) for key in ids))
+
+    def has(self, scene_id: int, im_id: int) -> bool:
+        """Whether the image is on the disk."""
+        return scene_id in self._scenes and im_id in self.image_ids(scene_id)
+
+    def check(self, scene_id: int, im_id: int) -> None:
+        """Nothing, if the image exists.
+
+        Raises:
+            InputError: no such scene or image; the message lists what there is.
+        """
+        ids = self.image_ids(scene_id)
+        if im_id not in ids:
+            listed = ", ".join(map(str, ids[:10])) + (f", … ({len(ids)} images, last {ids[-1]})" if ids[10:] else "")
+            place = f"scene {scene_id} of {self.name}/{self.split}"
+            raise InputError(f"unknown image {im_id} in {place}; available: {listed or 'none'}")
+
+    def image(self, scene_id: int, im_id: int) -> BopImage:
+        """Camera, depth and colour of one image.
+
+        Raises:
+            InputError: it does not exist, or one of its files is missing or damaged.
+        """
+        self.check(scene_id, im_id)
+        folder = self._scene(scene_id)
+        where = f"{folder / 'scene_camera.json'}, image {im_id}"
+        entry = self._read(folder / "scene_camera.json", dict)[str(im_id)]
+        if isinstance(entry, dict) and "cam_K" not in entry and "cam_model" in entry:
+            raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
+        K = numbers_of(entry, "cam_K", 9, where).reshape(3, 3)
+        scale_mm = number_of(entry, "depth_scale", where)
+        if scale_mm <= 0:
+            raise InputError(f"{where}: 'depth_scale' is {scale_mm:g}, expected millimetres per step > 0")
+        path = find_image(folder / "depth", f"{im_id:06d}")
+        if path is None:
+            raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; a depth image is needed")
+        depth_m = read_depth(path, scale_mm)
+        if not depth_m.any():
+            raise InputError(f"{path} is 0 everywhere: the frame has no depth, nothing can be verified in it")
+        rgb, notes = self._color(folder, im_id, depth_m.shape)
+        if K[0, 1] != 0:
+            notes += (f"cam_K has a skew of {K[0, 1]:g} px; it is ignored",)
+        if depth_m.max() < 0.05 or np.median(depth_m[depth_m > 0]) > 20:
+            median_m = float(np.median(depth_m[depth_m > 0]))
+            notes += (f"median depth is {median_m:.3g} m; check 'depth_scale' ({scale_mm:g} mm) in scene_camera.json",)
+        try:
+            camera = Camera(K, depth_m.shape[1], depth_m.shape[0])
+        except ShapeError as error:
+            raise InputError(f"{where}: {error}") from None
+        return BopImage(camera, depth_m, rgb, _R_world_cam(entry, where), notes)
+
+    def ground_truth(self, scene_id: int, im_id: int) -> tuple[GroundTruth, ...] | None:
+        """The annotated instances of an image in the file's order; None where the data set has no scene_gt.
+
+        Raises:
+            InputError: scene_gt.json is damaged, or an entry has no obj_id.
+        """
+        folder = self._scene(scene_id)
+        path = folder / "scene_gt.json"
+        if not path.is_file():
+            return None
+        content = self._read(path, dict)
+        if str(im_id) not in content:
+            return None
+        entries = content[str(im_id)]
+        if not isinstance(entries, list):
+            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
+        visible = self._visible_shares(folder, im_id)
+        return tuple(
+            _ground_truth(entry, gt_id, visible.get(gt_id), f"{path}, image {im_id}, entry {gt_id}")
+            for gt_id, entry in enumerate(entries)
+        )
+
+    def mask(self, scene_id: int, im_id: int, gt_id: int, kind: MaskFolder, shape: tuple[int, int]) -> Mask:
+        """The mask (H, W) of one annotated instance.
+
+        Raises:
+            InputError: it is missing, damaged or of another size.
+        """
+        folder = self._scene(scene_id) / kind
+        stem = f"{im_id:06d}_{gt_id:06d}"
+        if not folder.is_dir():
+            other = "mask" if kind == "mask_visib" else "mask_visib"
+            raise InputError(f"{folder} is missing; set scene.masks to {other!r} or to the path of a detections JSON")
+        path = find_image(folder, stem)
+        if path is None:
+            raise InputError(f"{folder / f'{stem}.png'} is missing; add it, or set scene.masks to a detections JSON")
+        return read_mask(path, shape)
+
+    def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
+        """What the benchmark asks for: (scene, image) → object → count, in the file's order; None without such a file.
+
+        BOP'24 targets name no objects: their inner mapping is empty.
+
+        Raises:
+            InputError: the file is damaged.
+        """
+        path = self._targets_path()
+        if path is None:
+            return None
+        wanted: dict[tuple[int, int], dict[int, int]] = {}
+        for k, entry in enumerate(self._read(path, list)):
+            where = f"{path}, entry {k}"
+            counts = wanted.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
+            if "obj_id" in entry:
+                counts[integer_of(entry, "obj_id", where)] = integer_of(entry, "inst_count", where)
+        return wanted
+
+    def detection_files(self) -> tuple[str, ...]:
+        """JSON files in the data set's folder that look like detections, for hints in errors."""
+        found = [*self.folder.glob("*detect*.json"), *self.folder.glob("*detect*.json.gz")]
+        return tuple(sorted(p.name for p in found))
+
+    def _color(
+        self, folder: Path, im_id: int, shape: tuple[int, ...]
+    ) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
+        found = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray"))
+        path = next((p for p in found if p is not None), None)
+        if path is None:
+            return None, ("the frame has no rgb or gray image; it is drawn without colour",)
+        rgb = read_color(path)
+        if rgb.shape[:2] != shape:
+            raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
+        return rgb, ()
+
+    def _visible_shares(self, folder: Path, im_id: int) -> dict[int, float]:
+        path = folder / "scene_gt_info.json"
+        entries = self._read(path, dict).get(str(im_id), []) if path.is_file() else []
+        if not isinstance(entries, list):
+            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
+        shares = (number_of(e, "visib_fract", f"{path}, image {im_id}, entry {k}") for k, e in enumerate(entries))
+        # Hand-made visible masks may be larger than the rendered silhouette.
+        return {k: min(max(share, 0.0), 1.0) for k, share in enumerate(shares)}
+
+    def _targets_path(self) -> Path | None:
+        stem = self.split.split("_")[0]
+        paths = sorted(self.folder.glob(f"{stem}_targets_bop*.json"))
+        return paths[0] if paths else None
+
+    def _scene(self, scene_id: int) -> Path:
+        if scene_id not in self._scenes:
+            raise InputError(f"{unknown('scene', scene_id, self._scenes)} in {self.folder / self.split}")
+        return self._scenes[scene_id]
+
+    def _read(self, path: Path, kind: type[dict] | type[list]) -> Any:
+        if path not in self._json:
+            self._json[path] = read_json(path, kind)
+        return self._json[path]
+
+
+def _scenes_in(folder: Path) -> dict[int, Path]:
+    found = (p for p in folder.iterdir() if p.is_dir() and p.name.isdecimal()) if folder.is_dir() else ()
+    return {int(p.name): p for p in sorted(found, key=lambda p: int(p.name))}
+
+
+def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
+    if "cam_R_w2c" not in entry:
+        return None
+    R_cam_world = numbers_of(entry, "cam_R_w2c", 9, where).reshape(3, 3)
+    try:
+        return as_rigid(transform(R_cam_world, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
+    except ShapeError as error:
+        raise InputError(str(error)) from None
+
+
+def _ground_truth(entry: Any, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
+    obj_id = integer_of(entry, "obj_id", where)
+    try:
+        R = numbers_of(entry, "cam_R_m2c", 9, where).reshape(3, 3)
+        t_m = numbers_of(entry, "cam_t_m2c", 3, where) * 1e-3
+        pose = as_rigid(transform(R, t_m), f"{where}: the pose")
+    except (InputError, ShapeError) as error:
+        return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))
+    return GroundTruth(gt_id, obj_id, pose, visib_fract)

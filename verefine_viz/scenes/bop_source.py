@@ -1,0 +1,197 @@
+"""Problems out of a BOP folder: frames, instances, models and first poses put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Hypothesis, Instance, Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.observation.frame import observe
+from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.scenes.bop import BopDataset, BopImage
+from verefine_viz.scenes.detections import DetectionsFile
+from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
+from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.scenes.pool import ResultsFile, open_results, pools_of_object
+from verefine_viz.scenes.segments import Segment, Segments, segments_of_detections, segments_of_folder
+
+
+class BopSource:
+    """The frames of a BOP folder that the settings name.
+
+    Args:
+        scene: which frames and objects; ``dataset`` and a path in ``masks`` are absolute.
+        hypotheses: where first poses come from; ``files`` are absolute.
+
+    Raises:
+        VerefineError: the data set, a frame, an object or a results file does not exist or is damaged.
+    """
+
+    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
+        if not scene.dataset:
+            raise SettingsError("scene.dataset is empty; set it to the folder of a BOP data set")
+        self._scene = scene
+        self._hypotheses = hypotheses
+        self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed)
+        self._check_objects()
+        self._detections = _detections(scene.masks)
+        self._results = _results(hypotheses)
+        if scene.frames:
+            ids, self.notes = named_frames(self._dataset, scene.frames), ()
+        else:
+            ids, self.notes = all_frames(self._dataset)
+            ids = tuple(i for i in ids if self._holds_a_wanted_object(i))
+            if not ids:
+                wanted = ", ".join(map(str, scene.objects))
+                raise InputError(f"no frame of {self._dataset.name}/{scene.split} holds object {wanted}")
+        self.frames: tuple[str, ...] = tuple(frame_name(i) for i in ids)
+
+    def problem(self, frame: str) -> Problem:
+        """The problem of one frame, also of one that ``frames`` does not list.
+
+        Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on.
+
+        Raises:
+            VerefineError: the frame does not exist, its images are missing or damaged, or no instance is left.
+        """
+        ids = parse_frame(frame)
+        image = self._dataset.image(*ids)
+        segments, notes = self._segments(ids, image.camera)
+        masks = [segment.mask for segment in segments]
+        observation = observe(image.camera, image.depth_m, image.rgb, masks, self._scene, image.R_world_cam)
+        wanted = self._wanted(segments, frame)
+        models, model_notes = self._models(wanted)
+        solvable = [s for s in wanted if s.obj_id in models]
+        if not solvable:
+            raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")
+        pools = self._pools(ids, segments, models, image.camera)
+        instances = tuple(self._instance(segment, image, pools[segment.instance_id]) for segment in solvable)
+        return Problem(
+            *ids,
+            observation=observation,
+            models=models,
+            instances=instances,
+            title=f"{self._dataset.name} {self._scene.split}",
+            notes=(*image.notes, *notes, *model_notes, *self._instance_notes(instances, models, image)),
+        )
+
+    def _segments(self, ids: FrameIds, camera: Camera) -> Segments:
+        if self._detections is not None:
+            return segments_of_detections(self._dataset, self._detections, *ids, camera)
+        kind = "mask" if self._scene.masks == "mask" else "mask_visib"
+        return segments_of_folder(self._dataset, *ids, kind, camera.shape)
+
+    def _wanted(self, segments: Sequence[Segment], frame: str) -> list[Segment]:
+        wanted = [s for s in segments if not self._scene.objects or s.obj_id in self._scene.objects]
+        if not wanted:
+            there = ", ".join(str(i) for i in sorted({s.obj_id for s in segments})) or "none"
+            asked = ", ".join(map(str, self._scene.objects)) or "any"
+            raise InputError(f"frame {frame} has no mask of object {asked}; objects with a mask: {there}")
+        return wanted
+
+    def _models(self, segments: Sequence[Segment]) -> tuple[dict[int, ObjectModel], list[str]]:
+        models: dict[int, ObjectModel] = {}
+        notes: list[str] = []
+        for obj_id in sorted({s.obj_id for s in segments}):
+            try:
+                models[obj_id] = self._dataset.models.get(obj_id)
+                notes.extend(self._dataset.models.notes(obj_id))
+            except VerefineError as error:
+                notes.append(f"object {obj_id} is left out: {error}")
+        return models, notes
+
+    def _pools(
+        self, ids: FrameIds, segments: Sequence[Segment], models: dict[int, ObjectModel], camera: Camera
+    ) -> dict[int, tuple[Hypothesis, ...]]:
+        """The hypotheses of every instance whose model is known, by instance_id."""
+        settings = self._hypotheses
+        pools: dict[int, tuple[Hypothesis, ...]] = {}
+        for obj_id, model in models.items():
+            mine = [s for s in segments if s.obj_id == obj_id]
+            if settings.source == "results":
+                found = pools_of_object(self._results, *ids, mine, model, camera, settings.max_per_object)
+                pools |= {s.instance_id: pool for s, pool in zip(mine, found, strict=True)}
+            else:
+                pools |= {s.instance_id: self._perturbed(ids, s) for s in mine}
+        return pools
+
+    def _perturbed(self, ids: FrameIds, segment: Segment) -> tuple[Hypothesis, ...]:
+        if segment.T_cam_obj_gt is None:
+            return ()
+        h = self._hypotheses
+        seed = (h.seed, *ids, segment.instance_id)
+        return perturbed(segment.T_cam_obj_gt, h.max_per_object, h.rotation_deg, h.translation_mm, seed)
+
+    def _instance(self, segment: Segment, image: BopImage, pool: tuple[Hypothesis, ...]) -> Instance:
+        n, seed = self._scene.cloud_points, self._scene.seed
+        return Instance(
+            segment.instance_id,
+            segment.obj_id,
+            segment.mask,
+            segment_cloud(image.depth_m, image.camera, segment.mask, n, seed),
+            pool,
+            segment.T_cam_obj_gt,
+            segment.visib_fract,
+        )
+
+    def _instance_notes(
+        self, instances: Sequence[Instance], models: dict[int, ObjectModel], image: BopImage
+    ) -> tuple[str, ...]:
+        notes: list[str] = []
+        for instance in instances:
+            name = f"{models[instance.obj_id].name} (#{instance.instance_id})"
+            if len(instance.points_cam) == 0:
+                notes.append(f"{name} has no depth inside its mask")
+            if not instance.hypotheses:
+                notes.append(f"{name} has no hypothesis: {self._why_no_pool(instance)}")
+            if instance.T_cam_obj_gt is not None and len(instance.points_cam):
+                seen_m, true_m = float(np.median(instance.points_cam[:, 2])), float(instance.T_cam_obj_gt[2, 3])
+                if not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > models[instance.obj_id].diameter_m:
+                    notes.append(
+                        f"{name}: depth inside its mask is {seen_m:.3g} m, its ground truth says {true_m:.3g} m; "
+                        "check 'depth_scale' in scene_camera.json"
+                    )
+        return tuple(notes)
+
+    def _why_no_pool(self, instance: Instance) -> str:
+        if self._hypotheses.source == "results":
+            return f"no row for object {instance.obj_id} of this frame in {', '.join(r.method for r in self._results)}"
+        return "there is no ground truth to disturb; set hypotheses.source to 'results' and name results files"
+
+    def _check_objects(self) -> None:
+        library = self._dataset.models
+        strange = [i for i in self._scene.objects if i not in library.ids]
+        if strange:
+            available = ", ".join(f"{i} ({library.name(i)})" for i in library.ids)
+            raise SettingsError(f"unknown object {strange[0]} in scene.objects; available: {available}")
+
+    def _holds_a_wanted_object(self, ids: FrameIds) -> bool:
+        if not self._scene.objects:
+            return True
+        if self._detections is not None:
+            present = self._detections.obj_ids(*ids)
+        else:
+            present = {e.obj_id for e in self._dataset.ground_truth(*ids) or ()}
+        return not present.isdisjoint(self._scene.objects)
+
+
+def _detections(masks: str) -> DetectionsFile | None:
+    if masks in ("mask_visib", "mask"):
+        return None
+    if not masks.endswith((".json", ".json.gz")):
+        raise SettingsError(f"scene.masks is {masks!r}, expected mask_visib, mask, or the path of a detections JSON")
+    return DetectionsFile(Path(masks))
+
+
+def _results(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
+    if hypotheses.source != "results":
+        return ()
+    if not hypotheses.files:
+        raise SettingsError("hypotheses.source is 'results' but hypotheses.files is empty; name a BOP results CSV")
+    return tuple(open_results(path) for path in hypotheses.files)

@@ -1,0 +1,61 @@
+"""Which frames of a data set are to be solved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.scenes.bop import BopDataset
+
+FrameIds = tuple[int, int]
+"""(scene, image)."""
+
+
+def parse_frame(frame: str) -> FrameIds:
+    """(scene, image) of ``"50/1"``.
+
+    Raises:
+        SettingsError: it is not two numbers with a slash between.
+    """
+    found = re.fullmatch(r"(\d+)/(\d+)", frame.strip(), re.ASCII)
+    if not found:
+        raise SettingsError(f'frame {frame!r} is not "scene/image", such as "50/1"')
+    return int(found.group(1)), int(found.group(2))
+
+
+def frame_name(ids: FrameIds) -> str:
+    """``"50/1"`` of (50, 1)."""
+    return f"{ids[0]}/{ids[1]}"
+
+
+def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[FrameIds, ...]:
+    """The frames that a person asked for, each once.
+
+    Raises:
+        SettingsError: a name is not "scene/image".
+        InputError: the data set has no such scene or image.
+    """
+    wanted = tuple(dict.fromkeys(parse_frame(frame) for frame in frames))
+    for scene_id, im_id in wanted:
+        dataset.check(scene_id, im_id)
+    return wanted
+
+
+def all_frames(dataset: BopDataset) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:
+    """All frames of the targets file that are on the disk, else all of the split; and notes about those that are not.
+
+    Raises:
+        InputError: the split holds no image.
+    """
+    targets = dataset.targets()
+    if targets:
+        there = tuple(ids for ids in targets if dataset.has(*ids))
+        missing = len(targets) - len(there)
+        if there:
+            note = f"{missing} of {len(targets)} frames of the targets file are not on the disk; they are left out"
+            return there, (note,) if missing else ()
+    every = tuple((scene_id, im_id) for scene_id in dataset.scene_ids for im_id in dataset.image_ids(scene_id))
+    if not every:
+        raise InputError(f"{dataset.folder / dataset.split} lists no image in its scene_camera.json files")
+    return every, ()

@@ -1,0 +1,87 @@
+"""Images of a data set: colour, 16-bit depth, masks; png, jpg or tif."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from verefine_viz.core.arrays import Mask
+from verefine_viz.core.errors import InputError
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+"""Looked for in this order."""
+
+
+def find_image(folder: Path, stem: str) -> Path | None:
+    """The image of that name in ``folder``, whatever its format, or None."""
+    candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def read_color(path: Path) -> NDArray[np.uint8]:
+    """RGB (H, W, 3) of a colour or grey image of 8 or 16 bits.
+
+    Raises:
+        InputError: missing, damaged, or no image.
+    """
+    image = _read(path)
+    if image.mode.startswith("I") or image.mode == "F":
+        values = np.asarray(image, dtype=np.float64)
+        full = 255.0 if values.max(initial=0.0) <= 255 else 65535.0
+        grey = np.clip(values / full * 255.0, 0, 255).round().astype(np.uint8)
+        return np.repeat(grey[..., None], 3, axis=2)
+    return np.asarray(image.convert("RGB"))
+
+
+def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
+    """Depth z (H, W) [m] of a one-channel image whose values times ``scale_mm`` are millimetres; 0 = not measured.
+
+    Raises:
+        InputError: missing, damaged, more than one channel, or negative or infinite values.
+    """
+    image = _read(path)
+    if image.mode == "P" or len(image.getbands()) != 1:
+        raise InputError(f"{path} is a {image.mode} image, expected one channel of 16-bit depth")
+    raw = np.asarray(image, dtype=np.float64)
+    raw = np.where(np.isnan(raw), 0.0, raw)
+    if not np.isfinite(raw).all() or (raw < 0).any():
+        raise InputError(f"{path} holds negative or infinite depth, expected values ≥ 0 with 0 = not measured")
+    return (raw * (scale_mm * 1e-3)).astype(np.float32)
+
+
+def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
+    """A mask (H, W) bool; every value above 0 is inside.
+
+    Raises:
+        InputError: missing, damaged, or another size than ``shape`` (height, width).
+    """
+    values = np.asarray(_read(path).convert("L"))
+    if values.shape != shape:
+        raise InputError(f"{path} is {size_text(values.shape)} pixels, expected {size_text(shape)} as the depth image")
+    return values > 0
+
+
+def size_text(shape: tuple[int, ...]) -> str:
+    """``640×480`` of (480, 640, …)."""
+    return f"{shape[1]}×{shape[0]}"
+
+
+def write_image(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    """Writes a PNG; it appears under its name only when it is whole."""
+    part = path.with_name(path.name + ".part")
+    Image.fromarray(pixels).save(part, format="PNG")
+    part.replace(path)
+
+
+def _read(path: Path) -> Image.Image:
+    if not path.is_file():
+        raise InputError(f"{path} is missing")
+    try:
+        with Image.open(path) as image:
+            image.load()
+            return image.copy()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None

@@ -1,0 +1,78 @@
+"""First poses out of results files: whose is each row, and in which order are they tried."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain, zip_longest
+from pathlib import Path
+
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Hypothesis
+from verefine_viz.scenes.results import ResultRow, method_of, read_results
+from verefine_viz.scenes.segments import Segment
+from verefine_viz.scenes.silhouette import best_owner, silhouette
+
+
+@dataclass(frozen=True, eq=False)
+class ResultsFile:
+    """The estimates of one method."""
+
+    method: str
+    rows: dict[tuple[int, int, int], tuple[ResultRow, ...]]
+    """By (scene, image, object), highest score first; rows of equal score keep the file's order."""
+
+
+def open_results(path: Path | str) -> ResultsFile:
+    """A results file, ready to be asked for an object of a frame.
+
+    Raises:
+        InputError: as :func:`read_results`.
+    """
+    grouped: dict[tuple[int, int, int], list[ResultRow]] = {}
+    for row in read_results(path):
+        grouped.setdefault((row.scene_id, row.im_id, row.obj_id), []).append(row)
+    ranked = {key: tuple(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
+    return ResultsFile(method_of(path), ranked)
+
+
+def pools_of_object(
+    files: Sequence[ResultsFile],
+    scene_id: int,
+    im_id: int,
+    segments: Sequence[Segment],
+    model: ObjectModel,
+    camera: Camera,
+    max_per_object: int,
+) -> tuple[tuple[Hypothesis, ...], ...]:
+    """The hypotheses of each instance of one object in a frame, best first.
+
+    The files take turns: the best row of the first file, the best of the second, …, then their second bests. Scores of
+    different methods cannot be compared, and so the cut at ``max_per_object`` starves no file; the order of the files
+    is the order of trust.
+
+    Args:
+        files: in the order of trust.
+        scene_id: BOP scene.
+        im_id: BOP image.
+        segments: all instances of this object in the frame, also those nobody asked for. Where there are several, a row
+            belongs to the one whose mask its outline overlaps most.
+        model: the object.
+        camera: of the frame.
+        max_per_object: H, most hypotheses per instance.
+    """
+    per_file: list[list[list[Hypothesis]]] = []
+    for file in files:
+        owned: list[list[Hypothesis]] = [[] for _ in segments]
+        for row in file.rows.get((scene_id, im_id, model.obj_id), ()):
+            k = 0
+            if len(segments) > 1:
+                k = best_owner(silhouette(model, row.T_cam_obj, camera), [s.mask for s in segments])
+            owned[k].append(Hypothesis(row.T_cam_obj, row.score, file.method))
+        per_file.append(owned)
+    pools = []
+    for k in range(len(segments)):
+        turns = chain.from_iterable(zip_longest(*(owned[k] for owned in per_file)))
+        pools.append(tuple(h for h in turns if h is not None)[:max_per_object])
+    return tuple(pools)

@@ -1,0 +1,130 @@
+"""BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
+
+The rules are the official toolkit's; on top of them, poses and scores must be numbers and R a rotation.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.geometry import as_rigid, transform
+
+HEADER = "scene_id,im_id,obj_id,score,R,t,time"
+
+
+@dataclass(frozen=True, eq=False)
+class ResultRow:
+    """One estimate."""
+
+    scene_id: int
+    im_id: int
+    obj_id: int
+    score: float
+    T_cam_obj: Float
+    """(4, 4) [m]."""
+    time_s: float = -1.0
+    """Seconds for the whole image; negative = unknown."""
+
+
+def read_results(path: Path | str) -> tuple[ResultRow, ...]:
+    """All estimates of a results file, in its order.
+
+    Raises:
+        InputError: the file is missing or empty, or a line breaks a rule; the line's number and the reason are named.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text file, expected a BOP results CSV ({HEADER})") from None
+    lines = text.split("\n")
+    if lines[-1] == "":
+        lines.pop()
+    rows: list[ResultRow] = []
+    first_time: dict[tuple[int, int], float] = {}
+    for number, line in enumerate(lines, start=1):
+        if number == 1 and HEADER in line:
+            continue
+        where = f"{path}, line {number}"
+        row = _row(line, where)
+        rows.append(row)
+        if row.time_s < 0:
+            continue
+        known = first_time.setdefault((row.scene_id, row.im_id), row.time_s)
+        if abs(row.time_s - known) > 0.001:
+            raise InputError(
+                f"{where}: time is {row.time_s:g} s, but {known:g} s in an earlier line of scene {row.scene_id}, "
+                f"image {row.im_id}; all estimates of an image share one time"
+            )
+    if not rows:
+        raise InputError(f"{path} holds no estimates, expected a BOP results CSV ({HEADER})")
+    return tuple(rows)
+
+
+def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
+    """Writes a results file; it appears under its name only when it is whole. Numbers keep all their digits."""
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    with part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(HEADER + "\n")
+        for row in rows:
+            R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
+            t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
+            ids = f"{row.scene_id},{row.im_id},{row.obj_id}"
+            file.write(f"{ids},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n")
+    part.replace(path)
+
+
+def method_of(path: Path | str) -> str:
+    """The method's name in a results file's name: ``cosypose`` of ``cosypose_ycbv-test.csv``."""
+    stem = Path(path).stem
+    named = re.match(r"(.+?)_[^_]+-(?:test|val|train)[^_]*(?:_.*)?$", stem)
+    return named.group(1) if named else stem
+
+
+def _row(line: str, where: str) -> ResultRow:
+    fields = line.split(",")
+    if len(fields) != 7:
+        found = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
+        raise InputError(f"{where}: found {found}, expected 7 fields ({HEADER})")
+    names = ("scene_id", "im_id", "obj_id")
+    scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
+    score = _numbers(fields[3], 1, "score", where)[0]
+    R, t_mm = _numbers(fields[4], 9, "R", where).reshape(3, 3), _numbers(fields[5], 3, "t", where)
+    try:
+        time_s = float(fields[6])
+    except ValueError:
+        raise InputError(f"{where}: time is {fields[6].strip()!r}, expected seconds (-1 = unknown)") from None
+    try:
+        T_cam_obj = as_rigid(transform(R, t_mm * 1e-3), "the pose")
+    except ShapeError as error:
+        raise InputError(f"{where}: {error}") from None
+    return ResultRow(scene_id, im_id, obj_id, float(score), T_cam_obj, time_s)
+
+
+def _integer(text: str, name: str, where: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"{where}: {name} is {text.strip()!r}, expected an integer") from None
+
+
+def _numbers(text: str, n: int, name: str, where: str) -> Float:
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected numbers separated by blanks") from None
+    if len(values) != n:
+        raise InputError(f"{where}: {name} holds {len(values)} numbers, expected {n}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{where}: {name} holds NaN or infinity, expected finite numbers")
+    return values

@@ -1,0 +1,141 @@
+"""The instances of a frame: which pixels belong to which object, from mask images or from detections."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError
+from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.detections import Detection, DetectionsFile
+from verefine_viz.scenes.models import ModelLibrary
+from verefine_viz.scenes.silhouette import overlap, silhouette
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One instance, before its model and its hypotheses are looked up."""
+
+    instance_id: int
+    obj_id: int
+    mask: Mask
+    T_cam_obj_gt: Float | None
+    visib_fract: float | None
+
+
+Segments = tuple[tuple[Segment, ...], tuple[str, ...]]
+"""The segments of all objects of a frame, and notes about those that had to be left out."""
+
+
+def segments_of_folder(
+    dataset: BopDataset, scene_id: int, im_id: int, kind: MaskFolder, shape: tuple[int, int]
+) -> Segments:
+    """The annotated instances with their mask images; ``instance_id`` is the entry's place in scene_gt.
+
+    Raises:
+        InputError: the frame has no ground truth, so nobody knows whose masks they are; or none of its masks exists.
+    """
+    entries = dataset.ground_truth(scene_id, im_id)
+    if entries is None:
+        known = dataset.detection_files()
+        hint = f" ({', '.join(known)})" if known else ""
+        raise InputError(
+            f"frame {scene_id}/{im_id} of {dataset.name}/{dataset.split} has no scene_gt, so its masks have no object "
+            f"ids; set scene.masks to the path of a detections JSON{hint}"
+        )
+    found: list[Segment] = []
+    notes: list[str] = []
+    for entry in entries:
+        name = f"{dataset.models.name(entry.obj_id)} (#{entry.gt_id})"
+        try:
+            mask = dataset.mask(scene_id, im_id, entry.gt_id, kind, shape)
+        except InputError as error:
+            notes.append(f"{name} is left out: {error}")
+            continue
+        if not mask.any():
+            notes.append(f"{name} is left out: its mask is empty")
+            continue
+        if entry.fault:
+            notes.append(f"{name} has no ground truth: {entry.fault}")
+        found.append(Segment(entry.gt_id, entry.obj_id, mask, entry.T_cam_obj, entry.visib_fract))
+    if entries and not found:
+        raise InputError(f"no instance of frame {scene_id}/{im_id} has a mask; {notes[0]}")
+    return tuple(found), tuple(notes)
+
+
+def segments_of_detections(
+    dataset: BopDataset, file: DetectionsFile, scene_id: int, im_id: int, camera: Camera
+) -> Segments:
+    """The detected instances; ``instance_id`` counts them from the highest score of the frame.
+
+    Where ground truth or targets tell how often each object is in the frame, only that many detections of it are kept,
+    as BOP's localization task does. Ground truth goes to the detection that its outline overlaps most.
+
+    Raises:
+        InputError: the frame has no detections, or their run lengths are damaged.
+    """
+    detections, notes = file.of_image(scene_id, im_id, camera.shape)
+    if not detections:
+        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}; {_images_text(file)}")
+    empty = sum(not d.mask.any() for d in detections)
+    if empty:
+        notes += (f"{empty} detections in {file.path.name} have an empty mask; they are left out",)
+    entries = dataset.ground_truth(scene_id, im_id)
+    targets = dataset.targets() or {}
+    counts = targets.get((scene_id, im_id)) if entries is None else Counter(e.obj_id for e in entries)
+    kept = _most_confident([d for d in detections if d.mask.any()], counts or None)
+    left_out = len(detections) - empty - len(kept)
+    if left_out:
+        notes += (f"{left_out} detections of objects that are not in the frame, or found too often, are left out",)
+    segments = [Segment(k, d.obj_id, d.mask, None, None) for k, d in enumerate(kept)]
+    if entries is not None:
+        unseen = Counter(e.obj_id for e in entries) - Counter(d.obj_id for d in kept)
+        notes += tuple(f"{dataset.models.name(i)} is in the ground truth but was not detected" for i in sorted(unseen))
+        segments = _with_ground_truth(segments, entries, dataset.models, camera)
+    if not segments:
+        raise InputError(f"none of the detections of frame {scene_id}/{im_id} can be used: {'; '.join(notes)}")
+    return tuple(segments), notes
+
+
+def _most_confident(detections: Sequence[Detection], counts: Mapping[int, int] | None) -> list[Detection]:
+    if counts is None:
+        return list(detections)
+    left = dict(counts)
+    kept = []
+    for detection in detections:  # highest score first
+        if left.get(detection.obj_id, 0) > 0:
+            left[detection.obj_id] -= 1
+            kept.append(detection)
+    return kept
+
+
+def _with_ground_truth(
+    segments: Sequence[Segment], entries: Sequence[GroundTruth], models: ModelLibrary, camera: Camera
+) -> list[Segment]:
+    """Each segment with the ground truth of its object; of several, the best overlapping pair goes first."""
+    matched = list(segments)
+    for obj_id in sorted({s.obj_id for s in segments}):
+        mine = [k for k, s in enumerate(segments) if s.obj_id == obj_id]
+        truths = [e for e in entries if e.obj_id == obj_id and e.T_cam_obj is not None]
+        if len(truths) > 1 or len(mine) > 1:
+            model = models.get(obj_id)
+            outlines = [silhouette(model, e.T_cam_obj, camera) for e in truths if e.T_cam_obj is not None]
+            shares = np.array([[overlap(segments[k].mask, outline) for outline in outlines] for k in mine])
+        else:
+            shares = np.ones((len(mine), len(truths)))
+        while shares.size and shares.max() >= 0:
+            row, column = np.unravel_index(np.argmax(shares), shares.shape)
+            k, truth = mine[int(row)], truths[int(column)]
+            matched[k] = replace(segments[k], T_cam_obj_gt=truth.T_cam_obj, visib_fract=truth.visib_fract)
+            shares[row, :] = shares[:, column] = -1
+    return matched
+
+
+def _images_text(file: DetectionsFile) -> str:
+    listed = [f"{scene_id}/{im_id}" for scene_id, im_id in file.images[:10]]
+    return f"it has {', '.join(listed) or 'none'}{', …' if file.images[10:] else ''}"

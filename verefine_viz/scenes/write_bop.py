@@ -1,0 +1,209 @@
+"""Problems written out as a BOP folder: models, images, masks, cameras, ground truth and targets.
+
+Reading it back gives the same problems, up to the depth's quantisation.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Mask
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.scenes.images import write_image
+from verefine_viz.scenes.silhouette import silhouette
+
+TARGET_VISIB_FRACT = 0.1
+"""Instances that are less visible are no targets (BOP)."""
+
+
+def write_bop(
+    folder: Path | str, problems: Sequence[Problem], split: str = "test", depth_scale_mm: float = 0.1
+) -> Path:
+    """Writes a BOP folder and returns its path; the folder must be new or empty.
+
+    Instances are numbered anew in each image. Continuous symmetries were discretised when the models were read; they
+    are written as discrete ones. Hypotheses are not part of BOP's layout: write them as a results file.
+
+    Args:
+        folder: the data set to make.
+        problems: frames, each with another (scene_id, im_id), and ground truth for every instance.
+        split: name of the split.
+        depth_scale_mm: millimetres per step of the 16-bit depth images.
+
+    Raises:
+        InputError: the folder is not empty, frames repeat, an instance has no ground truth, two problems have different
+            models under one id, or a depth does not fit.
+    """
+    folder = Path(folder)
+    _check(folder, problems, depth_scale_mm)
+    _write_models(folder / "models", {i: m for problem in problems for i, m in problem.models.items()})
+    for scene_id in sorted({p.scene_id for p in problems}):
+        scene = folder / split / f"{scene_id:06d}"
+        mine = [p for p in problems if p.scene_id == scene_id]
+        for kind in ("rgb", "depth", "mask", "mask_visib"):
+            (scene / kind).mkdir(parents=True)
+        silhouettes = {p.im_id: _write_images(scene, p, depth_scale_mm) for p in mine}
+        _write_json(scene / "scene_camera.json", {str(p.im_id): _camera(p, depth_scale_mm) for p in mine})
+        _write_json(scene / "scene_gt.json", {str(p.im_id): [_pose(i) for i in p.instances] for p in mine})
+        infos = {str(p.im_id): _infos(p, silhouettes[p.im_id]) for p in mine}
+        _write_json(scene / "scene_gt_info.json", infos)
+    _write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
+    return folder
+
+
+def _check(folder: Path, problems: Sequence[Problem], depth_scale_mm: float) -> None:
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"{folder} is not empty; choose another folder, nothing is ever overwritten")
+    frames = Counter(p.frame for p in problems)
+    repeated = [frame for frame, n in frames.items() if n > 1]
+    if repeated:
+        raise InputError(
+            f"frame {repeated[0]} occurs {frames[repeated[0]]} times; every scene/image can be written once"
+        )
+    if not problems:
+        raise InputError("there is no problem to write, expected at least one frame")
+    hashes: dict[int, str] = {}
+    for problem in problems:
+        for instance in problem.instances:
+            if instance.T_cam_obj_gt is None:
+                place = f"instance {instance.instance_id} of frame {problem.frame}"
+                raise InputError(f"{place} has no ground-truth pose; BOP's scene_gt needs one for every instance")
+        for obj_id, model in problem.models.items():
+            if hashes.setdefault(obj_id, model.mesh_hash) != model.mesh_hash:
+                raise InputError(f"object {obj_id} is not the same model in all frames; give each model its own id")
+        deepest_mm = float(problem.observation.depth_m.max()) * 1e3
+        if deepest_mm / depth_scale_mm > 65535.49:
+            needed = deepest_mm / 65535
+            raise InputError(
+                f"frame {problem.frame} is {deepest_mm:.0f} mm deep, which does not fit 16 bits at {depth_scale_mm:g} "
+                f"mm a step; use a depth scale of at least {needed:.3g} mm"
+            )
+
+
+def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    info: dict[str, Any] = {}
+    for obj_id, model in sorted(models.items()):
+        _write_ply(folder / f"obj_{obj_id:06d}.ply", model)
+        low, high = model.vertices.min(axis=0) * 1e3, model.vertices.max(axis=0) * 1e3
+        entry: dict[str, Any] = {"diameter": model.diameter_m * 1e3}
+        entry |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
+        entry |= {f"size_{axis}": float(value) for axis, value in zip("xyz", high - low, strict=True)}
+        if model.is_symmetric:
+            in_mm = np.array(model.symmetries[1:])
+            in_mm[:, :3, 3] *= 1e3
+            entry["symmetries_discrete"] = in_mm.reshape(-1, 16).tolist()
+        info[str(obj_id)] = entry
+    _write_json(folder / "models_info.json", info)
+    _write_json(folder / "obj_names.json", {str(i): m.name for i, m in sorted(models.items())})
+
+
+def _write_ply(path: Path, model: ObjectModel) -> None:
+    """Binary PLY in millimetres; doubles, so that the vertices come back as they were."""
+    fields: list[tuple[str, str]] = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
+    if model.vertex_colors is not None:
+        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    vertices = np.empty(len(model.vertices), dtype=fields)
+    for k, axis in enumerate("xyz"):
+        vertices[axis] = model.vertices[:, k] * 1e3
+    if model.vertex_colors is not None:
+        for k, channel in enumerate(("red", "green", "blue")):
+            vertices[channel] = model.vertex_colors[:, k]
+    faces = np.empty(len(model.faces), dtype=[("n", "u1"), ("vertex_indices", "<i4", 3)])
+    faces["n"], faces["vertex_indices"] = 3, model.faces
+    properties = "".join(f"property {'uchar' if kind == 'u1' else 'double'} {name}\n" for name, kind in fields)
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(header.encode("ascii") + vertices.tobytes() + faces.tobytes())
+    part.replace(path)
+
+
+def _write_images(scene: Path, problem: Problem, depth_scale_mm: float) -> list[Mask]:
+    """Writes the images of a frame and returns the full silhouette of each instance."""
+    observation, stem = problem.observation, f"{problem.im_id:06d}"
+    if observation.rgb is not None:
+        write_image(scene / "rgb" / f"{stem}.png", observation.rgb)
+    steps = np.round(observation.depth_m.astype(np.float64) * 1e3 / depth_scale_mm).astype(np.uint16)
+    write_image(scene / "depth" / f"{stem}.png", steps)
+    silhouettes = []
+    for gt_id, instance in enumerate(problem.instances):
+        assert instance.T_cam_obj_gt is not None  # _check has seen to it
+        outline = silhouette(problem.models[instance.obj_id], instance.T_cam_obj_gt, observation.camera)
+        full = outline | instance.mask
+        silhouettes.append(full)
+        write_image(scene / "mask" / f"{stem}_{gt_id:06d}.png", full.astype(np.uint8) * 255)
+        write_image(scene / "mask_visib" / f"{stem}_{gt_id:06d}.png", instance.mask.astype(np.uint8) * 255)
+    return silhouettes
+
+
+def _camera(problem: Problem, depth_scale_mm: float) -> dict[str, Any]:
+    support = problem.observation.support
+    entry: dict[str, Any] = {"cam_K": problem.observation.camera.K.ravel().tolist(), "depth_scale": depth_scale_mm}
+    if support is not None:
+        R_cam_world = support.T_world_cam[:3, :3].T
+        entry["cam_R_w2c"] = R_cam_world.ravel().tolist()
+        entry["cam_t_w2c"] = (-R_cam_world @ support.T_world_cam[:3, 3] * 1e3).tolist()
+    return entry
+
+
+def _pose(instance: Instance) -> dict[str, Any]:
+    T = instance.T_cam_obj_gt
+    assert T is not None  # _check has seen to it
+    R, t_mm = T[:3, :3].ravel().tolist(), (T[:3, 3] * 1e3).tolist()
+    return {"cam_R_m2c": R, "cam_t_m2c": t_mm, "obj_id": instance.obj_id}
+
+
+def _infos(problem: Problem, silhouettes: Sequence[Mask]) -> list[dict[str, Any]]:
+    return [_info(problem, i, full) for i, full in zip(problem.instances, silhouettes, strict=True)]
+
+
+def _info(problem: Problem, instance: Instance, full: Mask) -> dict[str, Any]:
+    n_all, n_visible = int(full.sum()), int(instance.mask.sum())
+    share = n_visible / max(n_all, 1) if instance.visib_fract is None else instance.visib_fract
+    return {
+        "bbox_obj": _box(full),
+        "bbox_visib": _box(instance.mask),
+        "px_count_all": n_all,
+        "px_count_valid": int((full & (problem.observation.depth_m > 0)).sum()),
+        "px_count_visib": n_visible,
+        "visib_fract": share,
+    }
+
+
+def _box(mask: Mask) -> list[int]:
+    """[x, y, width, height], width = max − min as in BOP; −1 where the mask is empty."""
+    v, u = np.nonzero(mask)
+    if len(v) == 0:
+        return [-1, -1, -1, -1]
+    return [int(u.min()), int(v.min()), int(u.max() - u.min()), int(v.max() - v.min())]
+
+
+def _targets(problems: Sequence[Problem]) -> list[dict[str, int]]:
+    entries = []
+    for problem in sorted(problems, key=lambda p: (p.scene_id, p.im_id)):
+        seen = Counter(
+            i.obj_id
+            for i in problem.instances
+            if (1.0 if i.visib_fract is None else i.visib_fract) >= TARGET_VISIB_FRACT
+        )
+        for obj_id, count in sorted(seen.items()):
+            ids = {"im_id": problem.im_id, "inst_count": count, "obj_id": obj_id, "scene_id": problem.scene_id}
+            entries.append(ids)
+    return entries
+
+
+def _write_json(path: Path, content: Any) -> None:
+    part = path.with_name(path.name + ".part")
+    part.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    part.replace(path)
