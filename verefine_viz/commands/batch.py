@@ -25,8 +25,6 @@ class Batch:
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes; the results are the same for any number."""
     settings: AnySettings = field(default_factory=SessionFlags)
-        default_factory=SessionFlags
-    )
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.sessions:

@@ -27,8 +27,6 @@ class View:
     open_browser: bool = True
     """Open the page in this desktop's browser, where there is one."""
     settings: AnySettings = field(default_factory=SessionFlags)
-        default_factory=SessionFlags
-    )
 
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.session.files import load_session
