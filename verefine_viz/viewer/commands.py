@@ -1,0 +1,342 @@
+"""Everything a person can ask for, as data: what buttons, keys, links and scripts put into the queue.
+
+A session of work is a list of these; :func:`to_json` and :func:`from_json` keep it in files. The debugger carries
+them out in order, on one thread (:mod:`verefine_viz.viewer.debugger`).
+"""
+
+from __future__ import annotations
+
+import json
+import types
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
+
+from verefine_viz.core.errors import InputError, unknown
+
+Goal = Literal["end", "event", "breakpoint"]
+CloudColors = Literal["colour", "residual", "class"]
+Pose = tuple[float, ...]
+"""The 16 numbers of a T_cam_obj, row by row."""
+Changes = tuple[tuple[str, Any], ...]
+"""Settings to change: (("method.exploration", 0.2), …)."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Base of all commands."""
+
+    latest_wins: ClassVar[bool] = False
+    """A newer one of the same kind makes an older one that still waits pointless (sliders, dragging)."""
+
+
+# Moving through the run
+
+
+@dataclass(frozen=True)
+class Step(Command):
+    """One iteration forward."""
+
+
+@dataclass(frozen=True)
+class StepStage(Command):
+    """One stage forward: current, simulated, mixed, refined, then the next iteration."""
+
+
+@dataclass(frozen=True)
+class Back(Command):
+    """One iteration back."""
+
+
+@dataclass(frozen=True)
+class Seek(Command):
+    """To an iteration that was computed already; 0 = before the first."""
+
+    latest_wins: ClassVar[bool] = True
+    cursor: int
+
+
+@dataclass(frozen=True)
+class SeekStage(Command):
+    """To one stage of an iteration."""
+
+    cursor: int
+    stage: str
+
+
+@dataclass(frozen=True)
+class SeekEnd(Command):
+    """To the last iteration that was computed."""
+
+
+@dataclass(frozen=True)
+class SeekEvent(Command):
+    """To the next (+1) or previous (−1) mark on the timeline, among the iterations that were computed."""
+
+    direction: int
+
+
+@dataclass(frozen=True)
+class RunUntil(Command):
+    """Compute on, to the end, the next event, or a breakpoint; breakpoints stop all of them."""
+
+    goal: Goal = "end"
+
+
+@dataclass(frozen=True)
+class RunTo(Command):
+    """Compute on until the timeline holds this many iterations, breakpoints or not."""
+
+    length: int
+
+
+@dataclass(frozen=True)
+class Pause(Command):
+    """Stop computing after the iteration at hand."""
+
+
+@dataclass(frozen=True)
+class TogglePause(Command):
+    """Run if paused, pause if running."""
+
+
+@dataclass(frozen=True)
+class Restart(Command):
+    """Back to before iteration 1 with an empty timeline, settings changed if any are given."""
+
+    changes: Changes = ()
+
+
+# Choosing what to solve, and how
+
+
+@dataclass(frozen=True)
+class OpenFrame(Command):
+    """Another frame of the session, ``scene/image``."""
+
+    frame: str
+
+
+@dataclass(frozen=True)
+class OpenDemo(Command):
+    """Another built-in scene."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class OpenSession(Command):
+    """A session file."""
+
+    path: str
+
+
+@dataclass(frozen=True)
+class Fork(Command):
+    """A new branch from iteration ``cursor`` on (None = where we are), with settings changed."""
+
+    changes: Changes = ()
+    cursor: int | None = None
+    run: bool = False
+    """Whether to run the branch to the end at once: the what-if."""
+
+
+@dataclass(frozen=True)
+class ForkFromPose(Command):
+    """A new branch from where we are, in which the edited pose replaces the arm's current one."""
+
+
+@dataclass(frozen=True)
+class ShowBranch(Command):
+    """Another branch of this frame's runs."""
+
+    index: int
+
+
+@dataclass(frozen=True)
+class SetBreakpoints(Command):
+    """When a running method should stop and wait."""
+
+    changes: Changes
+
+
+# Looking
+
+
+@dataclass(frozen=True)
+class Focus(Command):
+    """Another object of the frame."""
+
+    instance_id: int
+
+
+@dataclass(frozen=True)
+class SelectArm(Command):
+    """Another hypothesis, whose history is shown; None = the one at work."""
+
+    arm: int | None
+
+
+@dataclass(frozen=True)
+class Compare(Command):
+    """Two stages side by side."""
+
+    a: str | None = None
+    b: str | None = None
+
+
+@dataclass(frozen=True)
+class ShowMap(Command):
+    """Which score map lies on the camera image in 3D, and is large in the Score panel."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class ProbePixel(Command):
+    """The numbers of one pixel of the score maps."""
+
+    latest_wins: ClassVar[bool] = True
+    u: int
+    v: int
+
+
+@dataclass(frozen=True)
+class ColorCloud(Command):
+    """What the colours of the observed cloud mean; None = the next of the three."""
+
+    by: CloudColors | None = None
+
+
+@dataclass(frozen=True)
+class ShowLayer(Command):
+    """A layer of the 3D scene on or off; None = the other way."""
+
+    name: str
+    visible: bool | None = None
+
+
+@dataclass(frozen=True)
+class ScrubPath(Command):
+    """One pose of the simulated path; None = hide it."""
+
+    latest_wins: ClassVar[bool] = True
+    pose: int | None
+
+
+@dataclass(frozen=True)
+class PlayPath(Command):
+    """Show the simulated path pose by pose."""
+
+
+@dataclass(frozen=True)
+class Animate(Command):
+    """Whether a step is shown stage by stage."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class ScoreGroundTruth(Command):
+    """Score the ground truth and put it beside the best pose."""
+
+
+@dataclass(frozen=True)
+class EditPose(Command):
+    """Start or stop editing the selected arm's pose with the gizmo."""
+
+    on: bool = True
+
+
+@dataclass(frozen=True)
+class DragPose(Command):
+    """The edited pose, while it is dragged."""
+
+    latest_wins: ClassVar[bool] = True
+    T_cam_obj: Pose
+
+
+# Keeping
+
+
+@dataclass(frozen=True)
+class SaveSession(Command):
+    """Settings, breakpoints, edited poses and the place in the run, to ``sessions/<name>.toml``."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Export(Command):
+    """Write the recording, the 3D scene as one HTML file, the results CSV, or the score maps as PNG."""
+
+    what: Literal["recording", "scene", "results", "maps", "commands"]
+
+
+COMMANDS: dict[str, type[Command]] = {
+    c.__name__: c
+    for c in (
+        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
+        OpenFrame, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
+        Focus, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
+        ScoreGroundTruth, EditPose, DragPose, SaveSession, Export,
+    )
+}  # fmt: skip
+
+
+def to_json(command: Command) -> str:
+    """A command as one line: ``{"command": "Seek", "cursor": 17}``."""
+    values = {f.name: getattr(command, f.name) for f in fields(command)}
+    return json.dumps({"command": type(command).__name__, **values}, ensure_ascii=False)
+
+
+def from_json(text: str) -> Command:
+    """The command that :func:`to_json` wrote.
+
+    Raises:
+        InputError: not a command, or one with fields that it does not have.
+    """
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"not a command: {error}") from None
+    if not isinstance(data, dict) or data.get("command") not in COMMANDS:
+        name = data.get("command") if isinstance(data, dict) else data
+        raise InputError(unknown("command", name, COMMANDS))
+    cls = COMMANDS[data.pop("command")]
+    hints = get_type_hints(cls)
+    for name, value in data.items():
+        if name not in {f.name for f in fields(cls)}:
+            raise InputError(f"command {cls.__name__} has no field {name!r}")
+        data[name] = _tuples(value)
+        if not _fits(data[name], hints[name]):
+            raise InputError(f"command {cls.__name__}: {name} = {value!r} is not a {hints[name]}")
+    try:
+        return cls(**data)
+    except TypeError as error:
+        raise InputError(f"command {cls.__name__}: {error}") from None
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a JSON value is of the annotated type; only the kinds of annotation used above."""
+    origin, args = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return True
+    if origin is Literal:
+        return value in args
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, a) for a in args)
+    if origin is tuple:
+        if not isinstance(value, tuple):
+            return False
+        if args and args[-1] is Ellipsis:
+            return all(_fits(v, args[0]) for v in value)
+        return len(value) == len(args) and all(_fits(v, a) for v, a in zip(value, args, strict=True))
+    if hint is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, hint)

@@ -1,0 +1,343 @@
+"""The debugger without a screen: carries out commands, one after another, on one thread.
+
+The page is one way to drive it; a list of commands is another, with the same result (:meth:`Debugger.carry_out`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.settings import BreakpointSettings, Session
+from verefine_viz.session.breakpoints import hits
+from verefine_viz.session.files import load_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import look as looking
+from verefine_viz.viewer.look import Look
+from verefine_viz.viewer.marks import jumps
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.viewing import view_of
+from verefine_viz.viewer.workspace import Tools, Workspace
+
+_LOG = logging.getLogger(__name__)
+Keeper = Callable[["Debugger", c.Command], Path]
+
+
+class Debugger:
+    """A session being looked at.
+
+    Args:
+        session: what to open.
+        path: its file, if it has one.
+        make_tools: builds simulator, refiner, verifier, method and scene from a session.
+        plausibility: judges a pose by physics without moving it; None = not known.
+        demos: names of the built-in scenes.
+        keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: Path | None,
+        make_tools: Callable[[Session], Tools],
+        plausibility: Callable[..., Any] | None = None,
+        demos: tuple[str, ...] = (),
+        keep: Keeper | None = None,
+    ) -> None:
+        self.workspace = Workspace(session, path, make_tools, plausibility)
+        self.demos = demos
+        self.look = Look()
+        self.goal: c.Goal | int | None = None
+        """What is being run to; a number is a length of the timeline."""
+        self.message = ""
+        self.kept: tuple[Path, ...] = ()
+        self.log: list[c.Command] = []
+        """What was done, so that doing it again gives the same: runs appear as where they ended."""
+        self._keep = keep
+        self._seconds: deque[float] = deque(maxlen=20)
+
+    # Driving it
+
+    def apply(self, command: c.Command) -> None:
+        """Begins to carry out a command; a run goes on with each :meth:`tick`.
+
+        Raises:
+            VerefineError: it cannot be done; everything is as before.
+        """
+        self.message = ""
+        if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
+            if not _may_wait(command):
+                self.pause()
+            self._do(command)
+            self.log.append(command)
+            return
+        if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and self.goal is not None):
+            self.pause()
+            return
+        self.pause()
+        self._run_on(command)
+
+    def carry_out(self, commands: Iterable[c.Command]) -> Debugger:
+        """Every command in order, each to its end."""
+        for command in commands:
+            self.apply(command)
+            while self.goal is not None:
+                self.tick()
+        return self
+
+    def tick(self) -> Iteration | None:
+        """One iteration of the run that is on, or None if it came to its end."""
+        run = self.workspace.run
+        if self.goal is None:
+            return None
+        run.seek(run.length)
+        if run.is_done or (isinstance(self.goal, int) and run.length >= self.goal):
+            self.pause()
+            return None
+        began = perf_counter()
+        iteration = run.step()
+        self._seconds.append(perf_counter() - began)
+        self.look = self.look.moved()
+        self._stop_if_reached(iteration)
+        return iteration
+
+    def pause(self) -> None:
+        """Stops a run after the iteration at hand."""
+        if self.goal is not None:
+            self.goal = None
+            self.log.append(c.RunTo(self.workspace.run.length))
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Estimated time to the end of the run [s]."""
+        if not self._seconds:
+            return None
+        run = self.workspace.run
+        return (run.n_iterations - run.length) * sum(self._seconds) / len(self._seconds)
+
+    def view(self) -> View:
+        """What is to be seen now."""
+        return view_of(self)
+
+    # What the commands do
+
+    def _do(self, command: c.Command) -> None:
+        look = looking.changed(self.look, command)
+        if look is not None:
+            self._check(look)
+            self.look = look
+            return
+        match command:
+            case c.Step():
+                self._step()
+            case c.StepStage():
+                self._step_stage()
+            case c.Back():
+                self._seek(max(self.workspace.run.cursor - 1, 0))
+            case c.Seek(cursor):
+                self._seek(min(max(cursor, 0), self.workspace.run.length))
+            case c.SeekStage(cursor, stage):
+                self._seek(cursor)
+                self.look = replace(self.look, stage=stage)
+            case c.SeekEnd():
+                self._seek(self.workspace.run.length)
+            case c.SeekEvent(direction):
+                self._seek_event(direction)
+            case c.Restart(changes):
+                self.workspace.restart(changes)
+                self._reset_look()
+            case c.OpenFrame(frame):
+                self.workspace.open_frame(frame)
+                self._reset_look()
+            case c.OpenDemo(name):
+                self._open_demo(name)
+            case c.OpenSession(path):
+                self.workspace.open(load_session(Path(path)), Path(path))
+                self._reset_look()
+            case c.Fork(changes, cursor, run):
+                at = self.workspace.run.cursor if cursor is None else cursor
+                self.workspace.fork(at, changes)
+                self.look = self.look.moved()
+                self.goal = "end" if run else None
+            case c.ForkFromPose():
+                self._fork_from_pose()
+            case c.ShowBranch(index):
+                self._show_branch(index)
+            case c.SetBreakpoints(changes):
+                self._set_breakpoints(changes)
+            case c.PlayPath():
+                path = self._shown_path()
+                self.look = replace(self.look, path_pose=len(path) - 1, layers=self.look.layers | {"path"})
+            case c.EditPose(on):
+                self._edit_pose(on)
+            case c.DragPose(T_cam_obj):
+                if self.look.edited is None:
+                    raise InputError("no pose is being edited; press Edit pose first")
+                T = as_rigid(np.reshape(T_cam_obj, (4, 4)) if len(T_cam_obj) == 16 else T_cam_obj, "edited pose")
+                self.look = replace(self.look, edited=tuple(float(x) for x in T.ravel()))
+            case c.SaveSession() | c.Export():
+                if self._keep is None:
+                    raise InputError("nothing can be written here")
+                self.kept = (self._keep(self, command), *self.kept)[:4]
+                self.message = f"Written: {self.kept[0]}"
+            case _:
+                raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
+
+    def _step(self) -> None:
+        run = self.workspace.run
+        if run.at_end:
+            self.message = "The run is over. Restart it, or fork it with other settings."
+            return
+        began, length = perf_counter(), run.length
+        run.step()
+        if run.length > length:
+            self._seconds.append(perf_counter() - began)
+        self.look = self.look.moved()
+
+    def _step_stage(self) -> None:
+        iteration = self.workspace.run.iteration
+        names = [s.name for s in iteration.stages] if iteration else []
+        if self.look.stage in names and self.look.stage != names[-1]:
+            following = names[names.index(self.look.stage) + 1]
+            self.look = replace(self.look, stage=following)
+        elif self.look.stage is not None:
+            self.look = replace(self.look, stage=None)
+        elif not self.workspace.run.at_end:
+            self._step()
+            self.look = replace(self.look, stage="current")
+        else:
+            self._step()
+
+    def _seek(self, cursor: int) -> None:
+        self.workspace.run.seek(cursor)
+        self.look = self.look.moved()
+
+    def _seek_event(self, direction: int) -> None:
+        cursor = self.workspace.run.cursor
+        places = jumps(self.workspace.branch.marks())
+        ahead = [k for k in places if (k > cursor if direction > 0 else k < cursor)]
+        if not ahead:
+            self.message = "No further mark there." if direction > 0 else "No earlier mark."
+            return
+        self._seek(min(ahead) if direction > 0 else max(ahead))
+
+    def _run_on(self, command: c.Command) -> None:
+        run = self.workspace.run
+        if isinstance(command, c.RunTo):
+            self.goal = command.length
+            return
+        goal: c.Goal = command.goal if isinstance(command, c.RunUntil) else "end"
+        if goal == "event":
+            ahead = [k for k in jumps(self.workspace.branch.marks()) if k > run.cursor]
+            if ahead:
+                self._seek(ahead[0])
+                self.log.append(c.Seek(ahead[0]))
+                return
+        if run.is_done:
+            self._seek(run.length)
+            self.log.append(c.SeekEnd())
+            self.message = "The run is over. Restart it, or fork it with other settings."
+            return
+        self.goal = goal
+
+    def _stop_if_reached(self, iteration: Iteration) -> None:
+        if isinstance(self.goal, int):
+            if self.workspace.run.length >= self.goal:
+                self.pause()
+            return
+        reasons = hits(self.workspace.breakpoints, self.workspace.work.problem, iteration)
+        if reasons:
+            self.message = f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}"
+            self.pause()
+        elif self.goal == "event" and jumps(
+            [m for m in self.workspace.branch.marks() if m.iteration == iteration.index]
+        ):
+            self.pause()
+
+    def _reset_look(self) -> None:
+        kept = self.look
+        self.look = Look(cloud=kept.cloud, layers=kept.layers, map=kept.map, animate=kept.animate)
+
+    def _open_demo(self, name: str) -> None:
+        if name not in self.demos:
+            raise SettingsError(unknown("built-in scene", name, self.demos))
+        old = self.workspace.tools.session
+        scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
+        hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})
+        update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
+        self.workspace.open(old.model_copy(update=update), None)
+        self._reset_look()
+
+    def _fork_from_pose(self) -> None:
+        T, view = self.look.T_cam_obj_edited, self.view()
+        if T is None:
+            raise InputError("no pose is being edited; press Edit pose first")
+        cursor = self.workspace.run.cursor
+        self.workspace.fork(cursor, (), (view.target.instance.instance_id, view.arm, T))
+        self.look = replace(self.look.moved(), focus=view.target.instance.instance_id, arm=view.arm)
+        if self.workspace.run.is_done:
+            self.message = "The edited pose was scored, but no iteration is left for it; go back before you edit."
+
+    def _show_branch(self, index: int) -> None:
+        work = self.workspace.work
+        if not 0 <= index < len(work.branches):
+            raise InputError(f"there is no branch {index}; this frame has {len(work.branches)}")
+        work.index = index
+        self.look = self.look.moved()
+
+    def _set_breakpoints(self, changes: c.Changes) -> None:
+        values = self.workspace.breakpoints.model_dump() | dict(changes)
+        try:
+            self.workspace.breakpoints = BreakpointSettings.model_validate(values)
+        except ValueError:
+            raise SettingsError(
+                f"breakpoints cannot be {dict(changes)}; see the session file's [breakpoints]"
+            ) from None
+
+    def _edit_pose(self, on: bool) -> None:
+        if not on:
+            self.look = replace(self.look, edited=None)
+            return
+        view = self.view()
+        if view.state is None:
+            raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
+        arms = view.state.arms
+        T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
+        edited = tuple(float(x) for x in T.ravel())
+        layers = self.look.layers | {"edited", "accepted"}
+        self.look = replace(self.look, edited=edited, arm=view.arm, a="accepted", b="edited", layers=layers)
+
+    def _shown_path(self) -> Any:
+        shown = self.view().shown
+        if shown is None or shown.path is None:
+            raise InputError("no simulated path here; step to an iteration with physics")
+        return shown.path.Ts_cam_obj
+
+    def _check(self, look: Look) -> None:
+        problem = self.workspace.work.problem
+        ids = [i.instance_id for i in problem.instances]
+        if look.focus is not None and look.focus not in ids:
+            raise InputError(unknown("instance", look.focus, ids))
+        if look.pixel is not None:
+            h, w = problem.observation.camera.shape
+            if not (0 <= look.pixel[0] < w and 0 <= look.pixel[1] < h):
+                raise InputError(f"pixel {look.pixel} is outside of the {w}×{h} image")
+
+
+def _may_wait(command: c.Command) -> bool:
+    """Whether a run may go on while this is done: looking does not disturb it."""
+    return isinstance(
+        command,
+        c.Focus | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.Animate
+        | c.SetBreakpoints | c.ScoreGroundTruth | c.Export,
+    )  # fmt: skip

@@ -1,0 +1,145 @@
+"""What is probably wrong, said without being asked. Each finding names its evidence and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.view import View
+
+PLANE_SHARE = 0.5
+FAR = 0.25
+"""A start further away than this share of the diameter is not near (ADD(-S))."""
+LOW_SCORE = 0.45
+LEAK_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing worth knowing."""
+
+    text: str
+    red: bool = False
+    command: c.Command | None = None
+    """What to try."""
+    label: str = ""
+    """Words for the command's link."""
+
+
+def findings(view: View) -> tuple[Finding, ...]:
+    """All findings, the most telling first."""
+    found = [
+        *_support(view), *_no_hypothesis(view), *_far_start(view), *_starved(view), *_wrong_score(view), *_leak(view),
+        *_low(view),
+    ]  # fmt: skip
+    found += [Finding(note) for note in view.problem.notes]
+    return tuple(found)
+
+
+def _support(view: View) -> list[Finding]:
+    observation = view.target.observation
+    support = observation.support
+    if support is None:
+        note = observation.support_note or "no support plane was found"
+        return [Finding(f"No physics: {note}. Give scene.gravity, or choose a frame that shows the table.", red=True)]
+    if support.inlier_share < PLANE_SHARE:
+        text = (
+            f"The support plane explains only {support.inlier_share:.0%} of the background. If it cuts through objects "
+            "in 3D, gravity is wrong: set scene.gravity to world or to a vector."
+        )
+        return [Finding(text, red=True)]
+    return []
+
+
+def _no_hypothesis(view: View) -> list[Finding]:
+    if view.state is not None:
+        return []
+    return [Finding(f"{view.name} has no hypothesis. Add a results file that holds object {view.target.model.obj_id}.")]
+
+
+def _far_start(view: View) -> list[Finding]:
+    known = [(e.add_s_mm, j, e) for j, e in enumerate(view.initial_errors) if e is not None]
+    if not known:
+        return []
+    _, j, errors = min(known, key=lambda k: k[0])
+    if errors.relative < FAR:
+        return []
+    text = (
+        f"No hypothesis starts near: best initial error {errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm "
+        f"(hypothesis {j + 1}). Refinement can hardly get there; look at the estimator first."
+    )
+    return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
+
+
+def _is_over(view: View) -> bool:
+    own = view.own_iterations
+    done = view.progress.done == view.progress.total
+    return bool(own) and (done or view.iterations[-1].instance_id != own[-1].instance_id)
+
+
+def _starved(view: View) -> list[Finding]:
+    """A hypothesis that was the best start, by ground truth or by score, and got next to no iterations."""
+    if not _is_over(view) or view.state is None or len(view.state.arms) < 2:
+        return []
+    pulls = [sum(i.arm == j for i in view.own_iterations) for j in range(len(view.state.arms))]
+    if view.shown is None or view.shown.choice is None or not view.shown.choice.exploration.any():
+        return []
+    known = [(e.add_s_mm, j) for j, e in enumerate(view.initial_errors) if e is not None]
+    if not known:
+        return []
+    error, j = min(known)
+    fair = len(view.own_iterations) / len(pulls)
+    best = view.poses["best"].errors
+    if pulls[j] > max(1, 0.3 * fair) or best is None or best.relative < 0.1:
+        return []
+    wider = max(2 * view.session.method.exploration, 0.05)
+    text = (
+        f"Hypothesis {j + 1} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} of "
+        f"{sum(pulls)} times: its exploration bonus never won."
+    )
+    command = c.Fork((("method.exploration", wider),), 0, run=True)
+    return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
+
+
+def _wrong_score(view: View) -> list[Finding]:
+    best, truth = view.poses.get("best"), view.truth
+    if not _is_over(view) or best is None or truth is None or truth.score is None:
+        return []
+    if best.errors is None or best.score is None or best.errors.relative < 0.1:
+        return []
+    wrong, true = best.score, truth.score
+    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
+    if wrong.score >= true.score:
+        text = (
+            f"The score prefers a wrong pose: best {wrong.score:.2f} ({how}) against {true.score:.2f} for the ground "
+            f"truth ({true.shares['protruding']:.0%} of its pixels protrude, {true.shares['missed']:.0%} are missed)."
+        )
+        return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    text = (
+        f"The search missed it: the ground truth would score {true.score:.2f}, the best pose found {wrong.score:.2f} "
+        f"({how}). More iterations or better hypotheses can help; another score cannot."
+    )
+    return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
+
+
+def _leak(view: View) -> list[Finding]:
+    best = view.poses.get("best")
+    if not view.own_iterations or best is None or best.score is None:
+        return []
+    missed = best.score.shares["missed"]
+    if missed < LEAK_SHARE:
+        return []
+    text = (
+        f"{missed:.0%} of the pixels are missed (red): the mask holds surface that the pose does not explain. "
+        "If the red pixels form another object, the mask leaks onto it."
+    )
+    return [Finding(text, red=True, command=c.ColorCloud("class"), label="colour the cloud by class")]
+
+
+def _low(view: View) -> list[Finding]:
+    if not _is_over(view) or view.state is None:
+        return []
+    score = view.state.best.score.score
+    if score >= LOW_SCORE:
+        return []
+    return [Finding(f"All hypotheses stay low: the best score is {score:.2f}. Expect the answer to be wrong.")]

@@ -1,0 +1,98 @@
+"""What a person has chosen to see. Nothing here changes what is computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast, get_args
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.maps import MAP_NAMES, MapName
+
+STAGES = ("initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth")
+"""Every pose of an object that can be drawn, compared and judged."""
+
+LAYERS = (*STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "path")
+SHOWN_AT_FIRST = frozenset(
+    {"current", "simulated", "refined", "accepted", "edited", "ground truth"}
+    | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts"}
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """The state of every display switch."""
+
+    focus: int | None = None
+    """instance_id whose numbers are shown; None = the one that the iteration at the cursor worked on."""
+    arm: int | None = None
+    """Hypothesis whose history is shown; None = the one at work."""
+    stage: str | None = None
+    """Last stage of the iteration that is revealed; None = all of them."""
+    a: str = "simulated"
+    b: str = "refined"
+    map: MapName = "classes"
+    pixel: tuple[int, int] | None = None
+    """(u, v) that is probed."""
+    cloud: c.CloudColors = "colour"
+    layers: frozenset[str] = SHOWN_AT_FIRST
+    path_pose: int | None = None
+    """Index into the simulated path that is drawn; None = not drawn."""
+    animate: bool = True
+    edited: c.Pose | None = None
+    """T_cam_obj of the gizmo; None = nothing is edited."""
+    judged_truth: bool = False
+    """Whether the score of the ground truth was asked for."""
+
+    @property
+    def T_cam_obj_edited(self) -> Float | None:
+        """The edited pose as a matrix (4, 4)."""
+        return None if self.edited is None else np.array(self.edited).reshape(4, 4)
+
+    def moved(self) -> Look:
+        """The same after the cursor moved: what belonged to the iteration is let go."""
+        return replace(self, focus=None, arm=None, stage=None, path_pose=None, edited=None)
+
+
+def changed(look: Look, command: c.Command) -> Look | None:
+    """The look after a command that only concerns the look; None for any other command.
+
+    Raises:
+        InputError: the command names a stage, map or layer that does not exist.
+    """
+    match command:
+        case c.Focus(instance_id):
+            return replace(look, focus=instance_id, arm=None, edited=None)
+        case c.SelectArm(arm):
+            return replace(look, arm=arm, edited=None)
+        case c.Compare(a, b):
+            for name in (a, b):
+                if name is not None and name not in STAGES:
+                    raise InputError(unknown("stage", name, STAGES))
+            return replace(look, a=a or look.a, b=b or look.b)
+        case c.ShowMap(name):
+            if name not in MAP_NAMES:
+                raise InputError(unknown("map", name, MAP_NAMES))
+            return replace(look, map=name)
+        case c.ProbePixel(u, v):
+            return replace(look, pixel=(u, v))
+        case c.ColorCloud(by):
+            kinds = get_args(c.CloudColors)
+            following = kinds[(kinds.index(look.cloud) + 1) % len(kinds)]
+            return replace(look, cloud=by or cast(c.CloudColors, following))
+        case c.ShowLayer(name, visible):
+            if name not in LAYERS:
+                raise InputError(unknown("layer", name, LAYERS))
+            on = name not in look.layers if visible is None else visible
+            return replace(look, layers=look.layers | {name} if on else look.layers - {name})
+        case c.ScrubPath(pose):
+            return replace(look, path_pose=pose)
+        case c.Animate(on):
+            return replace(look, animate=on)
+        case c.ScoreGroundTruth():
+            layers = look.layers | {"ground truth", "best"}
+            return replace(look, a="best", b="ground truth", judged_truth=True, layers=layers)
+    return None

@@ -1,0 +1,169 @@
+"""Score maps as small pictures: which quantities, which part of the image, in which colours."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PilImage
+
+from verefine_viz.core.problem import Target
+from verefine_viz.core.scores import PIXEL_CLASSES, ScoreMaps
+from verefine_viz.viewer.colormaps import ANGLE, FIT, Image, Scale, class_image, depth_scale, difference_scale
+
+MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+LABELS: dict[MapName, tuple[str, str]] = {
+    "observed": ("observed", "depth that the sensor measured"),
+    "rendered": ("rendered", "depth of the model under this pose"),
+    "difference": ("Δdepth", "observed − rendered: red = the sensor saw past the model, blue = something before it"),
+    "angle": ("angle", "between observed and rendered surface normal"),
+    "f_d": ("f_d", "depth fit of Eq. 1: 1 = same depth, 0 = off by τ or more"),
+    "f_n": ("f_n", "normal fit of Eq. 1: 1 = same direction, 0 = beyond the cut-off angle"),
+    "classes": ("classes", "why each pixel counts as it does"),
+}
+
+
+@dataclass(frozen=True)
+class Crop:
+    """Columns u0 … u1 − 1 and rows v0 … v1 − 1 of an image; may reach beyond its border."""
+
+    u0: int
+    v0: int
+    u1: int
+    v1: int
+
+    @property
+    def width(self) -> int:
+        return self.u1 - self.u0
+
+    @property
+    def height(self) -> int:
+        return self.v1 - self.v0
+
+    def of(self, image: Image) -> Image:
+        """The cut-out, black where the crop reaches beyond the image."""
+        h, w = image.shape[:2]
+        out = np.zeros((self.height, self.width, 3), np.uint8)
+        u0, v0, u1, v1 = max(self.u0, 0), max(self.v0, 0), min(self.u1, w), min(self.v1, h)
+        if u1 > u0 and v1 > v0:
+            out[v0 - self.v0 : v1 - self.v0, u0 - self.u0 : u1 - self.u0] = image[v0:v1, u0:u1]
+        return out
+
+
+def crop_around(mask: NDArray[np.bool_], aspect: float, margin: float = 0.25, step: int = 16) -> Crop:
+    """The part of the image to show for an object: around ``mask``, of the given width / height.
+
+    Sizes go in steps, so that the picture does not jitter from iteration to iteration. An empty mask gives all of it.
+    """
+    h, w = mask.shape
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        rows, columns = np.array([0, h - 1]), np.array([0, w - 1])
+        margin = 0.0
+    height, width = (rows[-1] - rows[0] + 1) * (1 + 2 * margin), (columns[-1] - columns[0] + 1) * (1 + 2 * margin)
+    height = max(height, width / aspect, step)
+    height = int(np.ceil(height / step) * step)
+    width = round(height * aspect)
+    v, u = (int(rows[0] + rows[-1] + 1) // 2, int(columns[0] + columns[-1] + 1) // 2)
+    half = step // 2
+    v, u = round(v / half) * half, round(u / half) * half
+    return Crop(u - width // 2, v - height // 2, u - width // 2 + width, v - height // 2 + height)
+
+
+def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
+    """The fixed scale of a map for one object in one frame; None for classes, which have colours of their own."""
+    if name in ("observed", "rendered"):
+        depth = target.observation.depth_m[target.instance.mask]
+        depth = depth[depth > 0]
+        centre = float(np.median(depth)) if len(depth) else 1.0
+        half = max(target.model.diameter_m, 0.05)
+        return depth_scale(round(centre - half, 2), round(centre + half, 2))
+    if name == "difference":
+        return difference_scale(tau_m)
+    if name == "angle":
+        return ANGLE
+    return FIT if name in ("f_d", "f_n") else None
+
+
+def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
+    """One map of the whole image as RGB (H, W, 3)."""
+    if name == "classes":
+        return class_image(maps.classes)
+    scale = scale_of(name, target, tau_m)
+    assert scale is not None
+    return scale.colors(map_values(name, maps, target))
+
+
+def map_values(name: MapName, maps: ScoreMaps, target: Target) -> NDArray[np.floating]:
+    """One map's numbers in its scale's unit (H, W); NaN where it says nothing."""
+    observed = target.observation.depth_m
+    if name == "observed":
+        return np.where(observed > 0, observed, np.nan)
+    if name == "rendered":
+        return np.where(maps.rendered_m > 0, maps.rendered_m, np.nan)
+    if name == "difference":
+        both = (observed > 0) & (maps.rendered_m > 0)
+        return np.where(both, maps.depth_difference_m * 1000, np.nan)
+    if name == "angle":
+        return np.where(maps.rendered_m > 0, np.rad2deg(maps.angle_rad), np.nan)
+    if name in ("f_d", "f_n"):
+        return np.where(maps.counted, maps.f_d if name == "f_d" else maps.f_n, np.nan)
+    return maps.classes.astype(np.float64)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One pixel of the score, in numbers. None = nothing was measured, or rendered, there."""
+
+    u: int
+    v: int
+    observed_m: float | None
+    rendered_m: float | None
+    difference_mm: float | None
+    angle_deg: float | None
+    f_d: float
+    f_n: float
+    pixel_class: str
+    contribution: float
+    """What this pixel adds to the score: (f_d + f_n) / 2N; 0 where it is not counted."""
+    counted: bool
+
+
+def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
+    """The numbers of pixel (row v, column u)."""
+    observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
+    angle = float(np.rad2deg(maps.angle_rad[v, u]))
+    counted = bool(maps.counted[v, u])
+    f_d, f_n = float(maps.f_d[v, u]), float(maps.f_n[v, u])
+    value = int(maps.classes[v, u])
+    both = observed > 0 and rendered > 0
+    return Probe(
+        u=u,
+        v=v,
+        observed_m=observed if observed > 0 else None,
+        rendered_m=rendered if rendered > 0 else None,
+        difference_mm=(observed - rendered) * 1000 if both else None,
+        angle_deg=angle if rendered > 0 and np.isfinite(angle) else None,
+        f_d=f_d,
+        f_n=f_n,
+        pixel_class=PIXEL_CLASSES[value - 1] if value else "not part of the score",
+        contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
+        counted=counted,
+    )
+
+
+def png(image: Image) -> bytes:
+    """An image as PNG."""
+    out = io.BytesIO()
+    PilImage.fromarray(image).save(out, format="PNG", compress_level=1)
+    return out.getvalue()
+
+
+def data_uri(image: Image) -> str:
+    """An image as something an ``<img>`` can show without a further request."""
+    return "data:image/png;base64," + base64.b64encode(png(image)).decode("ascii")

@@ -1,0 +1,52 @@
+"""Marks on the timeline: which iterations are worth a look, and in which colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from verefine_viz.core.palette import EVENT_COLORS, RGB
+from verefine_viz.core.records import Iteration
+
+QUIET = frozenset({"kept_refined", "no_physics"})
+"""Happens all the time, or once for a known reason: no mark."""
+
+RED = (220, 50, 47)
+GROWTH_MM = 3.0
+"""A kept pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One mark."""
+
+    iteration: int
+    kind: str
+    text: str
+    color: RGB
+
+    @property
+    def is_red(self) -> bool:
+        return self.color == RED
+
+
+def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tuple[Mark, ...]:
+    """The marks of one iteration; ``error_growth_mm``: by how much ADD(-S) of the kept pose grew, if known."""
+    found = [
+        Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind]) for e in iteration.events if e.kind not in QUIET
+    ]
+    before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    score_rose = before is not None and after is not None and after.score >= before.score
+    if error_growth_mm is not None and error_growth_mm > GROWTH_MM and score_rose:
+        assert before is not None
+        assert after is not None
+        text = (
+            f"The score rose ({before.score:.3f} → {after.score:.3f}) while the error grew by {error_growth_mm:.1f} mm."
+        )
+        found.append(Mark(iteration.index, "error_grew", text, RED))
+    return tuple(found)
+
+
+def jumps(marks: Sequence[Mark]) -> tuple[int, ...]:
+    """Iterations to stop at when jumping from mark to mark: every mark but a plain new best."""
+    return tuple(sorted({m.iteration for m in marks if m.kind != "new_best"}))

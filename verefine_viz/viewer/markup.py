@@ -1,0 +1,111 @@
+"""HTML for the panels: escaped text, tables, and links that carry a command.
+
+The GUI library shows HTML as it is, so everything that comes from data goes through :func:`text` first. A link holds a
+command as JSON; one handler per block puts it into a hidden text field, which is how it reaches Python. Only commands
+of :mod:`verefine_viz.viewer.commands` get through there.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from verefine_viz.core.palette import RGB
+from verefine_viz.viewer.commands import Command, to_json
+
+LINK_LABEL = "page link"
+"""Label of the hidden text field."""
+
+_ON_CLICK = (
+    "const t=event.target.closest('[data-cmd]');if(t){const c=JSON.parse(t.dataset.cmd);"
+    "if(t.dataset.crop){const k=JSON.parse(t.dataset.crop),b=t.getBoundingClientRect();"
+    "c.u=k[0]+Math.floor((event.clientX-b.left)/b.width*k[2]);"
+    "c.v=k[1]+Math.floor((event.clientY-b.top)/b.height*k[3]);}"
+    f"const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='{LINK_LABEL}');"
+    "const i=l&&l.closest('.mantine-Flex-root').querySelector('input');"
+    "if(i){Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,"
+    "JSON.stringify(c)+' '+Date.now());i.dispatchEvent(new Event('input',{bubbles:true}));}}"
+)
+
+
+def text(value: object) -> str:
+    """Anything as text that HTML cannot misread."""
+    return html.escape(str(value), quote=True)
+
+
+def block(content: str, css_class: str = "") -> str:
+    """The whole content of one HTML widget; links inside work."""
+    return f'<div class="vz {css_class}" onclick="{text(_ON_CLICK)}">{content}</div>'
+
+
+def carries(command: Command) -> str:
+    """Attributes that make an element send ``command`` when it is clicked."""
+    return f'data-cmd="{text(to_json(command))}"'
+
+
+def link(label: str, command: Command, title: str = "") -> str:
+    """A piece of text to click; ``label`` is escaped here."""
+    return f'<a {carries(command)} title="{text(title)}">{text(label)}</a>'
+
+
+def swatch(color: RGB, title: str = "") -> str:
+    """A small square in a colour that means something."""
+    return f'<i class="sw" style="background:rgb{color}" title="{text(title)}"></i>'
+
+
+def table(head: Sequence[tuple[str, str]], rows: Sequence[Row]) -> str:
+    """A table: ``head`` holds (label, tooltip) per column."""
+    titles = "".join(f'<th title="{text(tip)}">{text(label)}</th>' for label, tip in head)
+    return f"<table><thead><tr>{titles}</tr></thead><tbody>{''.join(r.html for r in rows)}</tbody></table>"
+
+
+class Row:
+    """One row: cells are ready HTML; ``command`` makes the whole row a link; ``marked`` makes it stand out."""
+
+    def __init__(self, cells: Sequence[str], command: Command | None = None, marked: bool = False) -> None:
+        attributes = carries(command) if command else ""
+        name = "marked" if marked else ""
+        self.html = f'<tr class="{name}" {attributes}>{"".join(f"<td>{c}</td>" for c in cells)}</tr>'
+
+
+def sentence(content: str) -> str:
+    """The words at the top of a panel; ``content`` is escaped here."""
+    return f'<p class="say">{text(content)}</p>'
+
+
+def warning(content: str, extra: str = "", red: bool = False) -> str:
+    """A box with something to act on; ``extra`` is ready HTML, such as a link."""
+    return f'<p class="{"bad" if red else "warn"}">{text(content)} {extra}</p>'
+
+
+STYLE = """<style>
+.vz{font-size:12.5px;line-height:1.38;padding:0 10px 6px 10px;color:inherit}
+.vz p{margin:0 0 6px 0}
+.vz p.say{font-size:13px}
+.vz p.warn,.vz p.bad{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;background:rgba(217,142,4,.12)}
+.vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
+.vz p.dim,.vz .dim{opacity:.65}
+.vz a{color:#1c7ed6;cursor:pointer;text-decoration:underline;text-underline-offset:2px}
+.vz table{border-collapse:collapse;width:100%;font-size:12px;font-variant-numeric:tabular-nums;margin:0 0 6px 0}
+.vz th{font-weight:600;text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.5);cursor:help;
+ white-space:nowrap}
+.vz td{text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.15);white-space:nowrap}
+.vz th:first-child,.vz td:first-child{text-align:left}
+.vz tr[data-cmd]{cursor:pointer}
+.vz tr[data-cmd]:hover{background:rgba(28,126,214,.12)}
+.vz tr.marked{background:rgba(40,200,80,.18)}
+.vz .sw{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:5px;
+ border:1px solid rgba(0,0,0,.35);vertical-align:-1px}
+.vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}
+.vz img{image-rendering:pixelated;display:block;width:100%}
+.vz img[data-cmd]{cursor:crosshair}
+.vz .map{position:relative}
+.vz .cb{height:7px;border-radius:2px;margin-top:3px}
+.vz .ticks{display:flex;justify-content:space-between;font-size:10px;opacity:.8;line-height:1.2}
+.vz.strip table{table-layout:fixed;margin:0}
+.vz.strip td,.vz.strip th{padding:1px 2px;border:0;text-align:center}
+.vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
+.vz.line svg{display:block;width:100%}
+.vz.line [data-cmd]{cursor:pointer}
+div:has(>div>p>label[data-never]){display:none}
+</style>"""

@@ -1,0 +1,128 @@
+"""One moment of the debugger, frozen: all that the panels and the 3D scene need to draw it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.scores import PoseScore, ScoreMaps
+from verefine_viz.core.settings import Session
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.look import Look
+from verefine_viz.viewer.maps import Probe
+from verefine_viz.viewer.marks import Mark
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """One pose with everything known about it."""
+
+    name: str
+    """One of ``look.STAGES``."""
+    T_cam_obj: Float
+    score: PoseScore | None
+    errors: PoseErrors | None
+    ms: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One of the two stages that are compared."""
+
+    pose: Judged
+    maps: ScoreMaps | None
+    """None while a run is on: nobody can look at so many."""
+    probe: Probe | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BranchSummary:
+    """One of the runs on this frame."""
+
+    name: str
+    length: int
+    n_iterations: int
+    best: tuple[Best | None, ...]
+    """Per instance."""
+    errors: tuple[PoseErrors | None, ...]
+    """Per instance, of ``best``."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is."""
+
+    done: int
+    total: int
+    running: bool
+    remaining_s: float | None
+    """Estimate; None where nothing was timed yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What is on the screen."""
+
+    session: Session
+    session_path: Path | None
+    frames: tuple[str, ...]
+    frame: str
+    demos: tuple[str, ...]
+    problem: Problem
+    branches: tuple[BranchSummary, ...]
+    branch: int
+    cursor: int
+    progress: Progress
+    iterations: tuple[Iteration, ...]
+    """The whole history."""
+    marks: tuple[Mark, ...]
+    shown: Iteration | None
+    """The latest iteration up to the cursor that worked on the object in focus."""
+    target: Target
+    """The object in focus."""
+    state: Any
+    """The method's state of the object in focus at the cursor: ``arms``, ``best``, ``initial``; None without any."""
+    poses: dict[str, Judged]
+    """By stage, those that exist (and are revealed) at the cursor."""
+    arm: int
+    """The hypothesis in focus."""
+    look: Look
+    a: Side | None
+    b: Side | None
+    plausible: Any | None
+    """Plausibility of the accepted (or only) pose; None where it is not known."""
+    initial_errors: tuple[PoseErrors | None, ...]
+    """Per hypothesis of the object in focus."""
+    error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]
+    """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
+    truth: Judged | None
+    """Ground truth, scored; None where there is none."""
+    message: str = ""
+    """What just happened or went wrong, in a sentence."""
+    kept: tuple[str, ...] = ()
+    """Files written lately."""
+
+    @property
+    def name(self) -> str:
+        """The object in focus, for people."""
+        return self.target.model.name
+
+    @property
+    def n_arms(self) -> int:
+        return len(self.target.instance.hypotheses)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the iteration at the cursor is the one that is shown."""
+        return self.shown is not None and self.shown.index == self.cursor
+
+    @cached_property
+    def own_iterations(self) -> tuple[Iteration, ...]:
+        """Those of the object in focus, whole history."""
+        own = self.target.instance.instance_id
+        return tuple(i for i in self.iterations if i.instance_id == own)

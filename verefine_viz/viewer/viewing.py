@@ -1,0 +1,169 @@
+"""Builds the :class:`View` of a debugger: gathers, scores and measures what is to be shown."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Target
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.look import Look
+from verefine_viz.viewer.maps import probe
+from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
+from verefine_viz.viewer.workspace import Branch
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.debugger import Debugger
+
+
+def view_of(debugger: Debugger) -> View:
+    """Everything the panels and the scene need, at this moment."""
+    space, look = debugger.workspace, debugger.look
+    work, branch = space.work, space.branch
+    run, judge = branch.run, branch.judge
+    target, shown = _focus(branch, look)
+    state = state_of(run.state, target)
+    arm = _arm(look, shown, state)
+    truth = _truth(judge, target)
+    poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
+    running = debugger.goal is not None
+    errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
+    judged = poses.get("accepted") or poses.get("current")
+    progress = Progress(run.length, run.n_iterations, running, debugger.remaining_s)
+    return View(
+        session=branch.tools.session.model_copy(update={"breakpoints": space.breakpoints}),
+        session_path=space.path,
+        frames=space.frames,
+        frame=space.frame,
+        demos=debugger.demos,
+        problem=work.problem,
+        branches=tuple(_summary(b) for b in work.branches),
+        branch=work.index,
+        cursor=run.cursor,
+        progress=progress,
+        iterations=run.iterations,
+        marks=branch.marks(),
+        shown=shown,
+        target=target,
+        state=state,
+        poses=poses,
+        arm=arm,
+        look=look,
+        a=_side(judge, target, poses.get(look.a), look, running),
+        b=_side(judge, target, poses.get(look.b), look, running),
+        plausible=judge.plausibility(target, judged.T_cam_obj) if judged and not running else None,
+        initial_errors=tuple(errors),
+        error_series=_error_series(judge, target, run.iterations),
+        truth=truth,
+        message=debugger.message,
+        kept=tuple(str(p) for p in debugger.kept),
+    )
+
+
+def state_of(state: Any, target: Target) -> Any:
+    """The method's state of one object; None where it has no hypothesis."""
+    ids = [t.instance.instance_id for t in state.problem.targets]
+    return state.objects[ids.index(target.instance.instance_id)]
+
+
+def _focus(branch: Branch, look: Look) -> tuple[Target, Iteration | None]:
+    """The object in focus and the latest iteration up to the cursor that worked on it."""
+    run = branch.run
+    targets = {t.instance.instance_id: t for t in run.problem.targets}
+    at_cursor = run.iteration
+    if look.focus is not None:
+        focus = look.focus
+    elif at_cursor is not None:
+        focus = at_cursor.instance_id
+    else:
+        focus = next((k for k, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
+    past = run.iterations[: run.cursor]
+    return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
+
+
+def _arm(look: Look, shown: Iteration | None, state: Any) -> int:
+    if look.arm is not None:
+        n = len(state.arms) if state is not None else 1
+        return min(look.arm, n - 1)
+    if shown is not None:
+        return shown.arm
+    return state.best.arm if state is not None else 0
+
+
+def _truth(judge: Judge, target: Target) -> Judged | None:
+    T = target.instance.T_cam_obj_gt
+    return None if T is None else Judged("ground truth", T, judge.score(target, T), judge.errors(target, T))
+
+
+def _poses(
+    judge: Judge,
+    target: Target,
+    shown: Iteration | None,
+    state: Any,
+    arm: int,
+    look: Look,
+    is_current: bool,
+    truth: Judged | None,
+) -> dict[str, Judged]:
+    found: dict[str, Judged] = {}
+
+    def add(name: str, T_cam_obj: Float, score: PoseScore | None, ms: float = 0.0) -> None:
+        found[name] = Judged(name, T_cam_obj, score, judge.errors(target, T_cam_obj), ms)
+
+    if state is not None:
+        first = state.arms[arm].entries[0]
+        add("initial", first.T_cam_obj, first.score)
+        if shown is None:
+            now = state.arms[arm].current
+            add("current", now.T_cam_obj, now.score)
+    if shown is not None:
+        revealed = _revealed(shown, look if is_current else Look())
+        for stage in shown.stages:
+            if stage.name in revealed:
+                score = stage.score or judge.score(target, stage.T_cam_obj)
+                add(stage.name, stage.T_cam_obj, score, stage.ms)
+        if len(revealed) == len(shown.stages):
+            kept = shown.accepted_stage
+            add("accepted", kept.T_cam_obj, kept.score, kept.ms)
+    if state is not None:
+        add("best", state.best.T_cam_obj, state.best.score)
+    if look.T_cam_obj_edited is not None:
+        T = np.array(look.T_cam_obj_edited)
+        add("edited", T, judge.score(target, T))
+    if truth is not None:
+        found["ground truth"] = truth
+    return found
+
+
+def _revealed(shown: Iteration, look: Look) -> tuple[str, ...]:
+    names = [s.name for s in shown.stages]
+    return tuple(names[: names.index(look.stage) + 1]) if look.stage in names else tuple(names)
+
+
+def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, running: bool) -> Side | None:
+    if pose is None:
+        return None
+    if running:
+        return Side(pose, None)
+    maps = judge.maps(target, pose.T_cam_obj)
+    return Side(pose, maps, probe(maps, target, *look.pixel) if look.pixel else None)
+
+
+def _summary(branch: Branch) -> BranchSummary:
+    state = branch.run.final_state
+    errors = [
+        branch.judge.errors(t, best.T_cam_obj) if best else None
+        for t, best in zip(state.problem.targets, state.best, strict=True)
+    ]
+    return BranchSummary(branch.name, branch.run.length, branch.run.n_iterations, tuple(state.best), tuple(errors))
+
+
+def _error_series(judge: Judge, target: Target, iterations: tuple[Iteration, ...]) -> tuple[Any, ...]:
+    own = [i for i in iterations if i.instance_id == target.instance.instance_id]
+    return tuple(
+        (i, judge.errors(target, i.accepted_stage.T_cam_obj), judge.errors(target, i.best.T_cam_obj)) for i in own
+    )

@@ -1,0 +1,233 @@
+"""Sentences in plain words about what is on the screen. Pure text, no markup: who shows it escapes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply, rotation_vector
+from verefine_viz.core.records import Iteration, Stage
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.view import View
+
+_AXES = "xyz"
+_NO_TURN_DEG = 0.05
+_NO_MOVE_MM = 0.05
+
+
+def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
+    """The angle [deg] between two poses and the object axis it is about: "x", or "(0.7, 0.0, 0.7)"."""
+    vector = rotation_vector(T_from[:3, :3].T @ T_to[:3, :3])
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-9:
+        return 0.0, ""
+    axis = vector / angle
+    k = int(np.argmax(np.abs(axis)))
+    name = _AXES[k] if abs(axis[k]) > 0.9 else f"({', '.join(f'{x + 0.0:.1f}' for x in axis)})"
+    return float(np.rad2deg(angle)), name
+
+
+def shift_mm(T_from: Float, T_to: Float, points: Float) -> float:
+    """How far the middle of the object's ``points`` (N, 3) moved between two poses [mm]."""
+    centre = points.mean(axis=0)[None]
+    return float(np.linalg.norm(apply(T_to, centre) - apply(T_from, centre))) * 1e3
+
+
+def movement(T_from: Float, T_to: Float, points: Float) -> str:
+    """What happened between two poses: "turned it 6.8° about x and moved it 4.1 mm"."""
+    angle, axis = turn(T_from, T_to)
+    distance = shift_mm(T_from, T_to, points)
+    parts = []
+    if angle >= _NO_TURN_DEG:
+        parts.append(f"turned it {angle:.1f}° about {axis}")
+    if distance >= _NO_MOVE_MM:
+        parts.append(f"moved it {distance:.1f} mm")
+    return " and ".join(parts) or "left it where it was"
+
+
+def errors_in_words(errors: PoseErrors | None) -> str:
+    """As in: 12.3° and 4.5 mm off; nothing without ground truth."""
+    return "" if errors is None else f"{errors.rotation_deg:.1f}° and {errors.translation_mm:.1f} mm off"
+
+
+def headline(view: View) -> str:
+    """What happened at the cursor, in one or two sentences."""
+    if view.cursor == 0:
+        return _ready(view)
+    if view.shown is None:
+        return f"{view.name} has had no iteration yet."
+    if view.look.stage is not None and view.is_current:
+        return _stage_sentence(view, view.shown)
+    said = _iteration_sentence(view, view.shown)
+    if not view.is_current:
+        said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"
+    if view.progress.done == view.progress.total == view.cursor:
+        said += f" {_outcome(view)}"
+    return said
+
+
+def _ready(view: View) -> str:
+    if view.state is None:
+        return (
+            f"{view.name} has no hypothesis, so there is nothing to refine: "
+            "name a results file that holds it, or choose another object."
+        )
+    best = view.state.best
+    n = view.n_arms
+    start = f"Ready, before iteration 1. {view.name} has {n} hypothes{'i' if n == 1 else 'e'}s; "
+    start += f"hypothesis {best.arm + 1} scores best with {best.score.score:.2f}"
+    known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
+    if known:
+        start += f", the nearest to ground truth is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
+    return f"{start}. Press Step (N) for one iteration, Run (Space) for all."
+
+
+def chosen_because(iteration: Iteration, n_arms: int) -> str:
+    """As in: hypothesis 2 of 5 (best UCB: 0.71 + 0.09)."""
+    who = f"hypothesis {iteration.arm + 1} of {n_arms}"
+    choice = iteration.choice
+    if choice is None:
+        return who
+    mean, bonus = choice.mean[iteration.arm], choice.exploration[iteration.arm]
+    if bonus > 0:
+        return f"{who} (best UCB: {mean:.2f} + {bonus:.2f})"
+    return f"{who} ({choice.reason.partition(': ')[2] or choice.reason})"
+
+
+def _iteration_sentence(view: View, iteration: Iteration) -> str:
+    head = f"Iteration {iteration.index}, {view.name}, {chosen_because(iteration, view.n_arms)}."
+    parts = []
+    for before, stage in zip(iteration.stages, iteration.stages[1:], strict=False):
+        if stage.name != "mixed":
+            parts.append(_what_it_did(view, iteration, before, stage))
+    body = "; ".join(parts)
+    kept = iteration.accepted
+    end = f"{kept.capitalize()} kept" if kept != "current" else "Neither was better: current pose kept"
+    before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    if before is not None and after is not None and after.score < before.score:
+        end += f", although it scores less than before ({before.score:.2f})"
+    return f"{head} {body[:1].upper()}{body[1:]}. {end}."
+
+
+def _what_it_did(view: View, iteration: Iteration, before: Stage, stage: Stage) -> str:
+    points = view.target.model.points
+    who = {"simulated": "simulation", "refined": "then " + view.session.method.refiner.upper()}.get(
+        stage.name, f"the {stage.name} stage"
+    )
+    if stage.name == "simulated" and iteration.path is None:
+        return "there was no simulation"
+    if stage.name == "refined" and before.name == "current":
+        who = view.session.method.refiner.upper()
+    done = movement(before.T_cam_obj, stage.T_cam_obj, points)
+    scored = f" and scored {stage.score.score:.2f}" if stage.score is not None else ""
+    return f"{who} {done}{scored}" if " and " not in done else f"{who} {done.replace(' and ', ', ')}{scored}"
+
+
+def _stage_sentence(view: View, iteration: Iteration) -> str:
+    names = [s.name for s in iteration.stages]
+    k = names.index(view.look.stage) if view.look.stage in names else len(names) - 1
+    stage = iteration.stages[k]
+    head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
+    if k == 0:
+        scored = f", which scores {stage.score.score:.2f}" if stage.score else ""
+        return f"{head} {chosen_because(iteration, view.n_arms).capitalize()} goes on from its current pose{scored}."
+    if stage.name == "mixed":
+        return f"{head} The simulated rotation with the translation from before: where the refiner starts."
+    did = _what_it_did(view, iteration, iteration.stages[k - 1], stage).removeprefix("then ")
+    return f"{head} {did[:1].upper()}{did[1:]}."
+
+
+def _outcome(view: View) -> str:
+    best = view.state.best
+    where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
+    said = f"Run finished: best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"
+    errors = view.poses["best"].errors
+    return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
+
+
+def compared(view: View) -> str:
+    """Why the two stages that are compared differ in score."""
+    a, b = view.a, view.b
+    if a is None or b is None:
+        missing = view.look.a if a is None else view.look.b
+        return f"There is no {missing} pose here; choose another stage, or step to an iteration that has one."
+    if a.pose.score is None or b.pose.score is None:
+        return f"{a.pose.name} or {b.pose.name} was not scored."
+    one, other = a.pose.score, b.pose.score
+    difference = other.score - one.score
+    said = f"{b.pose.name.capitalize()} {other.score:.3f} against {a.pose.name} {one.score:.3f}"
+    if abs(difference) < 5e-4:
+        return f"{said}: the same."
+    depth, normal = (other.depth_fit - one.depth_fit) / 2, (other.normal_fit - one.normal_fit) / 2
+    larger = "depth" if abs(depth) >= abs(normal) else "normals"
+    said += f": {abs(difference):.3f} {'more' if difference > 0 else 'less'}, mostly from {larger} "
+    said += f"(depth {depth:+.3f}, normals {normal:+.3f})."
+    shares_one, shares_other = one.shares, other.shares
+    name = max(shares_one, key=lambda k: abs(shares_other[k] - shares_one[k]))
+    change = shares_other[name] - shares_one[name]
+    if abs(change) >= 0.01:
+        said += f" The share of {name} pixels went {'up' if change > 0 else 'down'} by {abs(change):.0%}."
+    return said
+
+
+def chosen(view: View) -> str:
+    """Why the bandit took this hypothesis."""
+    if view.state is None:
+        return "There is no hypothesis to choose from."
+    shown = view.shown
+    if shown is None:
+        return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
+    if shown.choice is None:
+        return f"{view.session.method.name} does not choose between hypotheses: it works on hypothesis {shown.arm + 1}."
+    return f"Iteration {shown.index} took {shown.choice.reason}."
+
+
+def physics(view: View) -> str:
+    """What the simulation did and what the refiner made of it."""
+    shown = view.shown
+    if view.target.observation.support is None:
+        note = view.target.observation.support_note or "no support plane was found"
+        return f"Physics is off for this frame: {note}"
+    if shown is None:
+        return "No simulation yet: step once (N)."
+    simulated, refined = shown.stage("simulated"), shown.stage("refined")
+    if simulated is None or shown.path is None:
+        return f"{view.session.method.name} did not simulate in iteration {shown.index}."
+    points = view.target.model.points
+    steps = len(shown.path.Ts_cam_obj) - 1
+    said = f"In {steps} steps the simulation {movement(shown.stages[0].T_cam_obj, simulated.T_cam_obj, points)}"
+    n = len(shown.path.contacts[-1].depths_m) if shown.path.contacts else 0
+    said += f", ending with {n} contact{'s' if n != 1 else ''}."
+    if refined is not None:
+        mixed = shown.stage("mixed") or simulated
+        said += f" The refiner then {movement(mixed.T_cam_obj, refined.T_cam_obj, points)}."
+        undone = turn(shown.stages[0].T_cam_obj, refined.T_cam_obj)[0]
+        turned = turn(shown.stages[0].T_cam_obj, simulated.T_cam_obj)[0]
+        if turned > 2 and undone < turned / 2:
+            said += f" It took back most of the turn: {undone:.1f}° are left."
+    return said
+
+
+def truth(view: View) -> str:
+    """How far off the object is, and whether the score knows."""
+    if view.truth is None:
+        return "This frame has no ground truth for the object, so there are no errors to show."
+    best = view.poses.get("best")
+    if best is None or best.errors is None or best.score is None or view.truth.score is None:
+        return f"{view.name} has no pose to measure."
+    verdict = "correct" if best.errors.relative < 0.1 else "wrong"
+    said = (
+        f"The best pose so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
+        f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."
+    )
+    if view.look.judged_truth:
+        relation = ">" if best.score.score > view.truth.score.score else "≤"
+        said += f" Scored: best {best.score.score:.3f} {relation} ground truth {view.truth.score.score:.3f}."
+    return said
+
+
+def remaining(seconds: float | None) -> str:
+    """As in: about 12 s left."""
+    if seconds is None:
+        return ""
+    return f"about {seconds:.0f} s left" if seconds < 90 else f"about {seconds / 60:.0f} min left"

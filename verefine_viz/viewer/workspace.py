@@ -1,0 +1,184 @@
+"""What is open: a session, its frames, and on each frame a tree of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import Verifier, Watcher
+from verefine_viz.core.settings import BreakpointSettings, Change, Session
+from verefine_viz.session.engine import Run
+from verefine_viz.viewer.commands import Changes
+from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.marks import Mark, marks_of
+
+
+class Tools(Protocol):
+    """What the viewer needs of a toolbox; ``session.toolbox.Toolbox`` is the real one."""
+
+    session: Session
+
+    @property
+    def frames(self) -> tuple[str, ...]: ...
+    @property
+    def verifier(self) -> Verifier: ...
+    @property
+    def method(self) -> Any: ...
+    def problem(self, frame: str) -> Problem: ...
+    def changed(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run: ...
+
+
+@dataclass
+class Branch:
+    """One run on a frame, and the settings it ended up with."""
+
+    name: str
+    run: Run
+    tools: Tools
+    changes: tuple[Change, ...]
+    """Settings changed on the way, as a session file keeps them."""
+    judge: Judge
+    _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+
+    def marks(self) -> tuple[Mark, ...]:
+        """All marks of the history."""
+        for iteration in self.run.iterations[len(self._marks) :]:
+            target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
+            before = self.judge.errors(target, iteration.stages[0].T_cam_obj)
+            after = self.judge.errors(target, iteration.accepted_stage.T_cam_obj)
+            growth = after.add_s_mm - before.add_s_mm if before and after else None
+            self._marks.append(marks_of(iteration, growth))
+        return tuple(m for marks in self._marks for m in marks)
+
+
+@dataclass
+class FrameWork:
+    """A frame with its runs."""
+
+    problem: Problem
+    branches: list[Branch]
+    index: int = 0
+
+    @property
+    def branch(self) -> Branch:
+        return self.branches[self.index]
+
+
+class Workspace:
+    """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
+
+    Args:
+        session: what to open first.
+        path: its file, if it has one.
+        make_tools: builds the real or fake parts from a session.
+        plausibility: see :class:`Judge`.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: Path | None,
+        make_tools: Callable[[Session], Tools],
+        plausibility: Callable[..., Any] | None = None,
+    ) -> None:
+        self._make_tools = make_tools
+        self._plausibility = plausibility
+        self.open(session, path)
+
+    def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
+        """Another session, at its first frame or the one named."""
+        tools = self._make_tools(session)
+        frames = tools.frames
+        if not frames:
+            raise InputError("the session names no frame; give scene.frames, or a data set with images")
+        first = frame if frame is not None else frames[0]
+        work = self._begin(tools, tools.problem(first))
+        self.tools, self.path, self.frames = tools, path, frames
+        self.breakpoints: BreakpointSettings = session.breakpoints
+        self.frame, self._works = first, {first: work}
+
+    def open_frame(self, frame: str) -> None:
+        """Another frame; one that was open before is as it was left."""
+        if frame not in self.frames:
+            raise InputError(unknown("frame", frame, self.frames))
+        if frame not in self._works:
+            self._works[frame] = self._begin(self.tools, self.tools.problem(frame))
+        self.frame = frame
+
+    @property
+    def work(self) -> FrameWork:
+        return self._works[self.frame]
+
+    @property
+    def branch(self) -> Branch:
+        return self.work.branch
+
+    @property
+    def run(self) -> Run:
+        return self.branch.run
+
+    @property
+    def session(self) -> Session:
+        """What a session file has to say to repeat the run that is open."""
+        edits = {"edits": self.run.edits, "changes": self.branch.changes, "breakpoints": self.breakpoints}
+        return self.tools.session.model_copy(update=edits)
+
+    def restart(self, changes: Changes) -> None:
+        """Back to before iteration 1, with settings changed if any; other branches go."""
+        tools = self.tools.changed(nested(changes)) if changes else self.tools
+        work = self._begin(tools, self.work.problem)
+        if changes:  # The other frames were run with other settings.
+            self._works = {}
+        self.tools, self._works[self.frame] = tools, work
+
+    def fork(self, cursor: int, changes: Changes, edit: tuple[int, int, Float] | None = None) -> None:
+        """A new branch that leaves the open one after iteration ``cursor``."""
+        old = self.branch
+        tools = old.tools.changed(nested(changes)) if changes else old.tools
+        run = old.run.fork(cursor, tools.method if changes else None, edit)
+        kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
+        if changes:
+            kept = (*kept, Change(after_iteration=cursor, settings=nested(changes)))
+        self.work.branches.append(Branch(_name(cursor, changes, edit), run, tools, kept, self._judge(tools)))
+        self.work.index = len(self.work.branches) - 1
+
+    def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
+        if not problem.instances:
+            raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
+        return FrameWork(
+            problem, [Branch("first run", tools.run(problem), tools, tools.session.changes, self._judge(tools))]
+        )
+
+    def _judge(self, tools: Tools) -> Judge:
+        return Judge(tools, self._plausibility)
+
+
+def nested(changes: Changes) -> dict[str, dict[str, Any]]:
+    """(("method.exploration", 0.2),) as {"method": {"exploration": 0.2}}."""
+    out: dict[str, dict[str, Any]] = {}
+    for name, value in changes:
+        section, _, key = name.partition(".")
+        out.setdefault(section, {})[key] = value
+    return out
+
+
+def current_values(session: Session, names: Sequence[str]) -> Mapping[str, Any]:
+    """The values of settings by dotted name."""
+    found = {}
+    for name in names:
+        section, _, key = name.partition(".")
+        found[name] = getattr(getattr(session, section), key)
+    return found
+
+
+def _name(cursor: int, changes: Changes, edit: tuple[int, int, Float] | None) -> str:
+    what = ", ".join(f"{name.rpartition('.')[2]} = {value}" for name, value in changes)
+    if edit is not None:
+        what = ", ".join(filter(None, (what, f"hypothesis {edit[1] + 1} moved by hand")))
+    return f"{what or 'same settings'}, from iteration {cursor}"
