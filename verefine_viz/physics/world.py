@@ -1,0 +1,131 @@
+"""A Bullet world whose answers do not depend on what was simulated in it before.
+
+Bullet remembers: contact caches, the order of its broad phase, the order in which bodies were made. Placing bodies
+again is therefore not enough; see :meth:`World.place`. Everything here is about centre-of-mass frames, quaternions
+(x, y, z, w) and world coordinates; camera and object frames end in ``simulator.py``.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+from scipy.spatial import ConvexHull
+
+from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.colliders import Collider
+
+Vector = Sequence[float]
+BodyKey = tuple[str, int, bool]
+"""Mesh hash, number of the copy (two cups are two bodies), and whether it moves."""
+
+PLANE_FRICTION = 1.0
+GRAVITY_M_S2 = 9.81
+
+_MOVES, _STAYS = 1, 2
+"""Collision groups: what moves meets everything, what stays meets what moves."""
+
+
+@dataclass(frozen=True)
+class PlacedBody:
+    """A body and where to put its centre of mass."""
+
+    body: int
+    position: Vector
+    quat_xyzw: Vector
+    moves: bool
+
+
+class QuietClient(BulletClient):
+    """A private Bullet world without a window, connected without the lines that Bullet prints for it."""
+
+    def __init__(self) -> None:
+        self._shapes: dict[int, object] = {}
+        self._pid = os.getpid()
+        self._client = pybullet.connect(pybullet.DIRECT)
+
+
+class World:
+    """One Bullet world: the support plane and every body made so far, parked where it is not used."""
+
+    def __init__(self, settings: PhysicsSettings) -> None:
+        self._settings = settings
+        self._bullet = QuietClient()
+        self._bullet.setPhysicsEngineParameter(
+            fixedTimeStep=settings.step_s,
+            numSubSteps=settings.substeps,
+            numSolverIterations=settings.solver_iterations,
+            deterministicOverlappingPairs=1,
+        )
+        self._bullet.setGravity(0, 0, -GRAVITY_M_S2)
+        self.plane = self._bullet.createMultiBody(0, self._bullet.createCollisionShape(pybullet.GEOM_PLANE))
+        self._bullet.changeDynamics(self.plane, -1, lateralFriction=PLANE_FRICTION)
+        self._bodies: dict[BodyKey, int] = {}
+        self._in_use: tuple[PlacedBody, ...] = ()
+        # Each attribute of a BulletClient makes a new partial; the hot ones are kept.
+        self.step = self._bullet.stepSimulation
+        self.pose = self._bullet.getBasePositionAndOrientation
+        self.contacts = self._bullet.getContactPoints
+        self._reset = self._bullet.resetBasePositionAndOrientation
+        self._filter = self._bullet.setCollisionFilterGroupMask
+
+    def body(self, key: BodyKey, collider: Collider) -> int:
+        """The body of ``key``, made at its first use and parked."""
+        found = self._bodies.get(key)
+        if found is None:
+            found = self._bodies[key] = self._made(collider, moves=key[2])
+            self._park(found)
+        return found
+
+    def place(self, bodies: Sequence[PlacedBody], plane_quat_xyzw: Vector) -> None:
+        """Put ``bodies`` and the plane in place, at rest, without any memory of former contacts; park all others.
+
+        Entering a body's collision filter makes Bullet drop all its pairs with their cached contacts, and number it
+        anew in the broad phase. Done for plane and bodies in the caller's order, the world is the same after every
+        history; ``deterministicOverlappingPairs`` then works in this order.
+        """
+        for old in self._in_use:
+            self._park(old.body)
+        self._in_use = tuple(bodies)
+        self._reset(self.plane, (0.0, 0.0, 0.0), plane_quat_xyzw)
+        for b in bodies:
+            self._reset(b.body, b.position, b.quat_xyzw)
+        self._filter(self.plane, -1, _STAYS, _MOVES)
+        for b in bodies:
+            self._filter(b.body, -1, _MOVES if b.moves else _STAYS, _MOVES | _STAYS if b.moves else _MOVES)
+
+    def _park(self, body: int) -> None:
+        self._filter(body, -1, 0, 0)
+        self._reset(body, (0.0, 0.0, 1000.0 + 100.0 * body), (0.0, 0.0, 0.0, 1.0))
+
+    def _made(self, collider: Collider, moves: bool) -> int:
+        settings = self._settings
+        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet keeps files by name.
+            path = Path(folder) / "parts.obj"
+            path.write_text(_wavefront(collider), encoding="ascii")
+            shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
+        mass_kg = settings.mass_kg if moves else 0.0
+        body = self._bullet.createMultiBody(mass_kg, shape)
+        self._bullet.changeDynamics(body, -1, lateralFriction=settings.friction, collisionMargin=settings.margin_m)
+        if moves:
+            inertia = (collider.inertia_m2 * mass_kg).tolist()
+            self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
+        return body
+
+
+def _wavefront(collider: Collider) -> str:
+    """The convex parts in the centre-of-mass frame, one object each, as Bullet reads them from a file."""
+    R, t = collider.T_obj_com[:3, :3], collider.T_obj_com[:3, 3]
+    lines: list[str] = []
+    first = 1
+    for k, part in enumerate(collider.parts):
+        lines.append(f"o part{k}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (part - t) @ R]
+        lines += [f"f {a + first} {b + first} {c + first}" for a, b, c in ConvexHull(part).simplices]
+        first += len(part)
+    return "\n".join(lines) + "\n"
