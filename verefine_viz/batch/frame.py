@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, frame_name
+from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
+from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.protocols import RunState
-from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.scores import Scores
-from verefine_viz.evaluation.errors import pose_errors
-from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
 
@@ -45,105 +35,3 @@ def _solved(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
     run = toolbox.run(problem)
     run.finish()
     return frame_result(run)
-
-
-def frame_result(run: Run) -> FrameResult:
-    """What a finished run says about its frame."""
-    problem, state = run.problem, run.final_state
-    rows = tuple(
-        object_row(problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id])
-        for target in problem.targets
-    )
-    estimates = tuple(
-        Estimate(
-            obj_id=target.instance.obj_id,
-            score=best.score.score,
-            T_cam_obj=tuple(float(x) for x in best.T_cam_obj.ravel()),
-        )
-        for target, best in zip(problem.targets, state.best, strict=True)
-        if best is not None
-    )
-    return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates)
-
-
-def object_row(problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration]) -> ObjectRow:
-    """One object's row of frames.csv."""
-    instance, model = target.instance, target.model
-    index = next(i for i, t in enumerate(problem.targets) if t is target)
-    best, initial = state.best[index], state.initial[index]
-    known: dict[str, Any] = {
-        "scene_id": problem.scene_id,
-        "im_id": problem.im_id,
-        "instance_id": instance.instance_id,
-        "obj_id": instance.obj_id,
-        "name": model.name,
-        "diameter_mm": model.diameter_m * 1e3,
-        "n_hypotheses": len(instance.hypotheses),
-    }
-    if best is None or initial is None:
-        return ObjectRow(**known, status="no_answer", message="no hypothesis to start from")
-    return ObjectRow(
-        **known,
-        status="ok",
-        score=best.score.score,
-        initial_score=float(initial.score.max()),
-        **_errors(target, best, initial),
-        best_arm=best.arm,
-        best_iteration=best.iteration,
-        worst_iteration=worst_iteration(target, best, iterations),
-        n_iterations=len(iterations),
-        events=_counted(iterations),
-        **_times(iterations),
-        message="" if problem.observation.support else f"no physics: {problem.observation.support_note}",
-    )
-
-
-def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
-    T_gt = target.instance.T_cam_obj_gt
-    if T_gt is None:
-        return {}
-    final = pose_errors(target.model, best.T_cam_obj, T_gt)
-    first = target.instance.hypotheses[int(np.argmax(initial.score))].T_cam_obj
-    return {
-        "add_s_mm": final.add_s_mm,
-        "initial_add_s_mm": pose_errors(target.model, first, T_gt).add_s_mm,
-        "rotation_deg": final.rotation_deg,
-        "translation_mm": final.translation_mm,
-    }
-
-
-def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration]) -> int:
-    """The iteration after which this object was further from its goal than before it, by most.
-
-    Measured by the error of the accepted pose against the one it started from, or by the score where there is no
-    ground truth. If no iteration lost anything: the one that made the answer.
-    """
-    T_gt = target.instance.T_cam_obj_gt
-    worst, most = best.iteration, 0.0
-    for iteration in iterations:
-        before, after = iteration.stages[0], iteration.accepted_stage
-        if T_gt is not None:
-            loss = (
-                pose_errors(target.model, after.T_cam_obj, T_gt).add_s_mm
-                - pose_errors(target.model, before.T_cam_obj, T_gt).add_s_mm
-            )
-        else:
-            loss = (before.score.score if before.score else 0.0) - (after.score.score if after.score else 0.0)
-        if loss > most:
-            worst, most = iteration.index, loss
-    return worst
-
-
-def _counted(iterations: Sequence[Iteration]) -> str:
-    counts = Counter(event.kind for iteration in iterations for event in iteration.events)
-    return "; ".join(f"{kind} {counts[kind]}" for kind in sorted(counts))
-
-
-def _times(iterations: Sequence[Iteration]) -> dict[str, Any]:
-    stages = [stage for iteration in iterations for stage in iteration.stages]
-    return {
-        "ms_refine": sum(s.ms for s in stages if s.name == "refined"),
-        "ms_simulate": sum(s.ms for s in stages if s.name == "simulated"),
-        "ms_score": sum(i.score_ms for i in iterations),
-        "ms_total": sum(i.ms for i in iterations),
-    }

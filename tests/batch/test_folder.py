@@ -1,0 +1,139 @@
+"""The folder of a batch: what a restart may build on, and who may write."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.batch.folder import RunFolder, first_change, read_run
+from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
+from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, resolve
+
+SESSION = resolve({"title": "a", "method": {"name": "sir"}})
+
+
+def finished(frame: str, score: float = 0.5) -> FrameResult:
+    row = ObjectRow(scene_id=1, im_id=2, status="ok", score=score)
+    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,))
+
+
+def test_a_new_folder_holds_the_session_that_runs(tmp_path: Path) -> None:
+    RunFolder(tmp_path / "deep" / "out", SESSION).close()
+    assert load_session(tmp_path / "deep" / "out" / "session.toml") == SESSION
+
+
+def test_finished_frames_are_found_again(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.keep(finished("1/2", 1 / 3))
+    folder.keep(finished("1/3"))
+    folder.close()
+    again = RunFolder(tmp_path, SESSION)
+    assert again.finished() == {"1/2": finished("1/2", 1 / 3), "1/3": finished("1/3")}
+    again.close()
+
+
+def test_failed_and_damaged_frames_are_tried_again(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.keep(failed_frame("1/2", "no depth"))
+    folder.keep(finished("1/3"))
+    (tmp_path / "frames" / "000001_000004.json").write_text('{"frame": "1/4", "fai')
+    (tmp_path / "frames" / "000001_000005.json").write_text(finished("1/6").model_dump_json())
+    (tmp_path / "frames" / "000001_000007.json.part").write_text(finished("1/7").model_dump_json())
+    assert list(folder.finished()) == ["1/3"]
+    folder.close()
+
+
+def test_another_session_is_refused_by_its_first_difference(tmp_path: Path) -> None:
+    RunFolder(tmp_path, SESSION).close()
+    other = resolve({"title": "a", "method": {"name": "rir"}})
+    with pytest.raises(SettingsError, match=r"method\.name is 'sir' there and 'rir' here; choose another --out"):
+        RunFolder(tmp_path, other)
+    assert load_session(tmp_path / "session.toml") == SESSION
+
+
+def test_another_version_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.write_json("run.json", {"version": "0.0.1"})
+    folder.close()
+    with pytest.raises(SettingsError, match=r"begun by version 0\.0\.1"):
+        RunFolder(tmp_path, SESSION)
+
+
+def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(InputError, match=r"holds other files \(thesis\.tex\) and no batch run"):
+        RunFolder(tmp_path, SESSION)
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name != ".lock") == ["thesis.tex"]
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(InputError, match="is a file, expected a folder"):
+        RunFolder(tmp_path / "out", SESSION)
+
+
+def test_only_one_process_writes(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    with pytest.raises(UnavailableError, match="another batch is writing"):
+        RunFolder(tmp_path, SESSION)
+    folder.close()
+    RunFolder(tmp_path, SESSION).close()
+
+
+def test_a_killed_writer_leaves_no_lock(tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom tests.batch.test_folder import SESSION\n"
+        "from verefine_viz.batch.folder import RunFolder\n"
+        "folder = RunFolder(Path(sys.argv[1]), SESSION)\nprint('locked', flush=True)\nsys.stdin.read()\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=root,
+    )  # fmt: skip
+    with child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "locked\n"
+        with pytest.raises(UnavailableError):
+            RunFolder(tmp_path, SESSION)
+        os.kill(child.pid, signal.SIGKILL)
+    assert child.returncode == -signal.SIGKILL
+    RunFolder(tmp_path, SESSION).close()
+
+
+def test_nothing_is_half_written(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.write("frames.csv", "old")
+    (tmp_path / "frames.csv.part").mkdir()  # writing the new one fails
+    with pytest.raises(InputError, match=r"cannot write .*frames\.csv"):
+        folder.write("frames.csv", "new")
+    assert (tmp_path / "frames.csv").read_text() == "old"
+    folder.close()
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "{"])
+def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.json").write_text(text)
+    with pytest.raises(InputError, match=r"run\.json"):
+        read_run(tmp_path)
+
+
+def test_run_json_is_read_back(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text(json.dumps({"seconds": 3}))
+    assert read_run(tmp_path) == {"seconds": 3}
+    assert read_run(tmp_path / "nowhere") == {}
+
+
+def test_the_first_change_names_field_and_values() -> None:
+    assert first_change(SESSION, SESSION) is None
+    changed = resolve({"title": "a", "method": {"name": "sir"}, "score": {"tau_m": 0.01}})
+    assert first_change(SESSION, changed) == "score.tau_m is 0.02 there and 0.01 here"
+    assert first_change(Session(), SESSION) == "title is '' there and 'a' here"
