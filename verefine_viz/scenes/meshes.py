@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 from trimesh.visual import TextureVisuals
@@ -64,8 +65,11 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         raise InputError(f"{path} is no mesh file; supported: {', '.join(f[1:] for f in FORMATS)}")
     if not path.is_file():
         raise InputError(f"{path} is missing")
+    texture = _texture_name(path)
+    notes = _texture_notes(path, texture)
     try:
-        loaded = trimesh.load_mesh(path, process=False)
+        # An image that cannot be used is kept from trimesh, which would log a traceback.
+        loaded = trimesh.load_mesh(path, process=False, skip_materials=bool(notes))
     except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
         raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {error})") from None
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
@@ -74,7 +78,8 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         raise InputError(f"{path} holds vertices that are NaN or infinite")
     if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
         raise InputError(f"{path} has faces that name vertices that do not exist; the file is damaged")
-    colors, notes = _baked_colors(loaded, path)
+    bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
+    colors = None if notes or bare else _baked_colors(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
     if not loaded.is_watertight:
         vertices, faces, colors = _merged(vertices, faces, colors)
@@ -98,22 +103,28 @@ def largest_distance(points: Float) -> float:
     return float(pdist(hull).max(initial=0.0))
 
 
-def _baked_colors(mesh: trimesh.Trimesh, path: Path) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
+def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     visual: Any = mesh.visual
     if isinstance(visual, TextureVisuals):
-        wanted = _texture_name(path)
-        if wanted and not (path.parent / wanted).is_file():
-            return None, (f"texture {wanted} of {path.name} is missing; the model is drawn in one colour",)
-        try:
-            colors = np.asarray(visual.to_color().vertex_colors)[:, :3]
-        except Exception:  # a damaged image fails where trimesh first looks at it
-            colors = np.empty((0, 3))
-        if len(colors) != len(mesh.vertices):
-            return None, (f"the texture of {path.name} cannot be read; the model is drawn in one colour",)
-        return colors.astype(np.uint8), ()
-    if visual.kind in ("vertex", "face"):
-        return np.asarray(visual.vertex_colors, dtype=np.uint8)[:, :3], ()
-    return None, ()
+        visual = visual.to_color()
+    if visual.kind not in ("vertex", "face"):
+        return None
+    colors = np.asarray(visual.vertex_colors, dtype=np.uint8)
+    return colors[:, :3] if len(colors) == len(mesh.vertices) else None
+
+
+def _texture_notes(path: Path, name: str | None) -> tuple[str, ...]:
+    """Why the texture that the file names cannot be used; empty where it can, or where there is none."""
+    if name is None:
+        return ()
+    if not (path.parent / name).is_file():
+        return (f"texture {name} of {path.name} is missing; the model is drawn in one colour",)
+    try:
+        with Image.open(path.parent / name) as image:
+            image.load()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return (f"texture {name} of {path.name} is damaged; the model is drawn in one colour",)
+    return ()
 
 
 def _texture_name(path: Path) -> str | None:

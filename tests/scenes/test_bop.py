@@ -1,0 +1,292 @@
+"""BOP folders with all their traps are read as what went into them."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import HypothesesSettings
+from verefine_viz.scenes.bop import BopDataset
+
+
+def test_a_plain_folder_gives_back_what_went_into_it(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    problem, truth = made.read(), made.problem
+    assert problem.frame == "7/3"
+    assert problem.title == f"{tmp_path.name} test"
+    assert [i.obj_id for i in problem.instances] == list(OBJ_IDS)
+    assert [i.instance_id for i in problem.instances] == [0, 1, 2]
+    assert [i.visib_fract for i in problem.instances] == [0.5, 0.6, 0.7]
+    np.testing.assert_allclose(problem.observation.depth_m, truth.observation.depth_m, atol=0.5e-4 + 1e-7)
+    np.testing.assert_array_equal(problem.observation.rgb, truth.observation.rgb)
+    np.testing.assert_array_equal(problem.observation.object_mask, truth.observation.object_mask)
+    for got, want in zip(problem.instances, truth.instances, strict=True):
+        np.testing.assert_allclose(got.T_cam_obj_gt, want.T_cam_obj_gt, atol=1e-12)
+        np.testing.assert_array_equal(got.mask, want.mask)
+        assert len(got.hypotheses) == 5
+    for model in problem.models.values():
+        np.testing.assert_allclose(model.vertices, truth.models[1].vertices, atol=1e-9)
+    assert problem.notes == ()
+
+
+@pytest.mark.parametrize("models", ["models", "models_eval", "models_cad"])
+def test_models_are_found_in_any_models_folder(tmp_path: Path, models: str) -> None:
+    assert set(make(tmp_path, models=models).read().models) == {2, 5}
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
+@pytest.mark.parametrize("color", ["rgb", "gray"])
+def test_colour_and_grey_images_of_any_format(tmp_path: Path, color: str, suffix: str) -> None:
+    rgb = make(tmp_path, color=color, suffix=suffix).read().observation.rgb
+    assert rgb is not None
+    assert rgb.shape == (60, 80, 3)
+    assert np.abs(rgb.astype(int) - 128).max() <= 1
+
+
+def test_sixteen_bit_grey_becomes_eight_bit(tmp_path: Path) -> None:
+    rgb = make(tmp_path, color="gray16").read().observation.rgb
+    np.testing.assert_array_equal(rgb, np.full((60, 80, 3), 128))
+
+
+def test_a_frame_without_colour_goes_on_with_a_note(tmp_path: Path) -> None:
+    problem = make(tmp_path, color="none").read()
+    assert problem.observation.rgb is None
+    assert any("no rgb or gray image" in note for note in problem.notes)
+
+
+@pytest.mark.parametrize(("scale", "suffix"), [(1.0, ".png"), (0.1, ".tif"), (0.05, ".png")])
+def test_depth_is_in_metres_whatever_its_scale(tmp_path: Path, scale: float, suffix: str) -> None:
+    made = make(tmp_path, depth_scale=scale, depth_suffix=suffix)
+    got, want = made.read().observation.depth_m, made.problem.observation.depth_m
+    np.testing.assert_allclose(got, want, atol=scale * 0.5e-3 + 1e-6)
+
+
+def test_float_depth_images_are_read(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    want = made.problem.observation.depth_m
+    (made.scene / "depth" / "000003.png").unlink()
+    Image.fromarray((want * 1e4).astype(np.float32)).save(made.scene / "depth" / "000003.tif")
+    np.testing.assert_allclose(made.read().observation.depth_m, want, rtol=1e-6)
+
+
+def test_each_image_has_its_own_camera(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    for kind in ("depth", "rgb"):
+        Image.open(made.scene / kind / "000003.png").save(made.scene / kind / "000012.png")
+    for k in range(3):
+        Image.open(made.scene / "mask_visib" / f"000003_{k:06d}.png").save(
+            made.scene / "mask_visib" / f"000012_{k:06d}.png"
+        )
+    made.edit(
+        "scene_camera.json", lambda c: c.update({"12": {"cam_K": [99, 0, 40, 0, 98, 30, 0, 0, 1], "depth_scale": 0.2}})
+    )
+    made.edit("scene_gt.json", lambda c: c.update({"12": c["3"]}))
+    source = made.open(frames=("7/3", "7/12"))
+    first, second = source.problem("7/3").observation, source.problem("7/12").observation
+    assert (first.camera.fx, second.camera.fx, second.camera.fy) == (80, 99, 98)
+    np.testing.assert_allclose(second.depth_m, 2 * first.depth_m, rtol=1e-6)
+
+
+def test_world_gravity_comes_from_the_camera_pose(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    R_cam_world = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    made.edit("scene_camera.json", lambda c: c["3"].update(cam_R_w2c=R_cam_world.ravel().tolist(), cam_t_w2c=[0, 0, 0]))
+    image = BopDataset(made.root, "test").image(7, 3)
+    np.testing.assert_allclose(image.R_world_cam, R_cam_world.T)
+    support = made.read(gravity="world").observation.support
+    assert support is not None
+    assert support.gravity_source == "world"
+    np.testing.assert_allclose(support.T_world_cam[:3, :3].T @ [0, 0, 1], [0, -1, 0], atol=1e-6)
+
+
+def test_without_a_camera_pose_there_is_none(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    assert BopDataset(made.root, "test").image(7, 3).R_world_cam is None
+
+
+def test_frames_are_those_of_the_targets_file(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda c: c.update({"4": c["3"]}))
+    assert made.open().frames == ("7/3",)
+    (tmp_path / "test_targets_bop19.json").unlink()
+    assert made.open().frames == ("7/3", "7/4")
+    (tmp_path / "test_targets_bop24.json").write_text(json.dumps([{"scene_id": 7, "im_id": 4}]))
+    assert made.open().frames == ("7/4",)
+
+
+def test_targets_that_are_not_on_the_disk_are_left_out_with_a_note(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    more = {"scene_id": 99, "im_id": 1, "obj_id": 2, "inst_count": 1}
+    made.edit("../../test_targets_bop19.json", lambda c: c.append(more))
+    source = made.open()
+    assert source.frames == ("7/3",)
+    assert "1 of 2 frames" in source.notes[0]
+
+
+def test_targets_of_the_test_split_do_not_bind_another_split(tmp_path: Path) -> None:
+    made = make(tmp_path, split="train_real")
+    made.edit("../../test_targets_bop19.json", lambda c: c.clear())
+    assert made.open(split="train_real").frames == ("7/3",)
+
+
+def test_named_frames_keep_their_order_and_occur_once(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda c: c.update({"10": c["3"]}))
+    assert made.open(frames=("7/10", "7/3", "7/10")).frames == ("7/10", "7/3")
+
+
+def test_selected_objects_are_solved_but_all_masks_are_kept(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    problem = made.read(objects=(5,))
+    assert [i.instance_id for i in problem.instances] == [1]
+    assert set(problem.models) == {5}
+    np.testing.assert_array_equal(problem.observation.object_mask, made.problem.observation.object_mask)
+
+
+def test_all_frames_means_frames_that_hold_a_selected_object(tmp_path: Path) -> None:
+    made = make(tmp_path, targets=False)
+    made.edit("scene_camera.json", lambda c: c.update({"4": c["3"]}))
+    made.edit("scene_gt.json", lambda c: c.update({"4": [e for e in c["3"] if e["obj_id"] == 2]}))
+    assert made.open(objects=(5,)).frames == ("7/3",)
+    assert made.open(objects=(2,)).frames == ("7/3", "7/4")
+
+
+def test_either_mask_folder_can_be_used(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    Image.fromarray(np.full((60, 80), 255, np.uint8)).save(made.scene / "mask" / "000003_000001.png")
+    assert made.read(masks="mask").instances[1].mask.all()
+    assert not made.read(masks="mask_visib").instances[1].mask.all()
+
+
+def test_a_missing_mask_leaves_one_instance_out(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (made.scene / "mask_visib" / "000003_000001.png").unlink()
+    problem = made.read()
+    assert [i.instance_id for i in problem.instances] == [0, 2]
+    assert len(problem.notes) == 1
+    assert "obj_000005 (#1) is left out" in problem.notes[0]
+    assert "set scene.masks" in problem.notes[0]
+
+
+def test_a_missing_model_leaves_one_object_out_but_keeps_its_mask(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (tmp_path / "models" / "obj_000002.ply").unlink()
+    problem = made.read()
+    assert [i.obj_id for i in problem.instances] == [5]
+    assert "object 2 is left out: unknown model 2; available: 5" in problem.notes[0]
+    np.testing.assert_array_equal(problem.observation.object_mask, made.problem.observation.object_mask)
+
+
+def test_names_come_from_a_file_in_either_direction(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    assert made.read().models[5].name == "obj_000005"
+    (tmp_path / "models" / "obj_names.json").write_text('{"5": "mug"}')
+    assert made.read().models[5].name == "mug"
+    (tmp_path / "models" / "obj_names.json").write_text('{"cup": 5}')
+    assert made.read().models[5].name == "cup"
+
+
+def test_a_metre_mesh_is_recognised_and_said(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (tmp_path / "models" / "obj_000005.ply").write_text(box_ply(made.problem, unit_m=1.0))
+    problem = made.read()
+    np.testing.assert_allclose(problem.models[5].vertices, made.problem.models[1].vertices, atol=1e-9)
+    assert len(problem.notes) == 1
+    assert "its unit was taken to be metres" in problem.notes[0]
+
+
+def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=300.0))
+    notes = made.read().notes
+    assert len(notes) == 1
+    assert "141.4 mm across, models_info.json says 300 mm; one of them is wrong" in notes[0]
+
+
+def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
+    notes = made.read().notes
+    assert any("check 'depth_scale'" in note for note in notes)
+
+
+def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (made.scene / "scene_gt.json").unlink()
+    (tmp_path / "detections_x-test.json").write_text(json.dumps(detections(made)))
+    with pytest.raises(InputError, match=r"no scene_gt.*detections_x-test\.json"):
+        made.read()
+    problem = made.read(masks=str(tmp_path / "detections_x-test.json"))
+    assert [i.obj_id for i in problem.instances] == list(OBJ_IDS)
+    assert all(i.T_cam_obj_gt is None and i.hypotheses == () for i in problem.instances)
+    assert sum("no ground truth to disturb" in note for note in problem.notes) == 3
+
+
+@pytest.mark.parametrize("kind", ["list", "string"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_detections_give_the_same_masks_in_every_encoding(tmp_path: Path, kind: str, packed: bool) -> None:
+    made = make(tmp_path)
+    text = json.dumps(detections(made, kind)).encode()
+    path = tmp_path / ("det.json.gz" if packed else "det.json")
+    path.write_bytes(gzip.compress(text) if packed else text)
+    problem = made.read(masks=str(path))
+    assert [i.obj_id for i in problem.instances] == list(OBJ_IDS)
+    for got, want in zip(problem.instances, made.problem.instances, strict=True):
+        np.testing.assert_array_equal(got.mask, want.mask)
+        np.testing.assert_allclose(got.T_cam_obj_gt, want.T_cam_obj_gt, atol=1e-12)
+
+
+def test_detections_in_any_order_get_their_own_ground_truth(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    entries = detections(made)
+    for entry, score in zip(entries, (0.1, 0.2, 0.3), strict=True):
+        entry["score"] = score
+    (tmp_path / "det.json").write_text(json.dumps(entries))
+    problem = made.read(masks=str(tmp_path / "det.json"))
+    for got, k in zip(problem.instances, (2, 1, 0), strict=True):
+        np.testing.assert_array_equal(got.mask, made.problem.instances[k].mask)
+        np.testing.assert_allclose(got.T_cam_obj_gt, made.problem.instances[k].T_cam_obj_gt, atol=1e-12)
+
+
+def test_box_only_detections_are_left_out_with_a_note(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    entries = detections(made)
+    entries[1]["segmentation"] = {}
+    del entries[2]["segmentation"]
+    (tmp_path / "det.json").write_text(json.dumps(entries))
+    problem = made.read(masks=str(tmp_path / "det.json"))
+    assert [i.obj_id for i in problem.instances] == [2]
+    assert any("2 detections in det.json have a box but no mask" in note for note in problem.notes)
+    assert any("obj_000005 is in the ground truth but was not detected" in note for note in problem.notes)
+
+
+def test_only_as_many_detections_as_objects_are_kept(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    entries = detections(made)
+    stray = {**entries[1], "score": 0.05}
+    (tmp_path / "det.json").write_text(json.dumps([stray, *entries]))
+    problem = made.read(masks=str(tmp_path / "det.json"))
+    assert [i.obj_id for i in problem.instances] == list(OBJ_IDS)
+    assert any("1 detections of objects" in note for note in problem.notes)
+
+
+def test_models_are_read_once(tmp_path: Path) -> None:
+    source = make(tmp_path).open()
+    assert source.problem("7/3").models[2] is source.problem("7/3").models[2]
+
+
+def test_the_same_frame_read_twice_is_the_same_bit_by_bit(tmp_path: Path) -> None:
+    from verefine_viz.core.compare import first_difference
+
+    made = make(tmp_path)
+    a, b = made.read(HypothesesSettings(max_per_object=3)), made.read(HypothesesSettings(max_per_object=3))
+    assert first_difference(a.observation, b.observation) is None
+    assert first_difference(a.instances, b.instances) is None
+    assert first_difference(a.models[2], b.models[2]) is None

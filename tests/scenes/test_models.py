@@ -1,0 +1,257 @@
+"""Meshes of every format come out in metres, coloured, with outward sampled normals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from verefine_viz.core.geometry import apply
+from verefine_viz.scenes.meshes import largest_distance, read_mesh
+from verefine_viz.scenes.models import ModelLibrary, load_model, model_of_mesh
+from verefine_viz.scenes.symmetries import symmetry_transforms
+
+SIZE_MM = np.array([100.0, 80.0, 60.0])
+
+
+def box() -> trimesh.Trimesh:
+    return trimesh.creation.box(SIZE_MM)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "glb"])
+def test_every_format_gives_the_same_box(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"box.{suffix}"
+    box().export(path)
+    model = load_model(path, 1, "box", 1e-3, 500, 0)
+    assert model.vertices.shape == (8, 3)
+    assert model.faces.shape == (12, 3)
+    assert model.diameter_m == pytest.approx(np.linalg.norm(SIZE_MM) * 1e-3, rel=1e-6)
+    np.testing.assert_allclose(np.ptp(model.vertices, axis=0), SIZE_MM * 1e-3, rtol=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+def test_ascii_and_binary_ply_agree(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "box.ply"
+    path.write_bytes(trimesh.exchange.ply.export_ply(box(), encoding=encoding.split("_")[0]))
+    assert encoding.encode() in path.read_bytes()[:60]
+    np.testing.assert_allclose(np.abs(read_mesh(path, 1e-3).vertices_m), np.tile(SIZE_MM / 2e3, (8, 1)), rtol=1e-6)
+
+
+def test_sampled_points_lie_on_the_surface_with_outward_normals(tmp_path: Path) -> None:
+    path = tmp_path / "box.ply"
+    box().export(path)
+    model = load_model(path, 1, "box", 1e-3, 3000, 0)
+    depth_inside = (SIZE_MM / 2e3 - np.abs(model.points)).min(axis=1)
+    np.testing.assert_allclose(depth_inside, 0, atol=1e-9)
+    face = np.argmin(SIZE_MM / 2e3 - np.abs(model.points), axis=1)
+    outward = np.sign(model.points[np.arange(3000), face])
+    np.testing.assert_allclose(model.point_normals[np.arange(3000), face], outward, atol=1e-9)
+    # Area-weighted: each pair of sides gets its share of the points.
+    areas = np.array([80 * 60, 100 * 60, 100 * 80]) / (80 * 60 + 100 * 60 + 100 * 80)
+    np.testing.assert_allclose(np.bincount(face) / 3000, areas, atol=0.04)
+
+
+def test_an_inside_out_mesh_is_turned(tmp_path: Path) -> None:
+    mesh = box()
+    mesh.invert()
+    mesh.export(tmp_path / "box.ply")
+    model = load_model(tmp_path / "box.ply", 1, "box", 1e-3, 200, 0)
+    assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
+
+
+def test_mixed_winding_is_repaired(tmp_path: Path) -> None:
+    mesh = box()
+    faces = mesh.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    trimesh.Trimesh(mesh.vertices, faces, process=False).export(tmp_path / "box.ply")
+    model = load_model(tmp_path / "box.ply", 1, "box", 1e-3, 200, 0)
+    assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
+
+
+def test_sampling_depends_on_the_seed_only(tmp_path: Path) -> None:
+    path = tmp_path / "box.ply"
+    box().export(path)
+    a, b, c = (load_model(path, 1, "box", 1e-3, 100, seed) for seed in (4, 4, 5))
+    assert a.points.tobytes() == b.points.tobytes()
+    assert a.points.tobytes() != c.points.tobytes()
+    assert a.mesh_hash == b.mesh_hash == c.mesh_hash
+
+
+def textured_ply(folder: Path, binary: bool) -> Path:
+    """A square in four quarters of colour; texture v points up."""
+    texture = np.zeros((64, 64, 3), np.uint8)
+    texture[:32, :32], texture[:32, 32:] = (255, 0, 0), (0, 255, 0)
+    texture[32:, :32], texture[32:, 32:] = (0, 0, 255), (255, 255, 0)
+    Image.fromarray(texture).save(folder / "skin.png")
+    corners = [(-1, -1, 0.0, 0.0), (1, -1, 1.0, 0.0), (1, 1, 1.0, 1.0), (-1, 1, 0.0, 1.0)]
+    header = (
+        f"ply\nformat {'binary_little_endian' if binary else 'ascii'} 1.0\ncomment TextureFile skin.png\n"
+        "element vertex 4\n"
+        + "".join(f"property float {p}\n" for p in ("x", "y", "z", "texture_u", "texture_v"))
+        + "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = [(100.0 * x, 100.0 * y, 0.0, u, v) for x, y, u, v in corners]
+    if binary:
+        faces = np.array([(3, [0, 1, 2]), (3, [0, 2, 3])], dtype=[("n", "u1"), ("i", "<i4", 3)])
+        content = header.encode() + np.array(rows, dtype="<f4").tobytes() + faces.tobytes()
+    else:
+        content = (header + "".join(" ".join(map(str, r)) + "\n" for r in rows) + "3 0 1 2\n3 0 2 3\n").encode()
+    path = folder / "square.ply"
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_textures_are_baked_to_the_vertices(tmp_path: Path, binary: bool) -> None:
+    mesh = read_mesh(textured_ply(tmp_path, binary), 1e-3)
+    assert mesh.vertex_colors is not None
+    colors = {
+        tuple(np.sign(v[:2]).astype(int)): tuple(c) for v, c in zip(mesh.vertices_m, mesh.vertex_colors, strict=True)
+    }
+    assert colors == {(-1, -1): (0, 0, 255), (1, -1): (255, 255, 0), (1, 1): (0, 255, 0), (-1, 1): (255, 0, 0)}
+
+
+def test_a_missing_texture_is_a_note(tmp_path: Path) -> None:
+    path = textured_ply(tmp_path, True)
+    (tmp_path / "skin.png").unlink()
+    mesh = read_mesh(path, 1e-3)
+    assert mesh.vertex_colors is None
+    assert len(mesh.faces) == 2
+    assert "texture skin.png of square.ply is missing" in mesh.notes[0]
+
+
+def test_a_damaged_texture_is_a_note(tmp_path: Path) -> None:
+    path = textured_ply(tmp_path, False)
+    (tmp_path / "skin.png").write_bytes(b"no image")
+    mesh = read_mesh(path, 1e-3)
+    assert mesh.vertex_colors is None
+    assert "texture skin.png of square.ply is damaged" in mesh.notes[0]
+
+
+def test_texture_coordinates_without_a_texture_have_no_colour(tmp_path: Path) -> None:
+    path = textured_ply(tmp_path, False)
+    path.write_text(path.read_text().replace("comment TextureFile skin.png\n", ""))
+    mesh = read_mesh(path, 1e-3)
+    assert mesh.vertex_colors is None
+    assert mesh.notes == ()
+
+
+def test_a_textured_glb_is_baked(tmp_path: Path) -> None:
+    read_from = trimesh.load_mesh(textured_ply(tmp_path, True), process=False)
+    read_from.export(tmp_path / "square.glb")
+    mesh = read_mesh(tmp_path / "square.glb", 1e-3)
+    assert mesh.vertex_colors is not None
+    assert {tuple(c) for c in mesh.vertex_colors} == {(0, 0, 255), (255, 255, 0), (0, 255, 0), (255, 0, 0)}
+
+
+def test_vertex_colours_are_kept(tmp_path: Path) -> None:
+    mesh = box()
+    colors = np.arange(24, dtype=np.uint8).reshape(8, 3)
+    mesh.visual.vertex_colors = np.hstack([colors, np.full((8, 1), 255, np.uint8)])
+    mesh.export(tmp_path / "box.ply")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "box.ply", 1e-3).vertex_colors, colors)
+
+
+def test_a_textured_obj_takes_its_colour_from_the_material(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / "skin.png")
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    lines = ["mtllib a.mtl", "usemtl m", "v 0 0 0", "v 100 0 0", "v 0 100 0", "v 0 0 100", "vt 0.5 0.5"]
+    lines += [f"f {a}/1 {b}/1 {c}/1" for a, b, c in ((1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4))]
+    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
+    mesh = read_mesh(tmp_path / "a.obj", 1e-3)
+    assert mesh.vertex_colors is not None
+    assert set(map(tuple, mesh.vertex_colors)) == {(10, 200, 30)}
+    (tmp_path / "skin.png").unlink()
+    assert "texture skin.png of a.obj is missing" in read_mesh(tmp_path / "a.obj", 1e-3).notes[0]
+
+
+def test_texture_seams_are_closed_and_closed_meshes_left_alone(tmp_path: Path) -> None:
+    mesh = box()
+    mesh.unmerge_vertices()
+    mesh.export(tmp_path / "soup.ply")
+    assert len(read_mesh(tmp_path / "soup.ply", 1e-3).vertices_m) == 8
+    # Two closed boxes that touch in four vertices stay two closed boxes.
+    other = box()
+    other.apply_translation([SIZE_MM[0], 0, 0])
+    both = trimesh.util.concatenate([box(), other])
+    both.export(tmp_path / "both.ply")
+    kept = read_mesh(tmp_path / "both.ply", 1e-3)
+    assert len(kept.vertices_m) == 16
+    assert trimesh.Trimesh(kept.vertices_m, kept.faces, process=False).is_watertight
+
+
+def test_glb_is_metres_in_a_bop_folder(tmp_path: Path) -> None:
+    (tmp_path / "models").mkdir()
+    trimesh.creation.box(SIZE_MM * 1e-3).export(tmp_path / "models" / "obj_000001.glb")
+    info = {"1": {"diameter": float(np.linalg.norm(SIZE_MM))}}
+    (tmp_path / "models" / "models_info.json").write_text(json.dumps(info))
+    library = ModelLibrary(tmp_path, 100, 0)
+    np.testing.assert_allclose(np.ptp(library.get(1).vertices, axis=0), SIZE_MM * 1e-3, rtol=1e-6)
+    assert library.notes(1) == ()
+
+
+def test_without_models_info_the_diameter_is_measured(tmp_path: Path) -> None:
+    (tmp_path / "models").mkdir()
+    box().export(tmp_path / "models" / "obj_000001.ply")
+    library = ModelLibrary(tmp_path, 100, 0)
+    assert library.get(1).diameter_m == pytest.approx(np.linalg.norm(SIZE_MM) * 1e-3)
+    assert library.notes(1) == ()
+
+
+def test_a_millimetre_speck_without_models_info_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "models").mkdir()
+    trimesh.creation.box(SIZE_MM * 1e-3).export(tmp_path / "models" / "obj_000001.ply")
+    assert "check its unit" in ModelLibrary(tmp_path, 100, 0).notes(1)[0]
+
+
+def test_largest_distance_of_many_and_of_flat_points() -> None:
+    rng = np.random.default_rng(0)
+    sphere = rng.normal(size=(9000, 3))
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+    assert largest_distance(sphere) == pytest.approx(2.0, rel=1e-3)
+    assert largest_distance(np.array([[0.0, 0, 0], [3, 4, 0], [1, 0, 0], [0, 1, 0]])) == 5.0
+
+
+def test_symmetries_are_the_official_ones(shared_data: Path) -> None:
+    vectors = json.loads((shared_data / "bop_vectors" / "vectors.json").read_text())
+    for case in vectors["symmetries"]:
+        info = vectors["meshes"][case["mesh"]]["models_info"]
+        steps = int(np.ceil(np.pi / case["max_sym_disc_step"]))
+        S = symmetry_transforms(info, case["mesh"], steps)
+        assert len(S) == case["count"]
+        np.testing.assert_allclose(S[:, :3, :3].sum(axis=0), case["sum_R"], atol=1e-9)
+        np.testing.assert_allclose(S[:, :3, 3].sum(axis=0) * 1e3, case["sum_t"], atol=1e-6)
+        for sample in case["samples"]:
+            np.testing.assert_allclose(S[sample["index"], :3, :3], sample["R"], atol=1e-12)
+            np.testing.assert_allclose(S[sample["index"], :3, 3] * 1e3, sample["t"], atol=1e-9)
+
+
+def test_symmetries_leave_the_object_where_it_is() -> None:
+    cylinder = trimesh.creation.cylinder(30, 100, sections=64)
+    offset = np.array([5.0, -3.0, 7.0])
+    flip = np.diag([1.0, -1, -1, 1])
+    flip[:3, 3] = offset - flip[:3, :3] @ offset
+    info = {
+        "symmetries_discrete": [flip.ravel().tolist()],
+        "symmetries_continuous": [{"axis": [0, 0, 2], "offset": offset.tolist()}],
+    }
+    S = symmetry_transforms(info, "cylinder", 64)
+    assert len(S) == 128
+    np.testing.assert_array_equal(S[0], np.eye(4))
+    points = (np.asarray(cylinder.vertices) + offset) * 1e-3
+    for T in S:
+        distances = np.linalg.norm(apply(T, points)[:, None] - points[None], axis=2).min(axis=1)
+        assert distances.max() < 1e-9
+
+
+def test_a_mesh_without_area_is_refused() -> None:
+    from verefine_viz.core.errors import InputError
+    from verefine_viz.scenes.meshes import Mesh
+
+    line = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]], np.int32), None)
+    with pytest.raises(InputError, match="all its triangles are degenerate"):
+        model_of_mesh(line, 1, "line", 10, 0)

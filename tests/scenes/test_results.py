@@ -1,0 +1,159 @@
+"""Results files: the official verdicts, round trips, and whose a row is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.scenes.bop_folder import make
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
+from verefine_viz.core.settings import HypothesesSettings
+from verefine_viz.scenes.results import HEADER, ResultRow, method_of, read_results, write_results
+
+STRICTER = {"nanpose", "nonrotation"}
+"""The official reader takes these; a pose that is no pose would only fail later, so ours names the line."""
+
+
+def test_the_official_verdicts(shared_data: Path, tmp_path: Path) -> None:
+    cases = json.loads((shared_data / "bop_vectors" / "vectors.json").read_text())["csv_format"]
+    assert len(cases) >= 18
+    for name, case in cases.items():
+        path = tmp_path / f"{name}_x-test.csv"
+        path.write_bytes(case["text"].encode())
+        if case["ok"] and name not in STRICTER:
+            assert len(read_results(path)) == case["rows"], name
+        else:
+            with pytest.raises(InputError) as refused:
+                read_results(path)
+            assert str(path) in str(refused.value)
+            assert "\n" not in str(refused.value)
+
+
+poses = st.builds(
+    lambda q, t: transform(rotation_of_quat_wxyz(q), t),
+    st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
+    st.lists(st.floats(-5, 5), min_size=3, max_size=3),
+)
+ids = st.integers(0, 10**6)
+rows = st.builds(ResultRow, ids, ids, ids, st.floats(-1e6, 1e6), poses, st.just(0.25))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(rows, min_size=1, max_size=5))
+def test_written_files_read_back_as_they_were(tmp_path: Path, rows: list[ResultRow]) -> None:
+    path = tmp_path / "ours_x-test.csv"
+    write_results(path, rows)
+    back = read_results(path)
+    assert len(back) == len(rows)
+    for got, want in zip(back, rows, strict=True):
+        assert (got.scene_id, got.im_id, got.obj_id) == (want.scene_id, want.im_id, want.obj_id)
+        assert (got.score, got.time_s) == (want.score, want.time_s)
+        np.testing.assert_allclose(got.T_cam_obj, want.T_cam_obj, atol=1e-14)
+
+
+def test_writing_leaves_no_half_file(tmp_path: Path) -> None:
+    path = tmp_path / "ours_x-test.csv"
+    row = ResultRow(1, 2, 3, 0.5, np.eye(4))
+    write_results(path, [row])
+    before = path.read_bytes()
+
+    def failing():
+        yield row
+        raise RuntimeError("killed here")
+
+    with pytest.raises(RuntimeError):
+        write_results(path, failing())
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("cosypose_ycbv-test.csv", "cosypose"),
+        ("posecnn-icp-rss2018_ycbv-test.csv", "posecnn-icp-rss2018"),
+        ("my_own_lmo-test_primesense.csv", "my_own"),
+        ("gdr_tless-test_primesense_1b2c.csv", "gdr"),
+        ("poses.csv", "poses"),
+        ("my_poses.csv", "my_poses"),
+    ],
+)
+def test_method_of_a_file_name(name: str, method: str) -> None:
+    assert method_of(f"/some/where/{name}") == method
+
+
+def line(obj_id: int, score: float, T: np.ndarray) -> str:
+    R, t = " ".join(map(repr, T[:3, :3].ravel().tolist())), " ".join(map(repr, (T[:3, 3] * 1e3).tolist()))
+    return f"7,3,{obj_id},{score},{R},{t},-1"
+
+
+def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    left, middle, right = (i.T_cam_obj_gt for i in made.problem.instances)
+    assert left is not None
+    assert middle is not None
+    assert right is not None
+    shift = transform(np.eye(3), [0.01, 0, 0])
+    lines = [line(2, 0.9, right), line(2, 0.8, left), line(2, 0.7, shift @ left), line(5, 0.6, middle)]
+    path = tmp_path / "est_x-test.csv"
+    path.write_text("\n".join([HEADER, *lines]))
+    problem = made.read(HypothesesSettings(source="results", files=(str(path),)))
+    assert [[h.confidence for h in i.hypotheses] for i in problem.instances] == [[0.8, 0.7], [0.6], [0.9]]
+    # With one of the two instances selected, the other one's rows still belong to the other one.
+    np.testing.assert_allclose(problem.instances[2].hypotheses[0].T_cam_obj, right, atol=1e-12)
+    assert problem.notes == ()
+
+
+def test_a_row_beside_all_masks_goes_to_the_nearest(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    right = made.problem.instances[2].T_cam_obj_gt
+    assert right is not None
+    path = tmp_path / "est_x-test.csv"
+    path.write_text(line(2, 1.0, transform(np.eye(3), [0, -0.2, 0]) @ right))
+    problem = made.read(HypothesesSettings(source="results", files=(str(path),)))
+    assert [len(i.hypotheses) for i in problem.instances] == [0, 0, 1]
+
+
+def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    T = made.problem.instances[1].T_cam_obj_gt
+    assert T is not None
+    many = tmp_path / "many_x-test.csv"
+    few = tmp_path / "few_x-test.csv"
+    many.write_text("\n".join([HEADER, *(line(5, s, T) for s in (0.5, 0.9, 0.7, 0.6))]))
+    few.write_text("\n".join([HEADER, line(5, 0.01, T), line(5, 0.02, T)]))
+    files = (str(many), str(few))
+    pools = {}
+    for n in (3, 5, 9):
+        h = HypothesesSettings(source="results", files=files, max_per_object=n)
+        pools[n] = [(p.source, p.confidence) for p in made.read(h).instances[1].hypotheses]
+    assert pools[9] == [("many", 0.9), ("few", 0.02), ("many", 0.7), ("few", 0.01), ("many", 0.6), ("many", 0.5)]
+    assert pools[5] == pools[9][:5]
+    assert pools[3] == pools[9][:3]
+
+
+def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    T = made.problem.instances[1].T_cam_obj_gt
+    assert T is not None
+    shifts = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
+    path = tmp_path / "est_x-test.csv"
+    path.write_text("\n".join([HEADER, *(line(5, 1.0, s) for s in shifts)]))
+    pool = made.read(HypothesesSettings(source="results", files=(str(path),))).instances[1].hypotheses
+    assert np.argsort([h.T_cam_obj[0, 3] for h in pool]).tolist() == [0, 1, 2, 3]
+    assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
+
+
+def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    T = made.problem.instances[1].T_cam_obj_gt
+    assert T is not None
+    path = tmp_path / "est_x-test.csv"
+    path.write_text(line(2, 1.0, T))
+    notes = made.read(HypothesesSettings(source="results", files=(str(path),))).notes
+    assert any("obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in est" in note for note in notes)
