@@ -100,7 +100,10 @@ class IcpSettings(Settings):
     """Inner iterations per refiner call."""
     gate: Literal["shrinking", "published"] = "shrinking"
     """Largest distance of a correspondence. published: 0.1 × the observed cloud's largest extent, which leaves far
-    starts untouched. shrinking: starts wide and tightens to the published gate."""
+    starts untouched. shrinking: starts at 0.5 of it and tightens to the published gate."""
+    matches: Literal["same_side", "all"] = "same_side"
+    """Which correspondences within the gate count. all: every one (published). same_side: those whose observed and
+    model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
 
 
 class ScoreSettings(Settings):
@@ -226,7 +229,7 @@ class Session(Settings):
 
 PUBLISHED: dict[str, dict[str, Any]] = {
     "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
-    "icp": {"metric": "point", "stop": "published", "gate": "published", "max_iterations": 10},
+    "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
     "method": {"sim_candidate": "full", "accept": "latest", "exploration": 0.1},
     "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
 }

@@ -1,0 +1,202 @@
+"""The loop of ICP, compiled as one call: match, fit, move, stop. METHODS 4.1. Single-threaded, same bits every time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from verefine_viz.refiners.nearest import nearest
+
+ALL_ITERATIONS, TOLERANCE, PUBLISHED = 0, 1, 2
+"""Stop rules, as the kernel takes them."""
+STEP_TOLERANCE = 1e-6
+"""A step is small if 1 − cos(angle) and the squared shift [m²] are both below this (PCL's transformation epsilon)."""
+ERROR_TOLERANCE_M2 = 1e-12
+"""A change of the mean squared distance below this ends the loop [m²] (PCL's absolute epsilon)."""
+RELATIVE_TOLERANCE = 1.0
+"""The published relative epsilon: true as soon as there is a previous error, unless it doubles, so it means 2 steps."""
+DAMPING = 1e-3
+"""Point-to-plane: share of the mean curvature added to every direction, so that what flat faces leave free (sliding
+along them) does not move."""
+
+
+@njit(cache=True)
+def icp_loop(
+    source: np.ndarray,
+    source_normals: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+    boxes: np.ndarray,
+    slices: np.ndarray,
+    gates_m: np.ndarray,
+    n_shrinking: int,
+    stop: int,
+    plane: bool,
+    pivot: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, int, int, float]:
+    """Moves ``source`` onto ``points``; returns R (3, 3), t (3,), iterations, matches and mse [m²] of the last one.
+
+    Args:
+        source: (N, 3) cloud that moves.
+        source_normals: (N, 3) its normals, zero where unknown; (0, 3) takes every match.
+        points: (M, 3) of the search tree, in its order.
+        normals: (M, 3) of ``points``; (0, 3) if neither normals nor planes are used.
+        boxes: of the search tree.
+        slices: of the search tree.
+        gates_m: (K,) largest distance of a match in each iteration; K is the most iterations.
+        n_shrinking: iterations in which the gate still changes: no small step ends the loop during them.
+        stop: ``ALL_ITERATIONS``, ``TOLERANCE`` or ``PUBLISHED``.
+        plane: minimise distances to tangent planes instead of points.
+        pivot: (3,) whose displacement is the "shift" of a step: the origin of the frame that PCL would work in.
+    """
+    n = len(source)
+    check_sides = len(source_normals) > 0
+    R, t = np.eye(3), np.zeros(3)
+    moved = np.empty((n, 3))
+    match = np.zeros(n, dtype=np.int64)
+    squared = np.empty(n)
+    kept = np.empty(n, dtype=np.bool_)
+    stack = np.empty(64, dtype=np.int64)
+    stack_distance = np.empty(64)
+    guess = 0
+    n_matches, mse, previous_mse = 0, 0.0, np.inf
+    for iteration in range(len(gates_m)):
+        gate_squared = gates_m[iteration] * gates_m[iteration]
+        n_matches, total = 0, 0.0
+        for i in range(n):
+            x, y, z = _apply(R, t, source[i])
+            moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z
+            if iteration > 0:
+                guess = match[i]
+            guess, distance = nearest(x, y, z, guess, points, boxes, slices, stack, stack_distance)
+            match[i], squared[i] = guess, distance
+            kept[i] = distance <= gate_squared
+            if kept[i] and check_sides:
+                kept[i] = _turned_dot(R, source_normals[i], normals[guess]) >= 0.0
+            if kept[i]:
+                n_matches += 1
+                total += distance
+        if n_matches < 3:
+            return R, t, iteration, n_matches, 0.0
+        mse = total / n_matches
+        step_R, step_t = (
+            _plane_step(moved, points, normals, match, kept)
+            if plane
+            else _point_step(moved, points, match, kept, n_matches)
+        )
+        R = step_R @ R
+        t = step_R @ t + step_t
+        if stop != ALL_ITERATIONS and iteration >= n_shrinking:
+            shift = step_R @ pivot + step_t - pivot
+            cosine = 0.5 * (step_R[0, 0] + step_R[1, 1] + step_R[2, 2] - 1.0)
+            if cosine >= 1.0 - STEP_TOLERANCE and shift @ shift <= STEP_TOLERANCE:
+                return R, t, iteration + 1, n_matches, mse
+            change = abs(mse - previous_mse)
+            if change < ERROR_TOLERANCE_M2:
+                return R, t, iteration + 1, n_matches, mse
+            if stop == PUBLISHED and change < RELATIVE_TOLERANCE * previous_mse and previous_mse < np.inf:
+                return R, t, iteration + 1, n_matches, mse
+        previous_mse = mse
+    return R, t, len(gates_m), n_matches, mse
+
+
+@njit(cache=True)
+def _apply(R: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[float, float, float]:
+    return (
+        R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0],
+        R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1],
+        R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2],
+    )
+
+
+@njit(cache=True)
+def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    """``(R a) · b``."""
+    return (
+        (R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2]) * b[0]
+        + (R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2]) * b[1]
+        + (R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2]) * b[2]
+    )
+
+
+@njit(cache=True)
+def _point_step(
+    moved: np.ndarray, points: np.ndarray, match: np.ndarray, kept: np.ndarray, n_matches: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rigid step with the least sum of squared distances (Umeyama without scale)."""
+    a, b = np.zeros(3), np.zeros(3)
+    for i in range(len(moved)):
+        if kept[i]:
+            for k in range(3):
+                a[k] += moved[i, k]
+                b[k] += points[match[i], k]
+    a /= n_matches
+    b /= n_matches
+    H = np.zeros((3, 3))
+    for i in range(len(moved)):
+        if kept[i]:
+            j = match[i]
+            for k in range(3):
+                d = points[j, k] - b[k]
+                H[k, 0] += d * (moved[i, 0] - a[0])
+                H[k, 1] += d * (moved[i, 1] - a[1])
+                H[k, 2] += d * (moved[i, 2] - a[2])
+    U, _, Vt = np.linalg.svd(H)
+    if np.linalg.det(U) * np.linalg.det(Vt) < 0.0:
+        U[:, 2] *= -1.0
+    R = U @ Vt
+    return R, b - R @ a
+
+
+@njit(cache=True)
+def _plane_step(
+    moved: np.ndarray, points: np.ndarray, normals: np.ndarray, match: np.ndarray, kept: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rigid step that brings the points nearest to the tangent planes of their matches (small-angle fit)."""
+    centre = np.zeros(3)
+    n = 0
+    for i in range(len(moved)):
+        if kept[i]:
+            n += 1
+            for k in range(3):
+                centre[k] += moved[i, k]
+    centre /= n
+    A = np.zeros((6, 6))
+    rhs = np.zeros(6)
+    row = np.empty(6)
+    for i in range(len(moved)):
+        if kept[i]:
+            j = match[i]
+            x, y, z = moved[i, 0] - centre[0], moved[i, 1] - centre[1], moved[i, 2] - centre[2]
+            nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
+            row[0], row[1], row[2] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            row[3], row[4], row[5] = nx, ny, nz
+            gap = (
+                (points[j, 0] - moved[i, 0]) * nx
+                + (points[j, 1] - moved[i, 1]) * ny
+                + (points[j, 2] - moved[i, 2]) * nz
+            )
+            for r in range(6):
+                rhs[r] += row[r] * gap
+                for c in range(6):
+                    A[r, c] += row[r] * row[c]
+    # Turns and shifts have different units: each block is damped by its own scale.
+    turns = A[0, 0] + A[1, 1] + A[2, 2]
+    shifts = A[3, 3] + A[4, 4] + A[5, 5]
+    for k in range(3):
+        A[k, k] += DAMPING * turns + 1e-15
+        A[k + 3, k + 3] += DAMPING * shifts + 1e-15
+    step = np.linalg.solve(A, rhs)
+    R = _rotation(step[:3])
+    return R, centre + step[3:] - R @ centre
+
+
+@njit(cache=True)
+def _rotation(vector: np.ndarray) -> np.ndarray:
+    """The rotation of a rotation vector (Rodrigues)."""
+    angle = np.sqrt(vector @ vector)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector[0] / angle, vector[1] / angle, vector[2] / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)

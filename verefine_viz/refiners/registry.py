@@ -1,0 +1,27 @@
+"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.settings import Session
+from verefine_viz.refiners.icp import Icp
+from verefine_viz.refiners.identity import Identity
+
+REFINERS: dict[str, Callable[[Session], Refiner]] = {
+    "icp": lambda session: Icp(session.icp),
+    "identity": lambda session: Identity(),
+}
+
+
+def make_refiner(name: str, session: Session) -> Refiner:
+    """The refiner of that name with the session's settings.
+
+    Raises:
+        SettingsError: no refiner has that name; lists those that exist.
+    """
+    if name not in REFINERS:
+        raise SettingsError(unknown("refiner", name, REFINERS))
+    return REFINERS[name](session)
