@@ -9,6 +9,7 @@ from pathlib import Path
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.toolbox import Toolbox
 
 
@@ -19,7 +20,7 @@ def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
     """
     started = time.perf_counter()
     try:
-        result = _solved(toolbox, frame, out)
+        result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd")
     except VerefineError as error:
         result = failed_frame(frame, str(error))
     except Exception as error:
@@ -30,8 +31,21 @@ def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
     return result.model_copy(update={"seconds": time.perf_counter() - started})
 
 
-def _solved(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+def _solved(toolbox: Toolbox, frame: str, recording: Path) -> FrameResult:
+    keep = toolbox.session.recording.keep
     problem = toolbox.problem(frame)
-    run = toolbox.run(problem)
-    run.finish()
-    return frame_result(run)
+    recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier)
+    try:
+        run = toolbox.run(problem, [recorder] if keep == "all" else [])
+        run.finish()
+        result = frame_result(run)
+        if keep == "failures" and is_failure(result):
+            run.fork(run.length, watchers=[recorder])  # the recorder sees the whole history
+    finally:
+        recorder.close()
+    return result
+
+
+def is_failure(result: FrameResult) -> bool:
+    """Whether a person will want to look: an object without an answer, or ADD(-S) not below 10 % of the diameter."""
+    return any(row.status != "ok" or row.is_correct is False for row in result.objects)

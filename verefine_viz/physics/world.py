@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 from scipy.spatial import ConvexHull
 
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.bullet import BulletClient, pybullet
 from verefine_viz.physics.colliders import Collider
 
 Vector = Sequence[float]
@@ -66,7 +65,8 @@ class World:
         self.plane = self._bullet.createMultiBody(0, self._bullet.createCollisionShape(pybullet.GEOM_PLANE))
         self._bullet.changeDynamics(self.plane, -1, lateralFriction=PLANE_FRICTION)
         self._bodies: dict[BodyKey, int] = {}
-        self._in_use: tuple[PlacedBody, ...] = ()
+        self._inertia: dict[int, list[float]] = {}
+        self._in_use: set[int] = set()
         # Each attribute of a BulletClient makes a new partial; the hot ones are kept.
         self.step = self._bullet.stepSimulation
         self.pose = self._bullet.getBasePositionAndOrientation
@@ -78,7 +78,8 @@ class World:
         """The body of ``key``, made at its first use and parked."""
         found = self._bodies.get(key)
         if found is None:
-            found = self._bodies[key] = self._made(collider, moves=key[2])
+            found = self._bodies[key] = self._made(collider)
+            self._inertia[found] = (collider.inertia_m2 * self._settings.mass_kg).tolist()
             self._park(found)
         return found
 
@@ -89,9 +90,13 @@ class World:
         anew in the broad phase. Done for plane and bodies in the caller's order, the world is the same after every
         history; ``deterministicOverlappingPairs`` then works in this order.
         """
-        for old in self._in_use:
-            self._park(old.body)
-        self._in_use = tuple(bodies)
+        in_use = {b.body for b in bodies}
+        for body in self._in_use - in_use:
+            self._park(body)
+        for b in bodies:
+            if b.body not in self._in_use and b.moves:
+                self._set_mass(b.body, self._settings.mass_kg, self._inertia[b.body])
+        self._in_use = in_use
         self._reset(self.plane, (0.0, 0.0, 0.0), plane_quat_xyzw)
         for b in bodies:
             self._reset(b.body, b.position, b.quat_xyzw)
@@ -100,21 +105,23 @@ class World:
             self._filter(b.body, -1, _MOVES if b.moves else _STAYS, _MOVES | _STAYS if b.moves else _MOVES)
 
     def _park(self, body: int) -> None:
+        """Far away, meeting nothing, and without mass, so that it neither falls nor costs time."""
         self._filter(body, -1, 0, 0)
+        self._set_mass(body, 0.0, (0.0, 0.0, 0.0))
         self._reset(body, (0.0, 0.0, 1000.0 + 100.0 * body), (0.0, 0.0, 0.0, 1.0))
 
-    def _made(self, collider: Collider, moves: bool) -> int:
+    def _set_mass(self, body: int, mass_kg: float, inertia: Vector) -> None:
+        self._bullet.changeDynamics(body, -1, mass=mass_kg)
+        self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
+
+    def _made(self, collider: Collider) -> int:
         settings = self._settings
         with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet keeps files by name.
             path = Path(folder) / "parts.obj"
             path.write_text(_wavefront(collider), encoding="ascii")
             shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
-        mass_kg = settings.mass_kg if moves else 0.0
-        body = self._bullet.createMultiBody(mass_kg, shape)
+        body = self._bullet.createMultiBody(settings.mass_kg, shape)
         self._bullet.changeDynamics(body, -1, lateralFriction=settings.friction, collisionMargin=settings.margin_m)
-        if moves:
-            inertia = (collider.inertia_m2 * mass_kg).tolist()
-            self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
         return body
 
 
