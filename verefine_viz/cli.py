@@ -84,8 +84,9 @@ def _named(kind: type[Command]) -> Any:
 
 
 def fail(text: str) -> int:
-    """One line on stderr, whatever the text holds; exit code 2."""
-    print(f"{PROGRAM}: {' '.join(text.split())}", file=sys.stderr)
+    """One line on stderr, whatever the text quotes from files (line breaks, terminal codes); exit code 2."""
+    line = "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))
+    print(f"{PROGRAM}: {line}", file=sys.stderr)
     return 2
 
 

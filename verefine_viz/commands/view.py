@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -30,10 +30,10 @@ class View:
 
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.session.files import load_session
+
+        session = load_session(self.session, given(self.settings, arguments))
         from verefine_viz.viewer.app import serve
 
-        overrides: dict[str, Any] = given(self.settings, arguments)
-        session = load_session(self.session, overrides)
         serve(
             session,
             session_path=self.session,

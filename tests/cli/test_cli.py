@@ -1,0 +1,178 @@
+"""The command line: help, options over session files, exit codes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from verefine_viz import __version__, cli
+from verefine_viz.commands import flags
+from verefine_viz.commands.batch import Batch
+from verefine_viz.commands.view import View
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, session_toml
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAVY = ("numpy", "open3d", "viser", "rerun", "pybullet", "moderngl", "numba", "trimesh", "scipy")
+
+
+def overrides(*words: str) -> dict[str, Any]:
+    command = cli.parse(["view", *words])
+    assert isinstance(command, View)
+    return flags.given(command.settings, words)
+
+
+@pytest.mark.parametrize("command", [[], ["view"], ["batch"], ["replay"], ["doctor"]])
+def test_help_is_instant_because_nothing_heavy_is_imported(command: Sequence[str]) -> None:
+    code = (
+        "import sys, contextlib\nfrom verefine_viz import cli\n"
+        f"with contextlib.suppress(SystemExit): cli.main({[*command, '--help']!r})\n"
+        f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stderr == "[]\n"
+    assert "usage: verefine-viz" in done.stdout
+
+
+def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    for name in ("view", "batch", "replay", "doctor"):
+        assert name in text
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"verefine-viz {__version__}\n"
+
+
+def test_every_field_of_a_session_file_has_an_option(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["batch", "--help"])
+    text = capsys.readouterr().out
+    fields = tomllib.loads(session_toml(Session()))
+    for section, value in Session().model_dump().items():
+        if isinstance(value, dict):
+            for field in value:
+                assert f"--{section}.{field.replace('_', '-')} " in text
+        elif section not in flags.NOT_OPTIONS:
+            assert f"--{section} " in text
+    assert fields
+
+
+def test_only_what_was_typed_is_an_override() -> None:
+    assert overrides() == {}
+    assert overrides("a.toml", "--score.tau-m", "0.01") == {"score": {"tau_m": 0.01}}
+    assert overrides("--score.tau_m=0.02") == {"score": {"tau_m": 0.02}}
+    typed = overrides("--physics.enabled", "False", "--breakpoints.jump-mm", "None", "--scene.frames", "1/2", "3/4")
+    assert typed == {
+        "physics": {"enabled": False},
+        "breakpoints": {"jump_mm": None},
+        "scene": {"frames": ("1/2", "3/4")},
+    }
+    assert overrides("--scene.gravity", "0", "0", "9.81") == {"scene": {"gravity": (0.0, 0.0, 9.81)}}
+
+
+def test_options_win_over_the_file_and_over_the_preset(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('preset = "published"\n[method]\nname = "pir"\niterations = 9\n')
+    session = load_session(file, overrides("--method.name", "sir", "--score.pixels", "classes"))
+    assert (session.method.name, session.method.iterations) == ("sir", 9)
+    assert session.score.pixels == "classes"
+    assert session.icp.stop == "published"
+    # Typing a default is still a choice: it must win over the preset, too.
+    assert load_session(file, overrides("--icp.stop", "max_iterations")).icp.stop == "max_iterations"
+
+
+def test_a_preset_can_be_typed(tmp_path: Path) -> None:
+    session = load_session(None, overrides("--preset", "published", "--physics.collider", "decomposition"))
+    assert session.score.pixels == "published"
+    assert session.physics.collider == "decomposition"
+
+
+def test_batch_takes_several_sessions() -> None:
+    command = cli.parse(["batch", "a.toml", "b.toml", "--out", "runs", "--workers", "3"])
+    assert isinstance(command, Batch)
+    assert command.sessions == (Path("a.toml"), Path("b.toml"))
+    assert (command.out, command.workers) == (Path("runs"), 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "Expected one of {view, batch, replay, doctor}"),
+        (["veiw"], "Available subcommands: view, batch, replay, doctor"),
+        (["view", "--scor.tau-m", "1"], "Unrecognized options: --scor.tau-m"),
+        (["view", "--score.tau-m", "ten"], "could not convert string to float: 'ten'"),
+        (["view", "--score.renderer", "vulkan"], "invalid choice 'vulkan'"),
+        (["batch", "a.toml"], "--out"),
+        (["replay"], "RUN.rrd"),
+    ],
+)
+def test_words_that_make_no_command(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(words)
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert expected in " ".join(error.replace("│", " ").split())
+    assert "Traceback" not in error
+
+
+def run_with(error: BaseException, monkeypatch: pytest.MonkeyPatch) -> int:
+    class Failing:
+        def run(self, arguments: Sequence[str]) -> int:
+            raise error
+
+    monkeypatch.setattr(cli, "parse", lambda words: Failing())
+    return cli.main(["view"])
+
+
+def test_an_error_is_one_line_whatever_it_quotes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run_with(InputError("bad\nname\r\n 'x\x1b[2J'"), monkeypatch) == 2
+    assert capsys.readouterr().err == "verefine-viz: bad name 'x�[2J'\n"
+
+
+def test_a_file_that_cannot_be_used_is_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run_with(PermissionError(13, "Permission denied", "/x/y"), monkeypatch) == 2
+    assert capsys.readouterr().err == "verefine-viz: /x/y: Permission denied\n"
+
+
+def test_a_bug_is_not_dressed_up_as_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ZeroDivisionError):
+        run_with(ZeroDivisionError(), monkeypatch)
+
+
+def test_ctrl_c_is_no_error(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run_with(KeyboardInterrupt(), monkeypatch) == 130
+    assert capsys.readouterr().err == "stopped\n"
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    program = [sys.executable, "-m", "verefine_viz.cli", "view", "--help"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as child:
+        assert child.stdout is not None
+        assert child.stderr is not None
+        child.stdout.close()
+        assert child.stderr.read() == b""
+    assert child.returncode == 0
+
+
+def test_app_py_is_view() -> None:
+    done = subprocess.run(
+        [sys.executable, "app.py", "no/such/session.toml"], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr == "verefine-viz: session file no/such/session.toml does not exist\n"
