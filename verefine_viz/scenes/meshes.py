@@ -71,11 +71,14 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         # An image that cannot be used is kept from trimesh, which would log a traceback.
         loaded = trimesh.load_mesh(path, process=False, skip_materials=bool(notes))
     except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
-        raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {error})") from None
+        reason = (str(error).splitlines() or [""])[0]
+        raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {reason})") from None
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
         raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
     if not np.isfinite(loaded.vertices).all():
         raise InputError(f"{path} holds vertices that are NaN or infinite")
+    if len(loaded.faces) < (promised := _promised_faces(path)):
+        raise InputError(f"{path} ends after {len(loaded.faces)} of {promised} faces; fetch it again")
     if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
         raise InputError(f"{path} has faces that name vertices that do not exist; the file is damaged")
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
@@ -130,8 +133,7 @@ def _texture_notes(path: Path, name: str | None) -> tuple[str, ...]:
 def _texture_name(path: Path) -> str | None:
     """The image that a PLY header, or an OBJ's material file, names."""
     if path.suffix.lower() == ".ply":
-        header = path.read_bytes()[:4096].split(b"end_header")[0].decode("latin-1")
-        found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.IGNORECASE | re.MULTILINE)
+        found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
         return found.group(1) if found else None
     if path.suffix.lower() == ".obj":
         library = re.search(r"^mtllib\s+(.+?)\s*$", path.read_text("latin-1"), re.MULTILINE)
@@ -140,6 +142,19 @@ def _texture_name(path: Path) -> str | None:
             found = re.search(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
             return found.group(1) if found else None
     return None
+
+
+def _promised_faces(path: Path) -> int:
+    """Faces that a PLY's header announces; an ascii file that was cut off reads without complaint. 0 = not said."""
+    if path.suffix.lower() != ".ply":
+        return 0
+    found = re.search(r"^element\s+face\s+(\d+)", _ply_header(path), re.MULTILINE)
+    return int(found.group(1)) if found else 0
+
+
+def _ply_header(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(65536).split(b"end_header")[0].decode("latin-1")
 
 
 def _merged(

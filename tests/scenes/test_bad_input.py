@@ -1,0 +1,456 @@
+"""Bad input says in one line what was wrong, what was expected and how to mend it; a single bad instance is a note."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.scenes.bop_folder import Made, box_ply, detections, make
+from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.meshes import read_mesh
+from verefine_viz.scenes.results import HEADER, read_results
+from verefine_viz.scenes.source import open_scene
+
+Spoil = Callable[[Made], Any]
+
+
+def refusal(made: Made, hypotheses: HypothesesSettings | None = None, **scene: Any) -> str:
+    with pytest.raises(VerefineError) as caught:
+        made.read(hypotheses, **scene)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert len(text) < 700
+    return text
+
+
+def image(made: Made, name: str, pixels: np.ndarray) -> None:
+    Image.fromarray(pixels).save(made.scene / name)
+
+
+def cut(path: Path, keep: float = 0.5) -> None:
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * keep)])
+
+
+FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
+    "truncated depth": (lambda m: cut(m.scene / "depth/000003.png"), ["depth/000003.png is damaged", "fetch it again"]),
+    "truncated rgb": (lambda m: cut(m.scene / "rgb/000003.png"), ["rgb/000003.png is damaged", "fetch it again"]),
+    "depth is text": (
+        lambda m: (m.scene / "depth/000003.png").write_text("hello"),
+        ["depth/000003.png is damaged or no image"],
+    ),
+    "depth missing": (
+        lambda m: (m.scene / "depth/000003.png").unlink(),
+        ["depth/000003.png is missing", "a depth image is needed"],
+    ),
+    "depth all zero": (
+        lambda m: image(m, "depth/000003.png", np.zeros((60, 80), np.uint16)),
+        ["is 0 everywhere", "no depth"],
+    ),
+    "depth in colour": (
+        lambda m: image(m, "depth/000003.png", np.ones((60, 80, 3), np.uint8)),
+        ["is a RGB image", "expected one channel"],
+    ),
+    "rgb of another size": (
+        lambda m: image(m, "rgb/000003.png", np.ones((48, 64, 3), np.uint8)),
+        ["rgb/000003.png is 64×48 pixels", "depth image is 80×60"],
+    ),
+    "camera file missing": (
+        lambda m: (m.scene / "scene_camera.json").unlink(),
+        ["scene_camera.json cannot be read: No such file"],
+    ),
+    "camera file not JSON": (
+        lambda m: (m.scene / "scene_camera.json").write_text('{"3": {"cam_K": [1, 2,,]}}'),
+        ["scene_camera.json is not JSON", "line 1, column"],
+    ),
+    "camera file binary": (
+        lambda m: (m.scene / "scene_camera.json").write_bytes(b"\xff\xfe\x00\x81"),
+        ["scene_camera.json is not JSON"],
+    ),
+    "camera file is a list": (
+        lambda m: (m.scene / "scene_camera.json").write_text("[]"),
+        ["holds a JSON list, expected an object"],
+    ),
+    "camera keys are words": (
+        lambda m: m.edit("scene_camera.json", lambda c: c.update(left=1)),
+        ["keys that are no image ids"],
+    ),
+    "camera entry is a list": (
+        lambda m: m.edit("scene_camera.json", lambda c: c.update({"3": [1]})),
+        ["image 3 is a JSON list, expected an object with 'cam_K'"],
+    ),
+    "no cam_K": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].pop("cam_K")),
+        ["image 3 has no 'cam_K'; it has depth_scale"],
+    ),
+    "fisheye": (
+        lambda m: m.edit("scene_camera.json", lambda c: c.update({"3": {"cam_model": {}}})),
+        ["'cam_model' (fisheye)", "only pinhole"],
+    ),
+    "cam_K of 8": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"]["cam_K"].pop()),
+        ["'cam_K' holds 8 numbers, expected 9"],
+    ),
+    "cam_K of words": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=["a"] * 9)),
+        ["'cam_K' does not hold numbers, expected 9"],
+    ),
+    "focal length 0": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[0] * 8 + [1])),
+        ["focal lengths 0, 0; expected positive"],
+    ),
+    "no depth_scale": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].pop("depth_scale")),
+        ["has no 'depth_scale'; it has cam_K"],
+    ),
+    "depth_scale 0": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=0)),
+        ["'depth_scale' is 0, expected"],
+    ),
+    "camera pose no rotation": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_R_w2c=[2] * 9)),
+        ["'cam_R_w2c' is not rigid"],
+    ),
+    "gt not JSON": (lambda m: cut(m.scene / "scene_gt.json"), ["scene_gt.json is not JSON"]),
+    "gt entry without obj_id": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].pop("obj_id")),
+        ["image 3, entry 1 has no 'obj_id'"],
+    ),
+    "gt entry is a number": (
+        lambda m: m.edit("scene_gt.json", lambda c: c.update({"3": 4})),
+        ["image 3 is a JSON int, expected a list of instances"],
+    ),
+    "gt of no instance": (
+        lambda m: m.edit("scene_gt.json", lambda c: c.update({"3": []})),
+        ["no mask of object any"],
+    ),
+    "gt_info without visib_fract": (
+        lambda m: m.edit("scene_gt_info.json", lambda c: c["3"][2].pop("visib_fract")),
+        ["entry 2 has no 'visib_fract'"],
+    ),
+    "all masks missing": (
+        lambda m: [p.unlink() for p in (m.scene / "mask_visib").iterdir()],
+        ["no instance of frame 7/3 has a mask", "set scene.masks to a detections JSON"],
+    ),
+    "no mask folder": (
+        lambda m: (m.scene / "mask_visib").rename(m.scene / "elsewhere"),
+        ["mask_visib is missing; set scene.masks to 'mask'"],
+    ),
+    "targets entry incomplete": (
+        lambda m: (m.root / "test_targets_bop19.json").write_text('[{"scene_id": 7}]'),
+        ["test_targets_bop19.json, entry 0 has no 'im_id'; it has scene_id"],
+    ),
+    "models_info not JSON": (
+        lambda m: (m.root / "models/models_info.json").write_text("{"),
+        ["models_info.json is not JSON"],
+    ),
+    "names without ids": (
+        lambda m: (m.root / "models/obj_names.json").write_text('{"a": "b"}'),
+        ["obj_names.json", "does not name an object id"],
+    ),
+    "no models": (
+        lambda m: (m.root / "models").rename(m.root / "meshes"),
+        ["has no object models; expected models/obj_000001.ply"],
+    ),
+    "all models damaged": (
+        lambda m: [cut(m.root / f"models/obj_00000{i}.ply") for i in (2, 5)],
+        ["no instance of frame 7/3 can be solved: object 2 is left out", "holds no triangles"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FRAME_TROUBLE)
+def test_trouble_with_a_frame_is_one_clear_line(tmp_path: Path, case: str) -> None:
+    spoil, words = FRAME_TROUBLE[case]
+    made = make(tmp_path)
+    spoil(made)
+    text = refusal(made)
+    for word in words:
+        assert word in text
+
+
+INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
+    "truncated mask": (
+        lambda m: cut(m.scene / "mask_visib/000003_000001.png"),
+        "obj_000005 (#1) is left out: ",
+        [0, 2],
+    ),
+    "mask of another size": (
+        lambda m: image(m, "mask_visib/000003_000001.png", np.full((64, 48), 255, np.uint8)),
+        "000003_000001.png is 48×64 pixels, expected 80×60 as the depth image",
+        [0, 2],
+    ),
+    "empty mask": (
+        lambda m: image(m, "mask_visib/000003_000001.png", np.zeros((60, 80), np.uint8)),
+        "obj_000005 (#1) is left out: its mask is empty",
+        [0, 2],
+    ),
+    "pose with NaN": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[float("nan"), 0, 1])),
+        "obj_000005 (#1) has no ground truth: ",
+        [0, 1, 2],
+    ),
+    "pose no rotation": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1])),
+        "the pose is not rigid: det(R) = -1.000",
+        [0, 1, 2],
+    ),
+    "pose incomplete": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")),
+        "entry 1 has no 'cam_R_m2c'",
+        [0, 1, 2],
+    ),
+    "model truncated": (
+        lambda m: cut(m.root / "models/obj_000005.ply"),
+        "object 5 is left out: ",
+        [0, 2],
+    ),
+    "model cut off among its faces": (
+        lambda m: cut(m.root / "models/obj_000005.ply", 0.9),
+        "of 12 faces; fetch it again",
+        [0, 2],
+    ),
+    "model without triangles": (
+        lambda m: (m.root / "models/obj_000005.ply").write_text(
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            "end_header\n0 0 0\n"
+        ),
+        "holds no triangles; a triangle mesh is expected, not a point cloud",
+        [0, 2],
+    ),
+    "model with NaN": (
+        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("-50 ", "nan ", 1)),
+        "obj_000005.ply holds vertices that are NaN or infinite",
+        [0, 2],
+    ),
+    "faces without vertices": (
+        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("3 0 1 3", "3 0 1 99")),
+        "object 5 is left out: ",
+        [0, 2],
+    ),
+    "diameter negative": (
+        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=-3)),
+        "object 5: 'diameter' is -3, expected millimetres > 0",
+        [0, 2],
+    ),
+    "diameter a word": (
+        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter="big")),
+        "object 5: 'diameter' is 'big', expected a finite number",
+        [0, 2],
+    ),
+    "symmetry mirrors": (
+        lambda m: m.edit(
+            "../../models/models_info.json",
+            lambda c: c["5"].update(symmetries_discrete=[np.diag([-1, 1, 1, 1]).ravel().tolist()]),
+        ),
+        "object 5: symmetries_discrete[0] is not rigid",
+        [0, 2],
+    ),
+    "symmetry of 15 numbers": (
+        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(symmetries_discrete=[[1.0] * 15])),
+        "holds 15 numbers, expected 16",
+        [0, 2],
+    ),
+    "symmetry without axis": (
+        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(symmetries_continuous=[{}])),
+        "symmetries_continuous[0] has no 'axis'",
+        [0, 2],
+    ),
+    "no depth in one mask": (
+        lambda m: image(
+            m,
+            "depth/000003.png",
+            np.where(m.problem.instances[1].mask, 0, m.problem.observation.depth_m * 1e4).astype(np.uint16),
+        ),
+        "obj_000005 (#1) has no depth inside its mask",
+        [0, 1, 2],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", INSTANCE_TROUBLE)
+def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(tmp_path: Path, case: str) -> None:
+    spoil, words, left = INSTANCE_TROUBLE[case]
+    made = make(tmp_path)
+    spoil(made)
+    problem = made.read()
+    assert [i.instance_id for i in problem.instances] == left
+    assert any(words in note for note in problem.notes), problem.notes
+    assert all("\n" not in note for note in problem.notes)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ({"split": "val"}, ["unknown split 'val'; available: test"]),
+        ({"split": "../test"}, ["unknown split '../test'; available: test"]),
+        ({"frames": ("50",)}, ['frame \'50\' is not "scene/image", such as "50/1"']),
+        ({"frames": ("a/b",)}, ['is not "scene/image"']),
+        ({"frames": ("7/-3",)}, ['is not "scene/image"']),
+        ({"frames": ("7/3/1",)}, ['is not "scene/image"']),
+        ({"frames": ("50/1",)}, ["unknown scene 50; available: 7"]),
+        ({"frames": ("7/9",)}, ["unknown image 9 in scene 7", "available: 3"]),
+        ({"objects": (9,)}, ["unknown object 9 in scene.objects; available: 2 (obj_000002), 5 (obj_000005)"]),
+        ({"masks": "mask_pred"}, ["scene.masks is 'mask_pred', expected mask_visib, mask, or the path"]),
+        ({"masks": "/nowhere/det.json"}, ["/nowhere/det.json cannot be read: No such file"]),
+    ],
+)
+def test_wrong_settings_are_one_clear_line(tmp_path: Path, scene: dict[str, Any], words: list[str]) -> None:
+    text = refusal(make(tmp_path), **scene)
+    for word in words:
+        assert word in text
+
+
+def test_an_unknown_frame_asked_for_later_is_refused_too(tmp_path: Path) -> None:
+    source = make(tmp_path).open()
+    for frame, words in (("7/4", "unknown image 4"), ("8/3", "unknown scene 8"), ("x", 'is not "scene/image"')):
+        with pytest.raises(VerefineError, match=words):
+            source.problem(frame)
+
+
+def test_a_known_object_that_is_not_in_the_named_frame(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_gt.json", lambda c: [e.update(obj_id=2) for e in c["3"]])
+    assert "frame 7/3 has no mask of object 5; objects with a mask: 2" in refusal(made, objects=(5,), frames=("7/3",))
+    assert "no frame of" in refusal(made, objects=(5,))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"{}", "holds a JSON dict, expected a list"),
+        (b"nonsense", "is not JSON"),
+        (gzip.compress(b"[" * 100)[:20], "is a damaged gzip file"),
+        (b'[{"scene_id": 7, "im_id": 3}]', "entry 0 has no 'image_id'"),
+        (b'[{"scene_id": 7, "image_id": 3.5, "category_id": 2}]', "'image_id' is 3.5, expected an integer"),
+        (b'[{"scene_id": 7, "image_id": 3, "category_id": "mug"}]', "'category_id' is 'mug', expected an integer"),
+        (b'[{"scene_id": 9, "image_id": 1, "category_id": 2}]', "has no masks for frame 7/3; it has 9/1"),
+        (b"[]", "has no masks for frame 7/3; it has none"),
+        (b"[" * 100_000, "is not JSON"),
+    ],
+)
+def test_damaged_detections_are_one_clear_line(tmp_path: Path, content: bytes, words: str) -> None:
+    made = make(tmp_path)
+    (tmp_path / "det.json").write_bytes(content)
+    assert words in refusal(made, masks=str(tmp_path / "det.json"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda e: e["segmentation"].update(size=[80, 60]), "made for [h, w] = [80, 60], but the image is 80×60"),
+        (lambda e: e["segmentation"]["counts"].pop(), "run lengths are damaged, expected a sum of 4800 pixels"),
+        (lambda e: e.update(score="high"), "'score' is 'high', expected a finite number"),
+        (lambda e: e.update(segmentation=[[1, 2, 3, 4]]), "no polygons"),
+    ],
+)
+def test_damaged_masks_in_detections_are_one_clear_line(tmp_path: Path, change: Spoil, words: str) -> None:
+    made = make(tmp_path)
+    entries = detections(made)
+    change(entries[1])  # pyright: ignore[reportArgumentType]
+    (tmp_path / "det.json").write_text(json.dumps(entries))
+    text = refusal(made, masks=str(tmp_path / "det.json"))
+    assert "det.json, entry 1" in text
+    assert words in text
+
+
+def test_detections_with_boxes_only_are_refused(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (tmp_path / "det.json").write_text(json.dumps(detections(made, "box")))
+    assert "has no masks for frame 7/3" in refusal(made, masks=str(tmp_path / "det.json"))
+
+
+GOOD = "7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1"
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,nan 0 600,-1", "line 3: t holds NaN or infinity"),
+        ("7,3,5,nan,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: score holds NaN or infinity"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 inf,0 0 600,-1", "line 3: R holds NaN or infinity"),
+        ("7,3,5,1.0,2 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: the pose is not rigid: det(R) = 2.000"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 -1,0 0 600,-1", "line 3: the pose is not rigid: det(R) = -1.000"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0,0 0 600,-1", "line 3: R holds 8 numbers, expected 9"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0,-1", "line 3: t holds 2 numbers, expected 3"),
+        ("7,3,5,1.0,a b c d e f g h i,0 0 600,-1", "line 3: R is 'a b c d e f g h i', expected numbers"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600", "line 3: found 6 comma-separated fields, expected 7"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1,", "line 3: found 8 comma-separated fields"),
+        ("", "line 3: found a blank line, expected 7 fields"),
+        ("7,3.0,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: im_id is '3.0', expected an integer"),
+        ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,soon", "line 3: time is 'soon', expected seconds"),
+        ("7,3,5,high,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: score is 'high', expected numbers"),
+    ],
+)
+def test_a_bad_line_of_a_results_file_is_named(tmp_path: Path, bad: str, words: str) -> None:
+    path = tmp_path / "est_x-test.csv"
+    path.write_text("\n".join([HEADER, GOOD, bad, GOOD]))
+    with pytest.raises(InputError) as caught:
+        read_results(path)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_times_of_one_image_must_agree(tmp_path: Path) -> None:
+    path = tmp_path / "est_x-test.csv"
+    path.write_text("\n".join([HEADER, GOOD[:-2] + "1.0", GOOD[:-2] + "1.5"]))
+    with pytest.raises(InputError, match=r"line 3: time is 1\.5 s, but 1 s in an earlier line of scene 7, image 3"):
+        read_results(path)
+
+
+def test_results_that_are_not_there_or_no_text(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    missing = HypothesesSettings(source="results", files=(str(tmp_path / "no.csv"),))
+    assert "no.csv cannot be read: No such file" in refusal(made, missing)
+    assert "cannot be read" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path),)))
+    assert "hypotheses.files is empty" in refusal(made, HypothesesSettings(source="results"))
+    (tmp_path / "bin.csv").write_bytes(bytes(range(128, 256)))
+    assert "is no text file" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path / "bin.csv"),)))
+
+
+def test_a_data_set_that_is_not_there() -> None:
+    for dataset, words in (("", "scene.dataset is empty"), ("/nowhere/ycbv", "/nowhere/ycbv does not exist")):
+        with pytest.raises(VerefineError, match=words):
+            open_scene(SceneSettings(source="bop", dataset=dataset), HypothesesSettings())
+
+
+def test_a_folder_that_is_no_data_set(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="unknown split 'test'; available: none"):
+        open_scene(SceneSettings(source="bop", dataset=str(tmp_path)), HypothesesSettings())
+    (tmp_path / "test" / "000001").mkdir(parents=True)
+    with pytest.raises(InputError, match="has no object models"):
+        open_scene(SceneSettings(source="bop", dataset=str(tmp_path)), HypothesesSettings())
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb", ".stl"])
+@pytest.mark.parametrize("content", [b"", b"nonsense\n", b"\x00" * 200, b"ply\nformat ascii 1.0\nend_header\n"])
+def test_no_mesh_file_brings_the_reader_down(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"bad{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_mesh(path, 1e-3)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_meshes_of_unknown_formats_and_missing_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is no mesh file; supported: ply, obj, glb, gltf, stl"):
+        read_mesh(tmp_path / "a.step", 1e-3)
+    with pytest.raises(InputError, match="is missing"):
+        read_mesh(tmp_path / "a.ply", 1e-3)
+
+
+def test_settings_errors_are_settings_errors(tmp_path: Path) -> None:
+    # The command line tells wrong settings and wrong files apart by these.
+    made = make(tmp_path)
+    with pytest.raises(SettingsError):
+        made.open(objects=(9,))
+    with pytest.raises(SettingsError):
+        made.open(frames=("x",))

@@ -1,0 +1,135 @@
+"""What is written as a BOP folder is read back as it was, up to the depth's quantisation."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import axis_angle, inverse, transform
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.scenes.write_bop import write_bop
+
+
+def reopened(folder: Path, split: str = "test", **more) -> SceneSource:
+    settings = SceneSettings(source="bop", dataset=str(folder), split=split, model_points=100, **more)
+    return open_scene(settings, HypothesesSettings())
+
+
+def assert_same(got: Problem, want: Problem, depth_scale_mm: float) -> None:
+    assert got.frame == want.frame
+    assert got.notes == ()
+    a, b = got.observation, want.observation
+    np.testing.assert_allclose(a.depth_m, b.depth_m, atol=depth_scale_mm * 0.5e-3 + 1e-6)
+    np.testing.assert_allclose(a.camera.K, b.camera.K, atol=0)
+    np.testing.assert_array_equal(a.object_mask, b.object_mask)
+    if b.rgb is None:
+        assert a.rgb is None
+    else:
+        np.testing.assert_array_equal(a.rgb, b.rgb)
+    assert [(i.obj_id, i.visib_fract) for i in got.instances] == [(i.obj_id, i.visib_fract) for i in want.instances]
+    for i, j in zip(got.instances, want.instances, strict=True):
+        np.testing.assert_array_equal(i.mask, j.mask)
+        np.testing.assert_allclose(i.T_cam_obj_gt, j.T_cam_obj_gt, atol=1e-14)
+    assert got.models.keys() == want.models.keys()
+    for obj_id, model in want.models.items():
+        back = got.models[obj_id]
+        assert back.name == model.name
+        assert back.diameter_m == pytest.approx(model.diameter_m, rel=1e-12)
+        np.testing.assert_allclose(back.vertices, model.vertices, rtol=1e-14, atol=1e-17)
+        np.testing.assert_array_equal(back.faces, model.faces)
+        np.testing.assert_allclose(back.symmetries, model.symmetries, atol=1e-12)
+        np.testing.assert_array_equal(back.vertex_colors, model.vertex_colors)
+
+
+@pytest.mark.parametrize("depth_scale_mm", [0.1, 1.0])
+def test_write_then_read_is_identity(tmp_path: Path, depth_scale_mm: float) -> None:
+    first, second = box_problem(n_instances=2), replace(box_problem(n_instances=3, seed=1), scene_id=4, im_id=17)
+    write_bop(tmp_path / "made", [first, second], depth_scale_mm=depth_scale_mm)
+    source = reopened(tmp_path / "made")
+    assert source.frames == ("0/1", "4/17")
+    assert_same(source.problem("0/1"), first, depth_scale_mm)
+    assert_same(source.problem("4/17"), second, depth_scale_mm)
+
+
+def test_colours_symmetries_and_missing_rgb_survive(tmp_path: Path) -> None:
+    problem = box_problem()
+    turns = np.stack([transform(axis_angle([0, 0, 1], k * np.pi), [0.001 * k, 0, 0]) for k in range(2)])
+    colors = np.arange(24, dtype=np.uint8).reshape(8, 3)
+    model = replace(problem.models[1], symmetries=turns, vertex_colors=colors, name="a mug & more")
+    problem = replace(problem, models={1: model}, observation=replace(problem.observation, rgb=None))
+    write_bop(tmp_path, [problem], split="train_made")
+    got = reopened(tmp_path, "train_made").problem("0/1")
+    assert got.notes == ("the frame has no rgb or gray image; it is drawn without colour",)
+    assert_same(replace(got, notes=()), problem, 0.1)
+
+
+def test_the_support_is_kept_as_the_camera_pose(tmp_path: Path) -> None:
+    problem = box_problem()
+    write_bop(tmp_path, [problem])
+    assert problem.observation.support is not None
+    want = problem.observation.support.T_world_cam
+    entry = json.loads((tmp_path / "test" / "000000" / "scene_camera.json").read_text())["1"]
+    T_cam_world = transform(np.reshape(entry["cam_R_w2c"], (3, 3)), np.array(entry["cam_t_w2c"]) * 1e-3)
+    np.testing.assert_allclose(inverse(T_cam_world), want, atol=1e-12)
+    support = reopened(tmp_path, gravity="world").problem("0/1").observation.support
+    assert support is not None
+    np.testing.assert_allclose(support.T_world_cam[2, :3], want[2, :3], atol=1e-9)
+
+
+def test_files_follow_the_layout(tmp_path: Path) -> None:
+    problem = box_problem(n_instances=2)
+    hidden = replace(problem.instances[1], visib_fract=0.05)
+    write_bop(tmp_path, [replace(problem, instances=(problem.instances[0], hidden))])
+    names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
+    assert names == [
+        "models/models_info.json",
+        "models/obj_000001.ply",
+        "models/obj_names.json",
+        "test/000000/depth/000001.png",
+        "test/000000/mask/000001_000000.png",
+        "test/000000/mask/000001_000001.png",
+        "test/000000/mask_visib/000001_000000.png",
+        "test/000000/mask_visib/000001_000001.png",
+        "test/000000/rgb/000001.png",
+        "test/000000/scene_camera.json",
+        "test/000000/scene_gt.json",
+        "test/000000/scene_gt_info.json",
+        "test_targets_bop19.json",
+    ]
+    # The instance that is less than 10 % visible is no target.
+    targets = json.loads((tmp_path / "test_targets_bop19.json").read_text())
+    assert targets == [{"scene_id": 0, "im_id": 1, "obj_id": 1, "inst_count": 1}]
+    info = json.loads((tmp_path / "models" / "models_info.json").read_text())["1"]
+    assert (info["size_x"], info["min_y"]) == (pytest.approx(100), pytest.approx(-40))
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("keep")
+    with pytest.raises(InputError, match="is not empty"):
+        write_bop(tmp_path, [box_problem()])
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_what_cannot_be_written_is_refused_before_anything_is(tmp_path: Path) -> None:
+    problem = box_problem()
+    no_truth = replace(problem, instances=(replace(problem.instances[0], T_cam_obj_gt=None),))
+    other = replace(problem, im_id=2, models={1: replace(problem.models[1], vertices=problem.models[1].vertices * 2)})
+    for problems, words in (
+        ([], "no problem to write"),
+        ([problem, problem], "frame 0/1 occurs 2 times"),
+        ([no_truth], "instance 0 of frame 0/1 has no ground-truth pose"),
+        ([problem, other], "object 1 is not the same model"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_bop(tmp_path / "made", problems)
+    with pytest.raises(InputError, match=r"does not fit 16 bits at 0\.001 mm a step; use a depth scale of at least"):
+        write_bop(tmp_path / "made", [problem], depth_scale_mm=0.001)
+    assert not (tmp_path / "made").exists()
