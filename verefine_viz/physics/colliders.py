@@ -11,6 +11,7 @@ import logging
 import os
 import zipfile
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -22,7 +23,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
 
 log = logging.getLogger(__name__)
@@ -60,6 +61,11 @@ class Collider:
         object.__setattr__(self, "parts", tuple(finite(p, "collider part", (None, 3)) for p in self.parts))
         object.__setattr__(self, "T_obj_com", as_rigid(self.T_obj_com, "T_obj_com"))
         object.__setattr__(self, "inertia_m2", finite(self.inertia_m2, "inertia", (3,)))
+
+    @cached_property
+    def T_com_obj(self) -> Float:
+        """The inverse of ``T_obj_com``."""
+        return inverse(self.T_obj_com)
 
     @property
     def com_obj(self) -> Float:

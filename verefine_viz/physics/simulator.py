@@ -6,20 +6,22 @@ METHODS 1.0 and 1.8 #9, #19, #20, #23, #24.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pybullet
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import RIGID_TOLERANCE, as_rigid, inverse
+from verefine_viz.core.geometry import RIGID_TOLERANCE, as_rigid, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import Collider, collider
-from verefine_viz.physics.world import PlacedBody, World
+from verefine_viz.physics.world import BodyKey, PlacedBody, World
 
 FARTHEST_M = 100.0
 """Poses further than this from the camera are refused: an unfinished estimate, or millimetres taken for metres."""
@@ -65,87 +67,97 @@ class BulletSimulator:
         """
         if n_steps < 0:
             raise ShapeError(f"n_steps is {n_steps}, expected 0 or more")
-        T_cam_obj = _checked(moving)
+        T_cam_obj = checked_pose(moving)
         if not self._settings.enabled:
             return SimulatedPath(T_cam_obj[None], ())
         others = sorted(fixed, key=lambda placed: placed.instance_id)
-        bodies, ids = self._bodies(moving, others, support.T_world_cam)
+        bodies, ids = self._bodies((moving, *others), support.T_world_cam)
         self._world.place(bodies, _plane_quat_xyzw(support.normal_world))
 
         world, body = self._world, bodies[0].body
-        positions, quats, touched = [], [], []
+        poses, touched = [], []
         for _ in range(n_steps):
             world.step()
-            position, quat_xyzw = world.pose(body)
-            positions.append(position)
-            quats.append(quat_xyzw)
+            poses.append(world.pose(body))
             touched.append(world.contacts(body))
 
-        T_cam_world = inverse(support.T_world_cam)
-        T_com_obj = inverse(self.collider(moving.model).T_obj_com)
+        R_cam_world = support.T_world_cam[:3, :3].T
+        T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
         Ts = np.empty((n_steps + 1, 4, 4))
         Ts[0] = T_cam_obj
         if n_steps:
-            Ts[1:] = T_cam_world @ _transforms(positions, quats) @ T_com_obj
+            Ts[1:] = T_cam_world @ _transforms(poses) @ self.collider(moving.model).T_com_obj
         Ts.flags.writeable = False
-        contacts = tuple(self._contacts(points, ids, T_cam_world) for points in touched)
-        return SimulatedPath(Ts, contacts)
+        return SimulatedPath(Ts, self._contacts(touched, ids, T_cam_world))
 
-    def _bodies(
-        self, moving: Placed, others: Sequence[Placed], T_world_cam: Float
-    ) -> tuple[list[PlacedBody], dict[int, int]]:
-        """Bodies at their poses, the moving one first, and the instance that each body stands for."""
+    def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
+        """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""
+        if self._world.is_full:
+            self._world.close()
+            self._world = World(self._settings)
+        hashes = tuple(placed.model.mesh_hash for placed in cast)
+        all_move = self._settings.placed == "dynamic"
         bodies: list[PlacedBody] = []
         ids = {self._world.plane: PLANE_ID}
-        copies: dict[tuple[str, bool], int] = {}
-        for k, placed in enumerate((moving, *others)):
-            moves = k == 0 or self._settings.placed == "dynamic"
+        for k, placed in enumerate(cast):
+            if all_move:
+                key = BodyKey(hashes, k, True)
+            else:
+                key = BodyKey(hashes[k : k + 1], hashes[1:k].count(hashes[k]), k == 0)
             solid = self.collider(placed.model)
-            kind = (placed.model.mesh_hash, moves)
-            copy = copies[kind] = copies.get(kind, -1) + 1
-            body = self._world.body((placed.model.mesh_hash, copy, moves), solid)
-            T_world_com = T_world_cam @ _checked(placed) @ solid.T_obj_com
-            bodies.append(PlacedBody(body, T_world_com[:3, 3].tolist(), _quat_xyzw(T_world_com), moves))
+            body = self._world.body(key, solid)
+            T_world_com = T_world_cam @ checked_pose(placed) @ solid.T_obj_com
+            bodies.append(PlacedBody(body, T_world_com[:3, 3].tolist(), _quat_xyzw(T_world_com), key.moves))
             ids[body] = placed.instance_id
         return bodies, ids
 
-    def _contacts(self, points: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
-        """Bullet's contact points as a record; what is near but does not touch is left out."""
-        margin_m = self._settings.margin_m
-        rows = []
-        for p in points:
-            # Bullet measures between surfaces grown by the margin; a plane has none.
-            gap_m = p[8] + (margin_m if ids[p[2]] == PLANE_ID else 2 * margin_m)
-            if p[9] > 0.0 or p[8] <= 0.0:
-                rows.append((*p[6], *p[7], -gap_m, p[9], ids[p[2]]))
-        if not rows:
-            return _NO_CONTACTS
-        table = np.array(rows)
+    def _contacts(
+        self, touched: Sequence[Sequence[tuple]], ids: dict[int, int], T_cam_world: Float
+    ) -> tuple[Contacts, ...]:
+        """Bullet's contact points of each step as records; what is near but does not touch is left out."""
+        # Bullet measures between surfaces grown by the margin; a plane has none.
+        margins_m = {body: self._settings.margin_m * (1 if i == PLANE_ID else 2) for body, i in ids.items()}
+        rows: list[tuple[float, ...]] = []
+        ends = [0]
+        for points in touched:
+            rows += [
+                (*p[6], *p[7], -p[8] - margins_m[p[2]], p[9], ids[p[2]]) for p in points if p[9] > 0.0 or p[8] <= 0.0
+            ]
+            ends.append(len(rows))
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), 9)
         R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
-        return Contacts(
-            table[:, 0:3] @ R.T + t, table[:, 3:6] @ R.T, table[:, 6], table[:, 7], table[:, 8].astype(np.int64)
+        columns = (
+            table[:, 0:3] @ R.T + t,
+            table[:, 3:6] @ R.T,
+            np.ascontiguousarray(table[:, 6]),
+            np.ascontiguousarray(table[:, 7]),
+            table[:, 8].astype(np.int64),
         )
+        for column in columns:
+            column.flags.writeable = False  # Slices are then kept without a copy.
+        return tuple(Contacts(*(c[a:b] for c in columns)) for a, b in pairwise(ends))
 
 
-_NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
-
-
-def _checked(placed: Placed) -> Float:
+def checked_pose(placed: Placed) -> Float:
     """The pose of ``placed``, rigid and within reach.
 
     Raises:
         ShapeError: it is not.
     """
-    T = placed.T_cam_obj
+    T = np.asarray(placed.T_cam_obj)
     name = f"pose of instance {placed.instance_id}"
-    if np.shape(T) != (4, 4):
-        return as_rigid(T, name)
-    R = T[:3, :3]
-    # The comparisons are false for NaN as well; as_rigid then says what is wrong.
-    if not (np.abs(R @ R.T - np.eye(3)).max() < RIGID_TOLERANCE and np.linalg.det(R) > 0):
+    if T.shape != (4, 4):
         as_rigid(T, name)
-    distance_m = float(np.abs(T[:3, 3]).max())
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = T.tolist()
+    norms = abs(a * a + b * b + c * c - 1) + abs(d * d + e * e + f * f - 1) + abs(g * g + h * h + i * i - 1)
+    angles = abs(a * d + b * e + c * f) + abs(a * g + b * h + c * i) + abs(d * g + e * h + f * i)
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    # The comparison is false for NaN as well; as_rigid then says what is wrong.
+    if not (norms + angles <= RIGID_TOLERANCE and determinant > 0):
+        T = as_rigid(T, name)
+    distance_m = (x * x + y * y + z * z) ** 0.5
     if not distance_m <= FARTHEST_M:
+        finite(T, name, (4, 4))
         raise ShapeError(f"{name} is {distance_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
     return T
 
@@ -175,13 +187,10 @@ def _plane_quat_xyzw(normal_world: Float) -> tuple[float, float, float, float]:
     return q[0] / n, q[1] / n, 0.0, q[3] / n
 
 
-def _transforms(positions: Sequence[Sequence[float]], quats_xyzw: Sequence[Sequence[float]]) -> Float:
-    """Transforms (N, 4, 4) of N positions and unit quaternions."""
-    x, y, z, w = np.array(quats_xyzw).T
-    T = np.zeros((len(positions), 4, 4))
-    T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    T[:, 1, 0], T[:, 1, 1], T[:, 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    T[:, 2, 0], T[:, 2, 1], T[:, 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    T[:, :3, 3] = positions
+def _transforms(poses: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Float:
+    """Transforms (N, 4, 4) of N positions and unit quaternions (x, y, z, w)."""
+    T = np.zeros((len(poses), 4, 4))
+    T[:, :3, 3] = [position for position, _ in poses]
+    T[:, :3, :3] = np.array([pybullet.getMatrixFromQuaternion(quat) for _, quat in poses]).reshape(-1, 3, 3)
     T[:, 3, 3] = 1.0
     return T

@@ -1,0 +1,241 @@
+"""Could the object be there? Floating, sinking in, standing: judged from geometry, without stepping (METHODS 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.colliders import collider
+from verefine_viz.physics.equilibrium import holds
+from verefine_viz.physics.proximity import Surface, nearness
+from verefine_viz.physics.simulator import PLANE_ID, checked_pose
+from verefine_viz.physics.world import PLANE_FRICTION
+
+Light = Literal["green", "amber", "red"]
+
+TOUCHING_M = 0.002
+"""Surfaces closer than this touch; less penetration than this is none (METHODS 7: 2 to 5 mm)."""
+IMPOSSIBLE_M = 0.005
+"""More gap or penetration than this cannot be."""
+BARELY_M = 0.003
+"""A smaller margin of the centre of mass is worth a look."""
+MOST_CONTACTS = 60
+"""Contacts with neighbours that enter the equilibrium; more change nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plausibility:
+    """What geometry says about a pose."""
+
+    gap_mm: float
+    """Distance to the nearest surface: plane or neighbour; 0 where it touches [mm]."""
+    penetration_mm: float
+    """Deepest overlap; 0 for none [mm]."""
+    penetrates: int | None
+    """instance_id of what it sinks into deepest, −1 for the support plane, None where the penetration is 0."""
+    contact_points_cam: Float
+    """(n, 3) where it touches [m]."""
+    contact_normals_cam: Float
+    """(n, 3) unit, pointing onto the object."""
+    contact_others: NDArray[np.int64]
+    """(n,) instance_id of what is touched; −1 is the support plane."""
+    polygon_cam: Float
+    """(m, 3) corners of the support polygon, in the support plane and in order [m]: the hull of the contacts seen from
+    above. Two corners: it stands on an edge; one: on a point; none: it touches nothing."""
+    com_cam: Float
+    """(3,) centre of mass [m]."""
+    com_on_plane_cam: Float
+    """(3,) the point of the support plane below (or above) the centre of mass [m]."""
+    margin_mm: float
+    """Horizontal distance of the centre of mass to the polygon's edge, positive inside; −inf where nothing is touched
+    [mm]."""
+    is_stable: bool
+    """Whether friction at the contacts can hold it still."""
+    light: Light
+    """green: plausible; amber: within tolerance, or barely; red: cannot be."""
+    sentence: str
+    """The verdict in words."""
+
+    def __post_init__(self) -> None:
+        n = len(self.contact_others)
+        object.__setattr__(self, "contact_points_cam", finite(self.contact_points_cam, "contact points", (n, 3)))
+        object.__setattr__(self, "contact_normals_cam", finite(self.contact_normals_cam, "contact normals", (n, 3)))
+        object.__setattr__(self, "contact_others", frozen(self.contact_others, "contact partners", (n,), np.int64))
+        object.__setattr__(self, "polygon_cam", finite(self.polygon_cam, "support polygon", (None, 3)))
+        object.__setattr__(self, "com_cam", finite(self.com_cam, "centre of mass", (3,)))
+        object.__setattr__(self, "com_on_plane_cam", finite(self.com_on_plane_cam, "centre of mass", (3,)))
+
+
+def plausibility(
+    moving: Placed,
+    fixed: Sequence[Placed],
+    support: Support,
+    settings: PhysicsSettings | None = None,
+    cache: Path | None = None,
+) -> Plausibility:
+    """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
+
+    Distances are between the meshes themselves, so no collision margin enters; friction and the collider whose centre
+    of mass stands in for a mesh with holes are those of ``settings``.
+
+    Args:
+        moving: the object and the pose to judge.
+        fixed: its neighbours; their order does not matter.
+        support: plane and gravity.
+        settings: the simulator's settings; defaults if None.
+        cache: folder of colliders already built; by default in the user's cache folder.
+
+    Raises:
+        ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
+    """
+    settings = settings or PhysicsSettings()
+    T_world_obj = support.T_world_cam @ checked_pose(moving)
+    normal = support.normal_world / np.linalg.norm(support.normal_world)
+    solid = collider(moving.model, settings.collider, cache)
+    com = apply(T_world_obj, solid.com_obj[None])[0]
+
+    # The plane: its distance to a mesh is a vertex's.
+    vertices = apply(T_world_obj, np.unique(moving.model.vertices, axis=0))
+    heights_m = vertices @ normal
+    gaps_m = {PLANE_ID: max(float(heights_m.min()), 0.0)}
+    depths_m = {PLANE_ID: max(-float(heights_m.min()), 0.0)}
+    near = [
+        (vertices, np.broadcast_to(normal, vertices.shape), heights_m, PLANE_ID, settings.friction * PLANE_FRICTION)
+    ]
+
+    surface = Surface(moving.model) if fixed else None
+    for other in sorted(fixed, key=lambda placed: placed.instance_id):
+        T_world_other = support.T_world_cam @ checked_pose(other)
+        if surface is None or _are_apart(T_world_obj, moving, T_world_other, other):
+            continue
+        found = nearness(surface, T_world_obj, Surface(other.model), T_world_other, TOUCHING_M + IMPOSSIBLE_M)
+        gaps_m[other.instance_id], depths_m[other.instance_id] = found.gap_m, found.penetration_m
+        near.append((found.points, found.normals, found.distances_m, other.instance_id, settings.friction**2))
+
+    gap_m = min(gaps_m.values())
+    deepest = max(depths_m, key=lambda other: depths_m[other])
+    # A pose that floats a little is judged as if the gap were closed; one that floats far touches nothing.
+    reach_m = gap_m + TOUCHING_M if gap_m <= IMPOSSIBLE_M else -1.0
+    points, normals, others, friction = _contacts(near, reach_m)
+    polygon_xy = _hull_xy(points[:, :2])
+    margin_m = _margin_m(polygon_xy, com[:2])
+    is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
+
+    light, sentence = _verdict(gap_m, depths_m[deepest], deepest, margin_m, is_stable)
+    T_cam_world = inverse(support.T_world_cam)
+    R_cam_world = T_cam_world[:3, :3]
+    return Plausibility(
+        gap_mm=gap_m * 1e3,
+        penetration_mm=depths_m[deepest] * 1e3,
+        penetrates=deepest if depths_m[deepest] > 0 else None,
+        contact_points_cam=apply(T_cam_world, points),
+        contact_normals_cam=normals @ R_cam_world.T,
+        contact_others=others,
+        polygon_cam=apply(T_cam_world, _onto_plane(polygon_xy, normal)),
+        com_cam=apply(T_cam_world, com[None])[0],
+        com_on_plane_cam=apply(T_cam_world, _onto_plane(com[None, :2], normal))[0],
+        margin_mm=margin_m * 1e3,
+        is_stable=is_stable,
+        light=light,
+        sentence=sentence,
+    )
+
+
+def _are_apart(T_world_a: Float, a: Placed, T_world_b: Float, b: Placed) -> bool:
+    """Whether two objects are so far apart that neither contact nor a small gap is possible."""
+    a_world, b_world = apply(T_world_a, a.model.vertices), apply(T_world_b, b.model.vertices)
+    between_m = np.maximum(a_world.min(axis=0) - b_world.max(axis=0), b_world.min(axis=0) - a_world.max(axis=0))
+    return float(between_m.max()) > TOUCHING_M + IMPOSSIBLE_M
+
+
+def _contacts(
+    near: list[tuple[Float, Float, Float, int, float]], reach_m: float
+) -> tuple[Float, Float, NDArray[np.int64], Float]:
+    """Points, normals, partners and friction of what is within ``reach_m``, thinned out."""
+    points, normals, others, friction = [np.zeros((0, 3))], [np.zeros((0, 3))], [], []
+    for p, n, distance_m, other, mu in near:
+        touching = np.flatnonzero(distance_m <= reach_m)
+        if other == PLANE_ID:  # All in one plane with one normal: the corners carry as much as all.
+            touching = touching[_hull_indices(p[touching, :2])]
+        elif len(touching) > MOST_CONTACTS:
+            touching = touching[np.linspace(0, len(touching) - 1, MOST_CONTACTS).astype(int)]
+        points.append(p[touching])
+        normals.append(n[touching])
+        others += [other] * len(touching)
+        friction += [mu] * len(touching)
+    return np.vstack(points), np.vstack(normals), np.array(others, dtype=np.int64), np.array(friction)
+
+
+def _hull_indices(xy: Float) -> NDArray[np.intp]:
+    """Indices of the corners of the convex hull of points (n, 2), in order; the ends if they lie on a line."""
+    if len(xy) == 0:
+        return np.zeros(0, dtype=np.intp)
+    direction = np.linalg.svd(xy - xy.mean(axis=0), full_matrices=False)[2][0]
+    along = xy @ direction
+    across = np.ptp(xy @ np.array([-direction[1], direction[0]]))
+    if across > 1e-6:
+        try:
+            return ConvexHull(xy).vertices.astype(np.intp)
+        except QhullError:
+            pass
+    ends = [int(along.argmin()), int(along.argmax())]
+    return np.array(ends if np.ptp(along) > 1e-6 else ends[:1], dtype=np.intp)
+
+
+def _hull_xy(xy: Float) -> Float:
+    return xy[_hull_indices(xy)]
+
+
+def _margin_m(polygon_xy: Float, xy: Float) -> float:
+    """Distance (positive inside) of a point to the edge of a convex polygon with 0, 1, 2 or more corners [m]."""
+    if len(polygon_xy) == 0:
+        return -float("inf")
+    starts, ends = polygon_xy, np.roll(polygon_xy, -1, axis=0)
+    edges = ends - starts
+    lengths2 = np.maximum((edges**2).sum(axis=1), 1e-18)
+    along = np.clip(((xy - starts) * edges).sum(axis=1) / lengths2, 0, 1)
+    distance_m = float(np.linalg.norm(xy - starts - along[:, None] * edges, axis=1).min())
+    sides = edges[:, 0] * (xy - starts)[:, 1] - edges[:, 1] * (xy - starts)[:, 0]
+    inside = len(polygon_xy) > 2 and (bool((sides >= 0).all()) or bool((sides <= 0).all()))
+    return distance_m if inside else -distance_m
+
+
+def _onto_plane(xy: Float, normal: Float) -> Float:
+    """Points (n, 3) of the plane through the origin, straight above or below ``xy`` (n, 2)."""
+    z = -(xy @ normal[:2]) / normal[2]
+    return np.column_stack([xy, z])
+
+
+def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool) -> tuple[Light, str]:
+    """The light and the sentence; the worst finding speaks."""
+    into = "the support plane" if deepest == PLANE_ID else f"instance {deepest}"
+    sinks = f"Sinks {depth_m * 1e3:.1f} mm into {into}."
+    floats = f"Floats: the nearest surface is {gap_m * 1e3:.1f} mm away."
+    if depth_m > IMPOSSIBLE_M:
+        return "red", sinks
+    if gap_m > IMPOSSIBLE_M:
+        return "red", floats
+    if not is_stable and margin_m < 0:
+        return "red", f"Would tip: the centre of mass is {-margin_m * 1e3:.1f} mm outside its support."
+    if not is_stable:
+        return "red", "Would slip or tip: friction at its contacts cannot hold it."
+    if depth_m > TOUCHING_M:
+        return "amber", sinks
+    if gap_m > TOUCHING_M:
+        return "amber", floats
+    if margin_m < 0:
+        return "green", "Stands, held by friction at its contacts."
+    if margin_m < BARELY_M:
+        return "amber", f"Barely stands: the centre of mass is {margin_m * 1e3:.1f} mm from the edge of its support."
+    return "green", f"Stands: the centre of mass is {margin_m * 1e3:.1f} mm inside its support."
