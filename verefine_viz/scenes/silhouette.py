@@ -12,19 +12,24 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 
+OVERSAMPLING = 4
+"""The drawing fills every pixel that an edge touches; drawn this much larger, that is a quarter of a pixel."""
+
 
 def silhouette(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Mask:
     """The model's outline, filled, (H, W); triangles that reach behind the camera are left out."""
-    canvas = Image.new("1", (camera.width, camera.height))
+    k = OVERSAMPLING
+    canvas = Image.new("1", (camera.width * k, camera.height * k))
     draw = ImageDraw.Draw(canvas)
     vertices = apply(T_cam_obj, model.vertices)
     corners = vertices[model.faces]
     corners = corners[(corners[..., 2] > 1e-6).all(axis=1)]
     # Far outside the image is as good as just outside; it keeps the drawing's integers in range.
     limit = 4.0 * max(camera.shape)
-    for triangle in np.clip(camera.project(corners), -limit, limit).reshape(-1, 6).round().tolist():
+    pixels = np.clip(camera.project(corners), -limit, limit) * k
+    for triangle in pixels.reshape(-1, 6).round().tolist():
         draw.polygon(triangle, fill=1)
-    return np.array(canvas, dtype=bool)
+    return np.array(canvas, dtype=bool)[::k, ::k].copy()
 
 
 def overlap(a: Mask, b: Mask) -> float:
