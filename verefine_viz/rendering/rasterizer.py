@@ -16,6 +16,13 @@ NEAR_M = 0.01
 EDGE_PX = 1e-7
 """How far outside its triangle a pixel centre may lie [px]: rounding must not open holes along shared edges."""
 
+UNBOUNDED_PX = 1e30
+"""Stands for no bound on a row."""
+
+BLOCK_BITS = 3
+BLOCK_PX = 1 << BLOCK_BITS
+"""Side of the blocks of the coarse depth grid [px]; a matter of speed only."""
+
 FAR_AWAY_M = 1e6
 """A pose whose translation is longer than this is not drawn [m]; keeps pixel coordinates within integers."""
 
@@ -56,6 +63,19 @@ def project(T, vertices, fx, fy, cx, cy, projected):
 
 
 @njit(cache=True)
+def _bound(a, b, u, v):
+    """The edge a·(x − u) + b·(y − v) ≥ 0 as bounds of a row: x ≥ left + left_slope·y and x ≤ right + right_slope·y."""
+    if a == 0.0:
+        return -UNBOUNDED_PX, 0.0, UNBOUNDED_PX, 0.0
+    slope = -b / a
+    start = u - slope * v
+    slack = EDGE_PX * (1.0 + abs(slope))
+    if a > 0.0:
+        return start - slack, slope, UNBOUNDED_PX, 0.0
+    return -UNBOUNDED_PX, 0.0, start + slack, slope
+
+
+@njit(cache=True)
 def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
     """Draws one projected triangle into the window of the image that starts at column x0, row y0."""
     height, width = inv_z.shape
@@ -68,31 +88,22 @@ def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
     area = (ub - ua) * (vc - va) - (vb - va) * (uc - ua)
     if x_first > x_last or area == 0.0:
         return
+    # Inside is where all three edge functions a·u + b·v + c are positive; solved for u, each bounds a row from the left
+    # (a > 0) or from the right (a < 0). A level edge (a = 0) bounds rows only, which is done already.
+    turn = 1.0 if area > 0.0 else -1.0
+    left_0, left_slope_0, right_0, right_slope_0 = _bound(turn * (va - vb), turn * (ub - ua), ua, va)
+    left_1, left_slope_1, right_1, right_slope_1 = _bound(turn * (vb - vc), turn * (uc - ub), ub, vb)
+    left_2, left_slope_2, right_2, right_slope_2 = _bound(turn * (vc - va), turn * (ua - uc), uc, vc)
     slope_u = ((ib - ia) * (vc - va) - (ic - ia) * (vb - va)) / area
     slope_v = ((ub - ua) * (ic - ia) - (uc - ua) * (ib - ia)) / area
     # Slivers have steep slopes that rounding would amplify; the surface never leaves the range of its corners.
     nearest, farthest = max(ia, ib, ic), min(ia, ib, ic)
-    run_ab = (ub - ua) / (vb - va) if vb != va else 0.0
-    run_bc = (uc - ub) / (vc - vb) if vc != vb else 0.0
-    run_ca = (ua - uc) / (va - vc) if va != vc else 0.0
     for y in range(y_first, y_last + 1):
-        left, right = np.inf, -np.inf
-        if va != vb and min(va, vb) - EDGE_PX <= y <= max(va, vb) + EDGE_PX:
-            u = ua + (min(max(y, min(va, vb)), max(va, vb)) - va) * run_ab
-            left, right = min(left, u), max(right, u)
-        if vb != vc and min(vb, vc) - EDGE_PX <= y <= max(vb, vc) + EDGE_PX:
-            u = ub + (min(max(y, min(vb, vc)), max(vb, vc)) - vb) * run_bc
-            left, right = min(left, u), max(right, u)
-        if vc != va and min(vc, va) - EDGE_PX <= y <= max(vc, va) + EDGE_PX:
-            u = uc + (min(max(y, min(vc, va)), max(vc, va)) - vc) * run_ca
-            left, right = min(left, u), max(right, u)
-        if not left <= right:
-            continue
-        first = max(int(np.ceil(left - EDGE_PX)), x_first)
-        last = min(int(np.floor(right + EDGE_PX)), x_last)
-        row = ia + slope_v * (y - va)
-        for x in range(first, last + 1):
-            inv = min(max(row + slope_u * (x - ua), farthest), nearest)
+        left = max(left_0 + left_slope_0 * y, left_1 + left_slope_1 * y, left_2 + left_slope_2 * y, x_first)
+        right = min(right_0 + right_slope_0 * y, right_1 + right_slope_1 * y, right_2 + right_slope_2 * y, x_last)
+        row = ia + slope_v * (y - va) - slope_u * ua
+        for x in range(int(np.ceil(left)), int(np.floor(right)) + 1):
+            inv = np.float32(min(max(row + slope_u * x, farthest), nearest))
             if inv > inv_z[y - y0, x - x0]:
                 inv_z[y - y0, x - x0] = inv
                 face_of[y - y0, x - x0] = face
@@ -148,8 +159,11 @@ def window(T, vertices, fx, fy, cx, cy, height, width, projected):
 
 
 @njit(cache=True)
-def draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0):
+def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0):
     """Draws a model into a window, after :func:`window` filled ``projected``.
+
+    Faces turned to the camera come first. Most others then lie behind what is drawn; a coarse grid of the farthest
+    surface so far tells which, without a look at their pixels. The picture is that of all faces.
 
     Args:
         T: (4, 4) T_cam_obj.
@@ -157,8 +171,6 @@ def draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, f
         faces: (F, 3) vertex indices.
         normals: (F, 3) unit face normals, object frame.
         offsets: (F,) n·p of each face's plane [m].
-        closed: the mesh is watertight and its normals point outward: back faces are never the nearest surface, so
-            they are skipped without a change to the picture.
         projected: (V, 3) u, v, 1/z.
         n_front: how many vertices are in front of the near plane.
         fx: as fy, cx, cy: the camera [px].
@@ -171,12 +183,15 @@ def draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, f
         y0: first row.
     """
     all_in_front = n_front == len(vertices)
-    skip_back = closed and all_in_front
     eye_x = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
     eye_y = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
     eye_z = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    n_later = 0
+    later = np.empty(len(faces), np.int32)
     for f in range(len(faces)):
-        if skip_back and normals[f, 0] * eye_x + normals[f, 1] * eye_y + normals[f, 2] * eye_z < offsets[f]:
+        if normals[f, 0] * eye_x + normals[f, 1] * eye_y + normals[f, 2] * eye_z < offsets[f]:
+            later[n_later] = f
+            n_later += 1
             continue
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if all_in_front or (projected[a, 2] > 0 and projected[b, 2] > 0 and projected[c, 2] > 0):
@@ -187,16 +202,60 @@ def draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, f
                 projected[c, 0], projected[c, 1], projected[c, 2],
             )  # fmt: skip
         elif projected[a, 2] > 0 or projected[b, 2] > 0 or projected[c, 2] > 0:
+            later[n_later] = f
+            n_later += 1
+
+    farthest = _coarse(inv_z)
+    for i in range(n_later):
+        f = later[i]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if all_in_front or (projected[a, 2] > 0 and projected[b, 2] > 0 and projected[c, 2] > 0):
+            ua, va, ia = projected[a, 0], projected[a, 1], projected[a, 2]
+            ub, vb, ib = projected[b, 0], projected[b, 1], projected[b, 2]
+            uc, vc, ic = projected[c, 0], projected[c, 1], projected[c, 2]
+            u_min, u_max, v_min, v_max = min(ua, ub, uc), max(ua, ub, uc), min(va, vb, vc), max(va, vb, vc)
+            if not _is_hidden(farthest, u_min - x0, u_max - x0, v_min - y0, v_max - y0, max(ia, ib, ic)):
+                fill(inv_z, face_of, x0, y0, f, ua, va, ia, ub, vb, ib, uc, vc, ic)
+        elif projected[a, 2] > 0 or projected[b, 2] > 0 or projected[c, 2] > 0:
             corners = np.empty((3, 3))
             corners[0], corners[1], corners[2] = vertices[a], vertices[b], vertices[c]
             fill_clipped(inv_z, face_of, x0, y0, f, T, corners, fx, fy, cx, cy)
 
 
 @njit(cache=True)
-def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of):
+def _coarse(inv_z):
+    """The smallest 1/z of each block of ``BLOCK_PX`` × ``BLOCK_PX`` pixels."""
+    rows, columns = inv_z.shape
+    out = np.full(((rows + BLOCK_PX - 1) >> BLOCK_BITS, (columns + BLOCK_PX - 1) >> BLOCK_BITS), np.inf, np.float32)
+    for y in range(rows):
+        for block in range(out.shape[1]):
+            least = out[y >> BLOCK_BITS, block]
+            for x in range(block << BLOCK_BITS, min((block + 1) << BLOCK_BITS, columns)):
+                least = min(least, inv_z[y, x])
+            out[y >> BLOCK_BITS, block] = least
+    return out
+
+
+@njit(cache=True)
+def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
+    """Whether all blocks under a box of window pixels show a surface nearer than 1/z = ``nearest``."""
+    rows, columns = farthest.shape
+    x_first = int(max(u_min - 1.0, 0.0)) >> BLOCK_BITS
+    x_last = int(max(min(u_max + 1.0, columns * BLOCK_PX - 1.0), 0.0)) >> BLOCK_BITS
+    y_first = int(max(v_min - 1.0, 0.0)) >> BLOCK_BITS
+    y_last = int(max(min(v_max + 1.0, rows * BLOCK_PX - 1.0), 0.0)) >> BLOCK_BITS
+    for y in range(y_first, y_last + 1):
+        for x in range(x_first, x_last + 1):
+            if farthest[y, x] < nearest:
+                return False
+    return True
+
+
+@njit(cache=True)
+def draw_frame(T, vertices, faces, normals, offsets, fx, fy, cx, cy, inv_z, face_of):
     """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
     height, width = inv_z.shape
     projected = np.empty((len(vertices), 3))
     _, _, columns, _, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
     if columns > 0:
-        draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0)
+        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0)

@@ -1,0 +1,106 @@
+"""What is made once per frame, per instance and per model, and kept as long as those live."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Instance, Target
+from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.kernels import OBJECTS, OWN
+from verefine_viz.rendering.mesh import RenderMesh
+from verefine_viz.rendering.simplify import scoring_mesh
+
+PUBLISHED_FAR_M = 5.0
+"""Farthest surface that the authors' renderer draws [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedTarget:
+    """One instance in one frame, as the renderers read it."""
+
+    observed: NDArray[np.float32]
+    """(H, W, 4) unit normal and z [m]; 0 where missing."""
+    flags: NDArray[np.uint8]
+    """(H, W) bits ``OWN`` and ``OBJECTS``, set only where depth is valid."""
+    n_own: int
+    """Pixels with ``OWN``."""
+    n_objects: int
+    """Pixels with ``OBJECTS``."""
+
+
+class TargetStore:
+    """Prepared targets; forgotten together with the frame or instance they belong to."""
+
+    def __init__(self) -> None:
+        self._frames: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
+        self._targets: WeakKeyDictionary[Instance, WeakKeyDictionary[Observation, PreparedTarget]]
+        self._targets = WeakKeyDictionary()
+
+    def get(self, target: Target) -> PreparedTarget:
+        """The arrays of a target, made at the first call.
+
+        Raises:
+            ShapeError: the instance's mask and the frame differ in size.
+        """
+        per_frame = self._targets.setdefault(target.instance, WeakKeyDictionary())
+        prepared = per_frame.get(target.observation)
+        if prepared is None:
+            prepared = per_frame[target.observation] = self._prepare(target)
+        return prepared
+
+    def _prepare(self, target: Target) -> PreparedTarget:
+        observation, mask = target.observation, target.instance.mask
+        if mask.shape != observation.camera.shape:
+            raise ShapeError(
+                f"the mask of instance {target.instance.instance_id} is {mask.shape[1]}×{mask.shape[0]}, "
+                f"but the frame is {observation.camera.width}×{observation.camera.height}"
+            )
+        observed = self._frames.get(observation)
+        if observed is None:
+            depth = np.where(np.isfinite(observation.depth_m) & (observation.depth_m > 0), observation.depth_m, 0)
+            normals = np.where(np.isfinite(observation.normals_cam), observation.normals_cam, 0)
+            observed = np.dstack([normals, depth]).astype(np.float32)
+            self._frames[observation] = observed
+        measured = observed[:, :, 3] > 0
+        own, objects = mask & measured, observation.object_mask & measured
+        return PreparedTarget(
+            observed=observed,
+            flags=(own * OWN | objects * OBJECTS).astype(np.uint8),
+            n_own=int(own.sum()),
+            n_objects=int(objects.sum()),
+        )
+
+
+class MeshStore:
+    """Scoring meshes by the model's mesh hash."""
+
+    def __init__(self, simplify_mm: float, folder: Path | None = None) -> None:
+        self._simplify_mm = simplify_mm
+        self._folder = folder
+        self._meshes: dict[str, RenderMesh] = {}
+
+    def get(self, model: ObjectModel) -> RenderMesh:
+        mesh = self._meshes.get(model.mesh_hash)
+        if mesh is None:
+            mesh = self._meshes[model.mesh_hash] = scoring_mesh(model, self._simplify_mm, self._folder)
+        return mesh
+
+
+def intrinsics(camera: Camera, settings: ScoreSettings) -> tuple[float, float, float, float]:
+    """(fx, fy, cx, cy) [px] with which models are drawn."""
+    shift = 0.5 if settings.pixel_centre == "half" else 0.0
+    return camera.fx, camera.fy, camera.cx - shift, camera.cy - shift
+
+
+def far_m(settings: ScoreSettings) -> float:
+    """The farthest surface that is drawn [m]."""
+    return PUBLISHED_FAR_M if settings.pixels == "published" else np.inf

@@ -1,0 +1,107 @@
+"""From sums over pixels to scores, and from a picture of the model to score maps: the same for every renderer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.kernels import EXPLAINED, HIDDEN, MISSED, OBJECTS, OWN, PROTRUDING, UNKNOWN
+from verefine_viz.rendering.prepared import PreparedTarget
+
+LEAST_JUDGED_SHARE = 0.1
+"""``classes``: a pose of whose pixels fewer than this share can be judged (neither hidden nor unmeasured) has its score
+lowered in proportion, so that no pose can hide where nothing was measured. METHODS 1.9."""
+
+
+def as_poses(Ts_cam_obj: Float) -> Float:
+    """The poses as a contiguous (N, 4, 4) array.
+
+    Raises:
+        ShapeError: another shape. NaN is let through: such a pose scores 0.
+    """
+    Ts = np.ascontiguousarray(Ts_cam_obj, dtype=np.float64)
+    if Ts.ndim != 3 or Ts.shape[1:] != (4, 4):
+        raise ShapeError(f"the poses to score have shape {Ts.shape}, expected n×4×4")
+    return Ts
+
+
+def scores_from_sums(sums: Float, settings: ScoreSettings) -> Scores:
+    """Scores of N poses from their sums (N, ``N_SUMS``)."""
+    n = np.maximum(sums[:, 2], 1.0)
+    depth_fit, normal_fit = sums[:, 0] / n, sums[:, 1] / n
+    score = 0.5 * (depth_fit + normal_fit)
+    whole = sums[:, 2:].astype(np.int64)
+    counts = whole[:, 2:]
+    if settings.pixels == "classes":
+        rendered = np.maximum(whole[:, 1], 1)
+        judged = 1.0 - (counts[:, HIDDEN] + counts[:, UNKNOWN]) / rendered
+        score = score * np.minimum(1.0, judged / LEAST_JUDGED_SHARE)
+    return Scores(score, depth_fit, normal_fit, whole[:, 0], whole[:, 1], counts)
+
+
+def score_maps(
+    rendered_m: NDArray[np.float32],
+    rendered_normals: NDArray[np.float32],
+    prepared: PreparedTarget,
+    placed_m: NDArray[np.float32] | None,
+    settings: ScoreSettings,
+) -> ScoreMaps:
+    """Eq. 1 pixel by pixel, from the picture of the model.
+
+    Args:
+        rendered_m: (H, W) z [m]; 0 = empty.
+        rendered_normals: (H, W, 3) unit, towards the camera.
+        prepared: what was observed.
+        placed_m: (H, W) z of the objects placed before; None = none [m].
+        settings: how to judge.
+    """
+    observed, normals = prepared.observed[:, :, 3], prepared.observed[:, :, :3]
+    drawn, measured = rendered_m > 0, observed > 0
+    has_normal = (normals != 0).any(axis=2)
+    own, objects = (prepared.flags & OWN) != 0, (prepared.flags & OBJECTS) != 0
+    difference = observed.astype(np.float64) - rendered_m
+    dot = np.clip(np.einsum("hwk,hwk->hw", normals, rendered_normals, dtype=np.float64), 0.0, 1.0)
+    classes = _classes(difference, drawn, measured, own, observed, rendered_m, placed_m, settings.tau_m)
+
+    if settings.pixels == "published":
+        fits, counted = drawn & objects, drawn | objects
+    elif settings.pixels == "observed":
+        fits, counted = drawn & own, own
+    else:
+        fits = classes == EXPLAINED + 1
+        counted = fits | (classes == MISSED + 1) | (classes == PROTRUDING + 1)
+    f_d = np.where(fits, np.maximum(0.0, 1.0 - np.abs(difference) / settings.tau_m), 0.0)
+    f_n = np.where(fits, np.maximum(0.0, 1.0 - (1.0 - dot) / settings.alpha), 0.0)
+    if settings.pixels != "published":
+        f_n = np.where(has_normal, f_n, f_d)
+    return ScoreMaps(
+        rendered_m=rendered_m,
+        rendered_normals=rendered_normals,
+        depth_difference_m=np.where(drawn & measured, difference, np.nan).astype(np.float32),
+        angle_rad=np.where(drawn & has_normal, np.arccos(dot), np.nan).astype(np.float32),
+        f_d=f_d.astype(np.float32),
+        f_n=f_n.astype(np.float32),
+        counted=counted,
+        classes=classes,
+    )
+
+
+def _classes(difference, drawn, measured, own, observed, rendered_m, placed_m, tau) -> NDArray[np.uint8]:
+    near = np.abs(difference) < tau
+    explained_by_other = np.zeros_like(drawn)
+    if placed_m is not None:
+        explained_by_other = (placed_m > 0) & (placed_m < rendered_m) & (np.abs(observed - placed_m) < tau)
+    in_front = drawn & measured & ~near & (difference < 0)
+    blocked = in_front & own & ~explained_by_other
+    out = np.zeros(drawn.shape, np.uint8)
+    out[own & ~drawn] = MISSED + 1
+    out[drawn & ~measured] = UNKNOWN + 1
+    out[drawn & measured & near] = EXPLAINED + 1
+    out[drawn & measured & ~near & (difference > 0)] = PROTRUDING + 1
+    out[in_front] = HIDDEN + 1
+    out[blocked] = MISSED + 1
+    return out

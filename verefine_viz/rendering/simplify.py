@@ -1,0 +1,172 @@
+"""The mesh that is scored: the model's, with as few triangles as a stated deviation allows, kept on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fast_simplification
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+
+log = logging.getLogger(__name__)
+
+Faces = NDArray[np.int32]
+
+ALGORITHM = 1
+"""Part of the cached file's name; raised when the same input would give another mesh."""
+
+SMALL_PART_FACES = 64
+"""Unconnected parts smaller than this are kept as they are: the simplifier would let them vanish."""
+
+N_SAMPLES = 30_000
+"""Random surface points, beside all vertices, at which the deviation is measured."""
+
+AGGRESSIVENESS = 7.0
+"""How fast the simplifier raises its error threshold; lower values stop short of the wanted count."""
+
+
+def cache_folder() -> Path:
+    """Where simplified meshes are kept."""
+    return Path(platformdirs.user_cache_dir("verefine-viz")) / "meshes"
+
+
+def scoring_mesh(model: ObjectModel, simplify_mm: float, folder: Path | None = None) -> RenderMesh:
+    """The mesh to score ``model`` with.
+
+    Args:
+        model: its mesh is never changed.
+        simplify_mm: largest deviation between the two surfaces, either way [mm]; 0 keeps every triangle.
+        folder: the cache; None = :func:`cache_folder`. A damaged or unwritable cache costs time only.
+    """
+    if simplify_mm == 0:
+        return render_mesh(model.vertices, model.faces)
+    file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
+    cached = _read(file)
+    if cached is None:
+        cached = simplified(model.vertices, model.faces, simplify_mm / 1000)
+        _write(file, *cached)
+    return render_mesh(*cached)
+
+
+def simplified(vertices: Float, faces: Faces, tolerance_m: float) -> tuple[Float, Faces]:
+    """The coarsest mesh found whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
+    vertices, faces = _welded(vertices, faces)
+    is_small = _in_small_part(vertices, faces)
+    small, large = faces[is_small], faces[~is_small]
+    best = vertices, faces
+    if len(large) == 0:
+        return best
+    reference = _surface(vertices, faces)
+    reference_points = surface_points(vertices, faces)
+    scale = float(np.abs(vertices).max())
+    too_few, enough = 4, len(large)
+    while enough > 1.05 * too_few + 1:
+        target = int(np.sqrt(too_few * enough))
+        # The library's thresholds are absolute: it is given a mesh of size 1.
+        coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)
+        coarse_vertices, coarse_faces = coarse[0] * scale, coarse[1].astype(np.int32)
+        candidate = _joined(coarse_vertices, coarse_faces, vertices, small)
+        if _deviation(reference, reference_points, *candidate) <= tolerance_m:
+            enough = min(target, len(coarse_faces))
+            if len(candidate[1]) < len(best[1]):
+                best = candidate
+        else:
+            too_few = target
+    return best
+
+
+def deviation_m(a: tuple[Float, Faces], b: tuple[Float, Faces]) -> float:
+    """Largest distance from sampled points of either surface to the other [m]."""
+    return _deviation(_surface(*a), surface_points(*a), *b)
+
+
+def surface_points(vertices: Float, faces: Faces) -> Float:
+    """All vertices and ``N_SAMPLES`` points spread evenly over the surface, the same at each call."""
+    rng = np.random.default_rng(0)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    if area.sum() == 0:
+        return vertices
+    i = rng.choice(len(faces), N_SAMPLES, p=area / area.sum())
+    r, s = np.sqrt(rng.random((N_SAMPLES, 1))), rng.random((N_SAMPLES, 1))
+    return np.concatenate([vertices, (1 - r) * a[i] + r * (1 - s) * b[i] + r * s * c[i]])
+
+
+def _surface(vertices: Float, faces: Faces) -> Any:
+    # open3d takes seconds to import, and is needed only where no cached mesh exists.
+    import open3d as o3d
+
+    tensor: Any = o3d.core.Tensor
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(tensor(vertices.astype(np.float32)), tensor(np.ascontiguousarray(faces, dtype=np.uint32)))
+    return scene
+
+
+def _deviation(reference: Any, reference_points: Float, vertices: Float, faces: Faces) -> float:
+    if len(faces) == 0:
+        return np.inf
+    there = _surface(vertices, faces).compute_distance(reference_points.astype(np.float32)).numpy().max()
+    used = surface_points(*_welded(vertices, faces)).astype(np.float32)
+    return float(max(there, reference.compute_distance(used).numpy().max()))
+
+
+def _welded(vertices: Float, faces: Faces) -> tuple[Float, Faces]:
+    """Joins vertices at the same place (texture seams) and drops unused ones and triangles that vanish."""
+    points, same = np.unique(vertices, axis=0, return_inverse=True)
+    faces = same.reshape(-1)[faces].astype(np.int32)
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    used, compact = np.unique(faces[whole], return_inverse=True)
+    return points[used], compact.reshape(-1, 3).astype(np.int32)
+
+
+def _in_small_part(vertices: Float, faces: Faces) -> NDArray[np.bool_]:
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    edges = coo_array((np.ones(len(start)), (start, end)), shape=(len(vertices), len(vertices)))
+    part_of = connected_components(edges, directed=False)[1][faces[:, 0]]
+    return np.bincount(part_of)[part_of] < SMALL_PART_FACES
+
+
+def _joined(vertices_a: Float, faces_a: Faces, vertices_b: Float, faces_b: Faces) -> tuple[Float, Faces]:
+    faces = np.concatenate([faces_a, faces_b + len(vertices_a)]).astype(np.int32)
+    return _welded(np.concatenate([vertices_a, vertices_b]), faces)
+
+
+def _read(file: Path) -> tuple[Float, Faces] | None:
+    try:
+        with np.load(file, allow_pickle=False) as data:
+            vertices, faces = data["vertices"], data["faces"]
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        log.warning("the cached mesh %s is damaged and made again (%s)", file, error)
+        return None
+    sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
+    if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+        log.warning("the cached mesh %s is damaged and made again", file)
+        return None
+    return vertices.astype(np.float64), faces.astype(np.int32)
+
+
+def _write(file: Path, vertices: Float, faces: Faces) -> None:
+    part = file.with_name(f"{file.name}.{os.getpid()}.part")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as stream:
+            np.savez(stream, vertices=vertices, faces=faces)
+        part.replace(file)
+    except OSError as error:
+        log.warning("the simplified mesh is not cached: %s", error)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
