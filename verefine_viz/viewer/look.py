@@ -12,10 +12,12 @@ from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.maps import MAP_NAMES, MapName
 
-STAGES = ("initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth")
+STAGES: tuple[str, ...] = (
+    "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth",
+)  # fmt: skip
 """Every pose of an object that can be drawn, compared and judged."""
 
-LAYERS = (*STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "path")
+LAYERS: tuple[str, ...] = (*STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "path")
 SHOWN_AT_FIRST = frozenset(
     {"current", "simulated", "refined", "accepted", "edited", "ground truth"}
     | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts"}

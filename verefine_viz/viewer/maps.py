@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
 
+from verefine_viz.core.colormaps import ANGLE, FIT, Image, Scale, class_image, depth_scale, difference_scale
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PIXEL_CLASSES, ScoreMaps
-from verefine_viz.viewer.colormaps import ANGLE, FIT, Image, Scale, class_image, depth_scale, difference_scale
 
 MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
 MAP_NAMES: tuple[MapName, ...] = get_args(MapName)

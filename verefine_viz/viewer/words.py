@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from verefine_viz.core.arrays import Float
@@ -97,7 +99,7 @@ def chosen_because(iteration: Iteration, n_arms: int) -> str:
 def _iteration_sentence(view: View, iteration: Iteration) -> str:
     head = f"Iteration {iteration.index}, {view.name}, {chosen_because(iteration, view.n_arms)}."
     parts = []
-    for before, stage in zip(iteration.stages, iteration.stages[1:], strict=False):
+    for before, stage in pairwise(iteration.stages):
         if stage.name != "mixed":
             parts.append(_what_it_did(view, iteration, before, stage))
     body = "; ".join(parts)

@@ -1,0 +1,45 @@
+"""The real methods on fake parts: a toolbox for tests of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import Watcher
+from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import make_method
+from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
+
+
+class FakeTools:
+    """Frames "0/1" (one box) and "0/2" (two boxes)."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.verifier = FakeVerifier()
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        return ("0/1", "0/2")
+
+    @property
+    def method(self) -> Any:
+        s = self.session
+        simulator = FakeSimulator() if s.physics.enabled else None
+        return make_method(s.method, simulator, FakeRefiner(), self.verifier, s.physics.steps)
+
+    def problem(self, frame: str) -> Problem:
+        if frame not in self.frames:
+            raise InputError(f"no frame {frame}")
+        return box_problem(n_hypotheses=3, n_instances=int(frame[-1]), seed=3)
+
+    def changed(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
+        return FakeTools(changed(self.session, settings))
+
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
+        changes = {c.after_iteration: self.changed(c.settings).method for c in self.session.changes}
+        return Run(self.method, problem, watchers, self.session.edits, changes)

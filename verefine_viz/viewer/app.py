@@ -1,0 +1,247 @@
+"""The page: a queue of commands, one worker thread that carries them out, and the server that shows the result."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import webbrowser
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any, cast
+
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.settings import Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.keeping import Keeping
+from verefine_viz.viewer.layout import Layout
+from verefine_viz.viewer.markup import block, text
+from verefine_viz.viewer.scene_view import SceneView
+from verefine_viz.viewer.server import Server
+from verefine_viz.viewer.workspace import Tools
+
+_LOG = logging.getLogger(__name__)
+FRAME_S = 1 / 25
+"""Time between two pictures of an animation [s]."""
+REFRESH_S = 0.12
+"""Time between two pictures while a run is on [s]."""
+
+
+class App:
+    """The page of one session.
+
+    Args:
+        session: what to open.
+        session_path: its file, if it has one.
+        host: address to listen on.
+        port: port to listen on; 0 = any free one.
+        make_tools: builds the algorithm's parts from a session; None = the real ones.
+        folder: where sessions and exports are written; None = ``sessions`` in the working directory.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        session_path: Path | None = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        make_tools: Callable[[Session], Tools] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self._session, self._path = session, session_path
+        self._host, self._port = host, port
+        self._make_tools = make_tools
+        self._folder = folder if folder is not None else Path("sessions")
+        self._queue: deque[c.Command] = deque()
+        self._wake = threading.Condition()
+        self._stopping = False
+        self._idle = False
+        self._animation: Iterator[None] | None = None
+        self._ready = threading.Event()
+        self._failure: BaseException | None = None
+        self._worker: threading.Thread | None = None
+
+    def start(self) -> App:
+        """Listens, and opens the session on the worker thread; the page says so meanwhile.
+
+        Raises:
+            UnavailableError: the port is taken or the host cannot be bound.
+        """
+        self.server = Server(self._host, self._port)
+        self._loading = self.server.gui.add_html(block(LOADING))
+        self._worker = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
+        self._worker.start()
+        return self
+
+    @property
+    def url(self) -> str:
+        """What to type into a browser."""
+        return self.server.url
+
+    def wait_until_ready(self, timeout_s: float | None = None) -> None:
+        """Waits until the session is open.
+
+        Raises:
+            VerefineError: it cannot be opened.
+        """
+        if not self._ready.wait(timeout_s):
+            raise TimeoutError(f"the session was not open after {timeout_s} s")
+        if self._failure is not None:
+            raise self._failure
+
+    def wait_until_idle(self, timeout_s: float = 30.0) -> None:
+        """Waits until every command so far is carried out and shown, animations included."""
+        self.wait_until_ready(timeout_s)
+        with self._wake:
+            if not self._wake.wait_for(lambda: self._idle and not self._queue, timeout_s):
+                raise TimeoutError(f"still busy after {timeout_s} s")
+
+    def send(self, command: c.Command) -> None:
+        """Puts a command into the queue; returns at once. Callable from any thread."""
+        with self._wake:
+            if command.latest_wins and self._queue and type(self._queue[-1]) is type(command):
+                self._queue[-1] = command
+            else:
+                self._queue.append(command)
+            self._idle = False
+            self._wake.notify_all()
+
+    def stop(self) -> None:
+        """Ends the worker after the command at hand and frees the port."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify_all()
+        if self._worker is not None:
+            self._worker.join(timeout=20)
+        self.server.stop()
+
+    # The worker thread
+
+    def _work(self) -> None:
+        try:
+            self._open()
+        except Exception as error:
+            self._failure = error
+            self._loading.content = block(f'<p class="bad">{text(error)}</p>')
+            if not isinstance(error, VerefineError):
+                _LOG.exception("the session could not be opened")
+            return
+        finally:
+            self._ready.set()
+        while (command := self._next()) is not STOP:
+            try:
+                self._carry_out(command)
+            except Exception as error:  # The page must live on: what went wrong is shown.
+                self._animation = None
+                self.debugger.goal = None
+                self.debugger.message = str(error)
+                if not isinstance(error, VerefineError):
+                    _LOG.exception("command %s failed", command)
+                    self.debugger.message = f"{type(error).__name__}: {error} (a bug: please report it with the log)"
+                self._show()
+
+    def _open(self) -> None:
+        keeping = Keeping(self.server, self._folder)
+        make_tools, plausibility, demos = self._make_tools, None, ()
+        if make_tools is None:
+            make_tools, plausibility, demos = real_parts()
+        self.debugger = Debugger(
+            self._session, self._path, make_tools, plausibility=plausibility, demos=demos, keep=keeping
+        )
+        self._loading.remove()
+        self.scene = SceneView(self.server, self.send)
+        self.layout = Layout(self.server, self.send)
+        self.layout.on_link(self.send)
+        self._shown_at = 0.0
+        self._show()
+
+    def _next(self) -> c.Command | object | None:
+        """The next command; None = nothing waits, go on with the run or the animation; STOP = end."""
+        with self._wake:
+            busy = self.debugger.goal is not None
+            if not self._queue and not busy and self._animation is None:
+                self._idle = True
+                self._wake.notify_all()
+                self._wake.wait_for(lambda: self._queue or self._stopping)
+            elif not self._queue and not busy:
+                self._wake.wait_for(lambda: self._queue or self._stopping, FRAME_S)
+            if self._stopping:
+                return STOP
+            return self._queue.popleft() if self._queue else None
+
+    def _carry_out(self, command: c.Command | object | None) -> None:
+        if isinstance(command, c.Command):
+            self._animation = None
+            before = self.debugger.workspace.run.cursor
+            self.debugger.apply(command)
+            with self._wake:
+                waiting = bool(self._queue)
+            if waiting and command.latest_wins:
+                return  # A newer one is there already; its picture will do.
+            self._show()
+            self._animate(command, before)
+        elif self.debugger.goal is not None:
+            self.debugger.tick()
+            if self.debugger.goal is None or monotonic() - self._shown_at > REFRESH_S:
+                self._show()
+        elif self._animation is not None and next(self._animation, STOP) is STOP:
+            self._animation = None
+
+    def _animate(self, command: c.Command, before: int) -> None:
+        view = self._view
+        stepped = isinstance(command, c.Step) and view.cursor == before + 1
+        if stepped and view.look.animate and view.is_current:
+            self._animation = self.scene.animation(view)
+        elif isinstance(command, c.PlayPath):
+            self._animation = self.scene.path_animation(view)
+
+    def _show(self) -> None:
+        self._view = self.debugger.view()
+        with self._wake:
+            hand_is_ahead = any(isinstance(q, c.Seek) for q in self._queue)
+        with self.server.atomic():
+            self.scene.show(self._view)
+            self.layout.show(self._view, hand_is_ahead)
+        self.server.flush()
+        self._shown_at = monotonic()
+
+
+STOP = object()
+LOADING = "<p>Opening the session: reading models, compiling, scoring the hypotheses. The first time takes longer.</p>"
+
+
+def real_parts() -> tuple[Callable[[Session], Tools], Callable[..., Any], tuple[str, ...]]:
+    """The toolbox, the plausibility check and the built-in scenes; imported late, since they are heavy."""
+    from verefine_viz.physics.plausibility import plausibility
+    from verefine_viz.scenes.demo import demo_names
+    from verefine_viz.session.toolbox import Toolbox
+
+    return cast(Callable[[Session], Tools], Toolbox), plausibility, tuple(demo_names())
+
+
+def serve(
+    session: Session,
+    *,
+    session_path: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    open_browser: bool = True,
+) -> None:
+    """Serves the page until Ctrl-C; prints its address, one line.
+
+    Raises:
+        VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
+    """
+    app = App(session, session_path, host, port).start()
+    try:
+        print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
+        app.wait_until_ready()
+        if open_browser:
+            webbrowser.open(app.url)
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        app.stop()

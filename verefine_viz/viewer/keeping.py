@@ -1,0 +1,130 @@
+"""Writes what a person wants to keep: sessions to ``sessions/``, exports to ``sessions/runs/``; nowhere else."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import viser
+from PIL import Image as PilImage
+
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError
+from verefine_viz.session.files import save_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.sheet import maps_sheet
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.debugger import Debugger
+
+_NAME = re.compile(r"[\w][\w .-]{0,79}")
+
+
+class Keeping:
+    """The writer behind :class:`~commands.SaveSession` and :class:`~commands.Export`.
+
+    Args:
+        server: whose 3D scene is exported.
+        folder: where sessions lie; exports go to its ``runs`` folder.
+    """
+
+    def __init__(self, server: viser.ViserServer, folder: Path) -> None:
+        self._server, self._folder = server, folder
+
+    def __call__(self, debugger: Debugger, command: c.Command) -> Path:
+        """Writes one file and says which."""
+        if isinstance(command, c.SaveSession):
+            path = self._folder / f"{checked_name(command.name)}.toml"
+            space = debugger.workspace
+            session = space.session
+            if session.edits or session.changes:  # They belong to this frame.
+                scene = session.scene.model_copy(update={"frames": (space.frame,)})
+                session = session.model_copy(update={"scene": scene})
+            save_session(session, path)
+            return path
+        assert isinstance(command, c.Export)
+        folder = self._folder / "runs" / "exports"
+        stem = stem_of(debugger)
+        match command.what:
+            case "scene":
+                return written(folder / f"{stem}.html", self._server.scene.as_html())
+            case "commands":
+                return written(folder / f"{stem}_commands.jsonl", "".join(f"{c.to_json(x)}\n" for x in debugger.log))
+            case "maps":
+                path = free(folder / f"{stem}_maps.png")
+                sheet = maps_sheet(debugger.view())
+                with atomic(path) as part:
+                    PilImage.fromarray(sheet).save(part, format="PNG")
+                return path
+            case "results":
+                return self._results(debugger, free(folder / f"{stem}.csv"))
+            case "recording":
+                return self._recording(debugger, free(folder / f"{stem}.rrd"))
+
+    def _results(self, debugger: Debugger, path: Path) -> Path:
+        from verefine_viz.scenes.results import ResultRow, write_results
+
+        run = debugger.workspace.run
+        problem = run.problem
+        rows = [
+            ResultRow(
+                scene_id=problem.scene_id,
+                im_id=problem.im_id,
+                obj_id=target.instance.obj_id,
+                score=best.score.score,
+                T_cam_obj=best.T_cam_obj,
+                time_s=sum(i.ms for i in run.iterations) / 1e3,
+            )
+            for target, best in zip(problem.targets, run.final_state.best, strict=True)
+            if best is not None
+        ]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_results(path, rows)
+        return path
+
+    def _recording(self, debugger: Debugger, path: Path) -> Path:
+        from verefine_viz.recording.recorder import Recorder
+
+        space = debugger.workspace
+        run = space.run
+        path.parent.mkdir(parents=True, exist_ok=True)
+        recorder = Recorder(path, space.session, run.problem, space.branch.tools.verifier)
+        # A fork at the end shows its watchers the whole history and changes nothing.
+        run.fork(run.length, watchers=(recorder,)).close()
+        return path
+
+
+def checked_name(name: str) -> str:
+    """A session's name as a file name.
+
+    Raises:
+        InputError: it would lead out of the folder, or is no name.
+    """
+    if not _NAME.fullmatch(name.strip()) or ".." in name:
+        raise InputError(f"{name!r} is no name for a session; use letters, digits, blanks, dots, - and _")
+    return name.strip().removesuffix(".toml")
+
+
+def stem_of(debugger: Debugger) -> str:
+    """What exports of the open run are called."""
+    session, frame = debugger.workspace.session, debugger.workspace.frame
+    title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
+    return f"{title}_{frame.replace('/', '_')}_{session.method.name}"
+
+
+def free(path: Path) -> Path:
+    """``path``, or the first of ``name-2``, ``name-3``, … that does not exist."""
+    candidate, k = path, 2
+    while candidate.exists():
+        candidate = path.with_name(f"{path.stem}-{k}{path.suffix}")
+        k += 1
+    return candidate
+
+
+def written(path: Path, content: str) -> Path:
+    """Writes a text file that did not exist."""
+    path = free(path)
+    with atomic(path) as part:
+        part.write_text(content, encoding="utf-8")
+    return path

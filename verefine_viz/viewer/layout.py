@@ -1,0 +1,131 @@
+"""Where the panels are: Run and the tabs on the right, maps, curves and timeline below, the legend on the left."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import LINK_LABEL
+from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
+from verefine_viz.viewer.panels.errors import ErrorsPanel
+from verefine_viz.viewer.panels.layers import LayersPanel
+from verefine_viz.viewer.panels.maps import MapsPanel
+from verefine_viz.viewer.panels.physics import PhysicsPanel
+from verefine_viz.viewer.panels.run import RunPanel
+from verefine_viz.viewer.panels.score import ScorePanel
+from verefine_viz.viewer.panels.session import SessionPanel
+from verefine_viz.viewer.panels.settings import SettingsPanel
+from verefine_viz.viewer.panels.timeline import TimelinePanel
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Send, by_person
+
+RIGHT_PX = 372
+GAP_PX = 6
+TIMELINE_PX = 122
+STRIP_PX = 252
+MAPS_PX = 592
+CURVES_PX = 296
+
+KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
+    ("Run / pause", "space", c.TogglePause()),
+    ("Step one iteration", "N", c.Step()),
+    ("Step one stage", "M", c.StepStage()),
+    ("Back one iteration", "B", c.Back()),
+    ("First", "home", c.Seek(0)),
+    ("Last iteration made", "end", c.SeekEnd()),
+    ("Previous event", "pageup", c.SeekEvent(-1)),
+    ("Next event", "pagedown", c.SeekEvent(1)),
+    ("Ground truth on / off", "G", c.ShowLayer("ground truth")),
+    ("Colour of the cloud", "C", c.ColorCloud()),
+    ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
+    ("Play the simulated path", "P", c.PlayPath()),
+    ("Run to the next event", None, c.RunUntil("event")),
+    ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
+    ("Pause", None, c.Pause()),
+    ("Restart", None, c.Restart()),
+    ("Score the ground truth", None, c.ScoreGroundTruth()),
+    ("Edit the pose by hand", None, c.EditPose()),
+    ("Continue from the edited pose", None, c.ForkFromPose()),
+    ("Fork here", None, c.Fork()),
+    ("Animate steps", None, c.Animate(True)),
+    ("Do not animate steps", None, c.Animate(False)),
+    ("Export the recording", None, c.Export("recording")),
+    ("Export the 3D scene as HTML", None, c.Export("scene")),
+    ("Export the results CSV", None, c.Export("results")),
+    ("Export the score maps as PNG", None, c.Export("maps")),
+)
+"""Label in the palette (Ctrl+K), hotkey, command. W A S D Q E and the arrows move the camera and are left alone."""
+
+
+class Layout:
+    """All panels, placed. One per server; every browser shows the same."""
+
+    def __init__(self, server: viser.ViserServer, send: Send) -> None:
+        gui = server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.set_panel_label("verefine-viz")
+        self.run = RunPanel(gui, send)
+        self.settings = SettingsPanel(gui, send)
+        self.link = gui.add_text(LINK_LABEL, "")
+        self._hide(gui, self.link)
+        main = gui.main_panel
+        main.dock_right()
+        main.set_width(RIGHT_PX)
+        tabs = gui.add_panel()
+        with tabs.add_tab("Score"):
+            self.score = ScorePanel(gui, send)
+        with tabs.add_tab("Bandit"):
+            self.bandit = BanditPanel(gui, send)
+        with tabs.add_tab("Physics"):
+            self.physics = PhysicsPanel(gui, send)
+        with tabs.add_tab("Errors"):
+            self.errors = ErrorsPanel(gui, send)
+        with tabs.add_tab("Session"):
+            self.session = SessionPanel(gui, send)
+        tabs.dock_below(main)
+        timeline = gui.add_panel()
+        with timeline.add_tab("Timeline"):
+            self.timeline = TimelinePanel(gui, send)
+        timeline.float(x=GAP_PX, y=-GAP_PX, width=MAPS_PX + GAP_PX + CURVES_PX, height=TIMELINE_PX)
+        maps = gui.add_panel()
+        with maps.add_tab("Score maps"):
+            self.maps = MapsPanel(gui, send)
+        above = -(TIMELINE_PX + 2 * GAP_PX)
+        maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
+        curves = gui.add_panel()
+        self.curves = CurvesPanel(gui, curves)
+        curves.float(x=MAPS_PX + 2 * GAP_PX, y=above, width=CURVES_PX, height=STRIP_PX)
+        layers = gui.add_panel()
+        with layers.add_tab("View"):
+            self.layers = LayersPanel(gui, send)
+        layers.float(x=GAP_PX, y=GAP_PX, width=190, height=390)
+        self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
+        for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
+            handle.on_trigger(lambda _, command=command: send(command))
+
+    def on_link(self, handler: Send) -> None:
+        """Calls ``handler`` with the command of every link that is clicked."""
+
+        def received(value: str) -> None:
+            line, _, _ = value.rpartition(" ")
+            handler(c.from_json(line))
+
+        self.link.on_update(by_person(received))
+
+    def show(self, view: View, hand_is_ahead: bool = False) -> None:
+        """All panels, each on its own."""
+        self.run.show(view)
+        self.settings.show(view)
+        self.timeline.show(view, hand_is_ahead)
+        self.score.show(view)
+        self.bandit.show(view)
+        self.physics.show(view)
+        self.errors.show(view)
+        self.session.show(view)
+        self.layers.show(view)
+        self.maps.show(view)
+        self.curves.show(view)
+
+    def _hide(self, gui: viser.GuiApi, handle: viser.GuiTextHandle) -> None:
+        row = f'div:has(> .mantine-Flex-root label[for="{handle._impl.uuid}"])'
+        gui.add_html(f"<style>{row}{{position:absolute;width:1px;height:1px;overflow:hidden;opacity:0}}</style>")

@@ -1,0 +1,112 @@
+"""The Bandit panel: which hypothesis was chosen, and why; and the curves beside the maps."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.core.palette import ARM_COLORS
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import link, sentence
+from verefine_viz.viewer.tables import arm_history, arms_table
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Chart, Line, Send
+from verefine_viz.viewer.words import chosen
+
+
+class BanditPanel:
+    """The table of arms, the history of one, and the what-if."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._words = Block(gui)
+        self._arms = Block(gui)
+        self._history = Block(gui)
+
+    def show(self, view: View) -> None:
+        """The numbers as they were when the bandit chose."""
+        self._words.show(sentence(chosen(view)))
+        self._arms.show(arms_table(view) + what_if(view))
+        self._history.show(arm_history(view))
+
+
+def what_if(view: View) -> str:
+    """Links that run the whole frame again with other exploration."""
+    if view.session.method.name != "rir" or view.n_arms < 2:
+        return ""
+    now = view.session.method.exploration
+    values = [0.0, max(2 * now, 0.05), max(4 * now, 0.1)]
+    links = ", ".join(
+        link(f"c = {v:g}", c.Fork((("method.exploration", v),), 0, run=True), "runs a new branch from the start")
+        for v in values
+        if v != now
+    )
+    return f"<p>What if {links} instead of {now:g}?</p>"
+
+
+class CurvesPanel:
+    """Scores, UCB, pulls and errors over the iterations of the object in focus."""
+
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
+        self._charts: dict[str, Chart] = {}
+        for name in ("Score", "UCB", "Pulls", "Error"):
+            tab = panel.add_tab(name)
+            with tab:
+                self._charts[name] = Chart(gui, 172, tab)
+
+    def show(self, view: View) -> None:
+        """All curves; drawn again only if they changed."""
+        own = view.own_iterations
+        n = len(view.state.arms) if view.state is not None else 0
+        x = [0.0, *(float(i.index) for i in own)]
+        self._charts["Score"].show(x, score_lines(view, n) if own else [])
+        self._charts["UCB"].show(x[1:], ucb_lines(view, n))
+        self._charts["Pulls"].show(x, pull_lines(view, n) if own else [])
+        self._charts["Error"].show(x, error_lines(view) if own else [])
+
+
+def score_lines(view: View, n_arms: int) -> list[Line]:
+    """Score of each hypothesis's kept pose, and of the best so far."""
+    lines = []
+    for j in range(n_arms):
+        now = view.state.arms[j].entries[0].score.score
+        values = [now]
+        for i in view.own_iterations:
+            if i.arm == j and i.accepted_stage.score is not None:
+                now = i.accepted_stage.score.score
+            values.append(now)
+        lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
+    best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
+    lines.append(Line("best", (0, 170, 120), [best, *(i.best.score.score for i in view.own_iterations)], width=3.0))
+    return lines
+
+
+def ucb_lines(view: View, n_arms: int) -> list[Line]:
+    """Mean + bonus of each hypothesis, as they were when the bandit chose; none without a bandit."""
+    choices = [i.choice for i in view.own_iterations]
+    if not choices or any(c is None for c in choices):
+        return []
+    return [
+        Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], [float(c.ucb[j]) for c in choices if c is not None])
+        for j in range(n_arms)
+    ]
+
+
+def pull_lines(view: View, n_arms: int) -> list[Line]:
+    """How often each hypothesis was chosen, summed up."""
+    lines = []
+    for j in range(n_arms):
+        values = [0.0]
+        for i in view.own_iterations:
+            values.append(values[-1] + (i.arm == j))
+        lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
+    return lines
+
+
+def error_lines(view: View) -> list[Line]:
+    """ADD(-S) [mm] of the kept and of the best pose; none without ground truth."""
+    if any(kept is None or best is None for _, kept, best in view.error_series) or not view.error_series:
+        return []
+    first = [e.add_s_mm for e in view.initial_errors if e is not None]
+    start = first[view.own_iterations[0].arm] if first else 0.0
+    kept = [start, *(e.add_s_mm for _, e, _ in view.error_series if e is not None)]
+    best = [start, *(e.add_s_mm for _, _, e in view.error_series if e is not None)]
+    return [Line("kept, mm", (50, 110, 255), kept), Line("best, mm", (0, 170, 120), best, width=3.0)]

@@ -1,0 +1,55 @@
+"""The View panel: what is drawn in 3D. Its labels carry the colours, so it is the legend as well."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.look import LAYERS, SHOWN_AT_FIRST
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Send, by_person
+
+HINTS = {
+    "initial": "where the hypothesis started",
+    "current": "where this iteration started",
+    "simulated": "after physics",
+    "mixed": "rotation of simulated, translation of current: where the refiner starts",
+    "refined": "after the refiner",
+    "accepted": "what was kept, outlined",
+    "best": "the best of all so far, outlined",
+    "edited": "moved by hand",
+    "ground truth": "outlined in white (G)",
+    "hypotheses": "where each hypothesis stands; click one for its history",
+    "camera image": "the photo with a score map on it, before the sensor; click for a pixel's numbers",
+    "path": "the simulated poses, see Physics",
+}
+WITH_BOX = tuple(name for name in LAYERS if name != "path" and name != "edited")
+
+
+class LayersPanel:
+    """A box per layer, and the cloud's colours."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
+        self.cloud = gui.add_dropdown(
+            "Cloud by", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
+        )
+        self.cloud.on_update(by_person(lambda v: send(c.ColorCloud(v))))
+        for name in WITH_BOX:
+            box = gui.add_checkbox(name, name in SHOWN_AT_FIRST, hint=HINTS.get(name))
+            box.on_update(by_person(lambda on, name=name: send(c.ShowLayer(name, on))))
+            self.boxes[name] = box
+        gui.add_html(f"<style>{''.join(_swatch_rule(name, box) for name, box in self.boxes.items())}</style>")
+
+    def show(self, view: View) -> None:
+        """Boxes as the look has them."""
+        self.cloud.value = view.look.cloud
+        for name, box in self.boxes.items():
+            box.value = name in view.look.layers
+
+
+def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
+    color = STAGE_COLORS.get(name)
+    shown = f"border-left:9px solid rgb{color}" if color else "border-left:9px solid transparent"
+    return f'label[for="{box._impl.uuid}"]{{{shown};padding-left:5px}}'

@@ -1,0 +1,61 @@
+"""The Physics panel: what the simulation did, and whether the kept pose could stand like that."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.standing import standing_html
+from verefine_viz.viewer.tables import changes_table, contacts_table
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.words import physics
+
+
+class PhysicsPanel:
+    """Changes per stage, the simulated path with its contacts, plausibility, and moving a pose by hand."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._words = Block(gui)
+        self._standing = Block(gui)
+        self._changes = Block(gui)
+        self.path = gui.add_slider("Sim. pose", 0, 1, 1, 0, hint="0 = start, then one per step", visible=False)
+        self.path.on_update(by_person(lambda v: send(c.ScrubPath(int(v)))))
+        self.play = gui.add_button_group("Path", ["Play", "Hide"], visible=False, hint="the simulated path in 3D")
+        self.play.on_click(by_person(lambda v: send(c.PlayPath() if v == "Play" else c.ScrubPath(None))))
+        self._contacts = Block(gui)
+        self.edit = gui.add_button_group(
+            "By hand", ["Edit pose", "Continue from here", "Cancel"],
+            hint="Drag the hypothesis in 3D, see its score, then go on from there as a new branch.",
+        )  # fmt: skip
+        actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
+        self.edit.on_click(by_person(lambda v: send(actions[v])))
+        self._edited = Block(gui)
+
+    def show(self, view: View) -> None:
+        """The iteration that is shown; tables only where there is something to tell."""
+        self._words.show(sentence(physics(view)))
+        self._standing.show(standing_html(view))
+        self._changes.show(changes_table(view))
+        path = view.shown.path if view.shown else None
+        self.path.visible = self.play.visible = path is not None
+        if path is not None:
+            self.path.max = len(path.Ts_cam_obj) - 1
+            pose = view.look.path_pose
+            self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
+        self._contacts.show(contacts_table(view))
+        self._edited.show(sentence(edited_words(view)) if view.look.edited is not None else "")
+
+
+def edited_words(view: View) -> str:
+    """What the pose under the hand scores."""
+    edited, kept = view.poses.get("edited"), view.poses.get("accepted") or view.poses.get("current")
+    if edited is None or edited.score is None:
+        return ""
+    said = f"Hypothesis {view.arm + 1} by hand scores {edited.score.score:.3f}"
+    if kept is not None and kept.score is not None:
+        said += f"; the {kept.name} pose has {kept.score.score:.3f}"
+    if edited.errors is not None:
+        said += f"; {edited.errors.rotation_deg:.1f}° and {edited.errors.translation_mm:.1f} mm off"
+    return said + ". Drag the rings and arrows in 3D; Continue from here makes a new branch."

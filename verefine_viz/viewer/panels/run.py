@@ -1,0 +1,87 @@
+"""The Run panel: what happened, what to do next, and on what."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.findings import Finding, findings
+from verefine_viz.viewer.markup import STYLE, link, sentence, text, warning
+from verefine_viz.viewer.tables import branches_table, event_lines
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.words import headline, remaining
+
+MOVES: dict[str, c.Command] = {
+    "◀ Back": c.Back(),
+    "Stage": c.StepStage(),
+    "Step ▶": c.Step(),
+}
+RUNS: dict[str, c.Command] = {
+    "Run": c.RunUntil("end"),
+    "Pause": c.Pause(),
+    "To event": c.RunUntil("event"),
+    "Restart": c.Restart(),
+}
+
+
+class RunPanel:
+    """Headline, findings, buttons, progress, and the choice of frame and object."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        gui.add_html(STYLE)
+        self._words = Block(gui)
+        self.moves = gui.add_button_group(
+            "Move", list(MOVES), hint="Step: one iteration (N). Stage: one stage. Back: one iteration (B)."
+        )
+        self.moves.on_click(by_person(lambda label: send(MOVES[label])))
+        self.runs = gui.add_button_group(
+            "Run", list(RUNS), hint="Run: to the end or a breakpoint (Space). To event: to the next mark (PageDown)."
+        )
+        self.runs.on_click(by_person(lambda label: send(RUNS[label])))
+        self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
+        self._below = Block(gui)
+        self._frame = gui.add_dropdown("Frame", [""], visible=False, hint="scene/image of the session's data set")
+        self._frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))
+        self._demo = gui.add_dropdown("Scene", [""], visible=False, hint="Built-in scenes; no data set needed")
+        self._demo.on_update(by_person(lambda v: send(c.OpenDemo(v))))
+        self._object = gui.add_dropdown(
+            "Object", [""], hint="Whose numbers are shown; the run solves one after another"
+        )
+        self._object.on_update(by_person(lambda v: send(c.Focus(int(v.partition(":")[0])))))
+        self._branches = Block(gui)
+
+    def show(self, view: View) -> None:
+        """Everything in place."""
+        said = sentence(headline(view)) + event_lines(view)
+        if view.message:
+            said = warning(view.message) + said
+        self._words.show(said)
+        p = view.progress
+        self._progress.visible = p.running
+        self._progress.value = 100.0 * p.done / max(p.total, 1)
+        below = "".join(_box(f) for f in findings(view))
+        if p.running:
+            below = f'<p class="dim">{p.done} of {p.total} iterations, {text(remaining(p.remaining_s))}</p>' + below
+        self._below.show(below)
+        _options(self._frame, view.frames, view.frame)
+        self._frame.visible = len(view.frames) > 1
+        _options(self._demo, view.demos, view.session.scene.demo)
+        self._demo.visible = view.session.scene.source == "demo" and bool(view.demos)
+        models = view.problem.models
+        labels = {i.instance_id: f"{i.instance_id}: {models[i.obj_id].name}" for i in view.problem.instances}
+        _options(self._object, tuple(labels.values()), labels[view.target.instance.instance_id])
+        self._object.visible = len(labels) > 1
+        self._branches.show(branches_table(view))
+
+
+def _box(finding: Finding) -> str:
+    extra = link(finding.label, finding.command) if finding.command else ""
+    return warning(finding.text, extra, red=finding.red)
+
+
+def _options(dropdown: viser.GuiDropdownHandle[str], options: tuple[str, ...], value: str) -> None:
+    if tuple(dropdown.options) != options and options:
+        dropdown.options = options
+    if value in options:
+        dropdown.value = value

@@ -1,0 +1,48 @@
+"""The Score panel: why one pose scores higher than another."""
+
+from __future__ import annotations
+
+from math import acos, degrees
+
+import viser
+
+from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.look import STAGES
+from verefine_viz.viewer.maps import LABELS, MAP_NAMES
+from verefine_viz.viewer.markup import sentence, swatch, text
+from verefine_viz.viewer.tables import CLASS_MEANING, probe_table, score_table
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.words import compared
+
+
+class ScorePanel:
+    """Two stages in numbers, and one pixel of both."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._words = Block(gui)
+        self.a = gui.add_dropdown("A", STAGES, initial_value="simulated", hint="first stage to compare")
+        self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
+        self.a.on_update(by_person(lambda v: send(c.Compare(a=v))))
+        self.b.on_update(by_person(lambda v: send(c.Compare(b=v))))
+        self._numbers = Block(gui)
+        labels = {LABELS[m][0]: m for m in MAP_NAMES}
+        self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
+        self.map.on_update(by_person(lambda v: send(c.ShowMap(labels[v]))))
+        self._probe = Block(gui)
+
+    def show(self, view: View) -> None:
+        """Numbers of both stages and of the probed pixel."""
+        self._words.show(sentence(compared(view)))
+        self.a.value, self.b.value = view.look.a, view.look.b
+        self.map.value = LABELS[view.look.map][0]
+        a, b = view.poses.get(view.look.a), view.poses.get(view.look.b)
+        s = view.session.score
+        cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
+        self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>')
+        sides = [(side.pose.name, side.probe) if side else ("", None) for side in (view.a, view.b)]
+        legend = " ".join(
+            f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
+        )
+        self._probe.show(probe_table(sides[0], sides[1]) + f'<p style="font-size:11px">{legend}</p>')

@@ -1,0 +1,49 @@
+"""The Session panel: what is open, and how to keep it."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import sentence, text
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send, by_person
+
+EXPORTS: dict[str, c.Command] = {
+    "Recording": c.Export("recording"),
+    "3D scene": c.Export("scene"),
+    "Results CSV": c.Export("results"),
+    "Maps PNG": c.Export("maps"),
+    "Command log": c.Export("commands"),
+}
+
+
+class SessionPanel:
+    """Save, load, export."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._words = Block(gui)
+        self.name = gui.add_text("Name", "my_session", hint="written to sessions/NAME.toml")
+        self.save = gui.add_button("Save session", hint="settings, breakpoints, changes and edited poses")
+        self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value))))
+        self.path = gui.add_text("File", "", hint="path of a session file (.toml)")
+        self.load = gui.add_button("Open session file")
+        self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
+        self.exports = gui.add_button_group(
+            "Export", list(EXPORTS),
+            hint="Recording: for the rerun viewer. 3D scene: one HTML file that opens without a network.",
+        )  # fmt: skip
+        self.exports.on_click(by_person(lambda label: send(EXPORTS[label])))
+        self._kept = Block(gui)
+
+    def show(self, view: View) -> None:
+        """What is open, and what was written."""
+        title = view.session.title or "untitled"
+        file = f", from {view.session_path}" if view.session_path else ", not from a file"
+        moved = len(view.session.edits)
+        n = len(view.problem.instances)
+        said = f"Session “{title}”{file}: frame {view.frame} of {len(view.frames)}, {n} object{'s' if n != 1 else ''}."
+        if moved:
+            said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
+        self._words.show(sentence(said))
+        self._kept.show("".join(f"<p>Written: <code>{text(path)}</code></p>" for path in view.kept))

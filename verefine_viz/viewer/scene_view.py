@@ -1,0 +1,266 @@
+"""The 3D scene: the frame with its cloud, plane and camera; the object in focus with its poses; the gizmo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import viser
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.colormaps import Image
+from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.problem import Problem
+from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_of
+from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
+from verefine_viz.viewer.maps import map_image
+from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
+from verefine_viz.viewer.view import View
+
+IMAGE_PLANE_M = 0.12
+"""How far before the sensor its image hangs in the scene [m]."""
+_UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
+"""World from camera where no support is known: up is the image's up."""
+
+
+class SceneView:
+    """Holds the handles of the scene; :meth:`show` is the only way to change it."""
+
+    def __init__(self, server: viser.ViserServer, send: Callable[[Command], None]) -> None:
+        self._server, self._send = server, send
+        self._problem: Problem | None = None
+        self._object: tuple[int, int] | None = None
+        self._nodes: StageNodes | None = None
+        self._gizmo: viser.TransformControlsHandle | None = None
+        self._image_shown: Image | None = None
+        self._view: View | None = None
+        # An environment map costs software renderers many seconds and shows nothing here.
+        server.scene.configure_environment_map(None)
+        server.scene.configure_default_lights(True, cast_shadow=False)
+        server.scene.world_axes.visible = False
+        server.scene.on_click()(self._on_click)
+
+    def show(self, view: View) -> None:
+        """Draws a view: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
+        if view.problem is not self._problem:
+            self._load_frame(view)
+        key = (id(view.problem), view.target.instance.instance_id)
+        if key != self._object:
+            self._nodes = StageNodes(self._server, view.target.model, view.n_arms, self._send)
+            self._object = key
+        self._view = view
+        assert self._nodes is not None
+        self._nodes.show(view)
+        self._show_cloud(view)
+        self._show_image(view)
+        self._show_contacts(view)
+        self._show_gizmo(view)
+        layers = view.look.layers
+        self._plane.visible = self._grid.visible = "plane" in layers and view.problem.observation.support is not None
+        self._gravity.visible = "gravity" in layers and view.problem.observation.support is not None
+
+    def animation(self, view: View) -> Iterator[None]:
+        """The iteration at the cursor, picture by picture."""
+        assert self._nodes is not None
+        yield from self._nodes.animation(view)
+
+    def path_animation(self, view: View) -> Iterator[None]:
+        """The simulated path with its contacts, pose by pose."""
+        assert self._nodes is not None
+        for k in self._nodes.path_animation(view):
+            self._draw_contacts(view, k)
+            yield
+            yield
+
+    # The frame
+
+    def _load_frame(self, view: View) -> None:
+        scene, observation = self._server.scene, view.problem.observation
+        for name in ("/cam", "/world"):
+            scene.remove_by_name(name)
+        self._gizmo = self._object = None
+        support = observation.support
+        T_world_cam = support.T_world_cam if support else _UP_FROM_CAMERA
+        self._T_world_cam = T_world_cam
+        cam = scene.add_frame("/cam", show_axes=False)
+        place(cam, T_world_cam)
+        self._cloud: Cloud = cloud_of(observation)
+        z = float(np.median(self._cloud.points_cam[:, 2])) if len(self._cloud.points_cam) else 1.0
+        self._points = scene.add_point_cloud(
+            "/cam/cloud", self._cloud.points_cam, self._cloud.natural, precision="float32",
+            point_size=1.6 * z / observation.camera.fx, point_shape="square", point_shading="flat",
+        )  # fmt: skip
+        self._colors = self._cloud.natural
+        self._add_camera(view)
+        self._add_ground(view)
+        self._contacts = None
+        self._problem = view.problem
+        self._aim(view)
+
+    def _add_camera(self, view: View) -> None:
+        scene, camera = self._server.scene, view.problem.observation.camera
+        height = camera.height / camera.fy * IMAGE_PLANE_M
+        width = camera.width / camera.fx * IMAGE_PLANE_M
+        fov = 2 * np.arctan(camera.height / 2 / camera.fy)
+        # viser scales the frustum by its volume; its far plane is brought to the image's.
+        self._frustum = scene.add_camera_frustum(
+            "/cam/frustum", float(fov), camera.width / camera.height, scale=IMAGE_PLANE_M, color=(90, 90, 90),
+            thickness=1.5, thickness_units="screen", cast_shadow=False,
+        )  # fmt: skip
+        photo = view.problem.observation.rgb
+        image = photo if photo is not None else np.full((*camera.shape, 3), 90, np.uint8)
+        centre = (
+            ((camera.width - 1) / 2 - camera.cx) / camera.fx * IMAGE_PLANE_M,
+            ((camera.height - 1) / 2 - camera.cy) / camera.fy * IMAGE_PLANE_M,
+            IMAGE_PLANE_M,
+        )
+        self._image = scene.add_image(
+            "/cam/image", image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
+            receive_shadow=False,
+        )  # fmt: skip
+        self._image_shown = image
+
+    def _add_ground(self, view: View) -> None:
+        scene, support = self._server.scene, view.problem.observation.support
+        centre = apply(self._T_world_cam, _middle(view)[None])[0]
+        up = support.normal_world if support else np.array([0.0, 0, 1])
+        across = np.cross(up, [0.0, 1, 0]) if abs(up[1]) < 0.9 else np.cross(up, [1.0, 0, 0])
+        across /= np.linalg.norm(across)
+        R_world_plane = np.stack([across, np.cross(up, across), up], axis=-1)
+        foot = centre - (centre @ up) * up
+        T = transform(R_world_plane, foot)
+        side = 0.8
+        self._grid = scene.add_grid(
+            "/world/grid", side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
+            section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
+        )  # fmt: skip
+        place(self._grid, T)
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * side / 2
+        self._plane = scene.add_mesh_simple(
+            "/world/plane", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=(120, 150, 190), opacity=0.22,
+            side="double", cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+        place(self._plane, T)
+        tail = foot + np.array([0.0, 0.0, 0.30]) + R_world_plane @ np.array([side * 0.36, side * 0.36, 0.0])
+        self._gravity = scene.add_arrows(
+            "/world/gravity", np.array([[tail, tail - [0, 0, 0.12]]]), (60, 60, 60), shaft_radius=0.003,
+            head_radius=0.009, head_length=0.025,
+        )  # fmt: skip
+
+    def _aim(self, view: View) -> None:
+        """The first look: from beside the sensor, so that its image does not stand in the way."""
+        middle = _middle(view)
+        distance = float(np.linalg.norm(middle))
+        sideways = 0.42 * distance
+        eye_cam = middle * 0.18 + np.array([sideways, -0.30 * distance, 0.0])
+        eye, target = apply(self._T_world_cam, np.array([eye_cam, middle]))
+        target = target + np.array([0.0, 0.0, -0.10 * distance])
+        camera = self._server.initial_camera
+        camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
+        for client in self._server.get_clients().values():
+            client.camera.up_direction = np.array([0.0, 0.0, 1.0])
+            client.camera.position, client.camera.look_at = eye, target
+
+    # What changes with every view
+
+    def _show_cloud(self, view: View) -> None:
+        self._points.visible = "cloud" in view.look.layers
+        maps = view.b.maps if view.b else view.a.maps if view.a else None
+        if maps is None and view.look.cloud != "colour":
+            return  # A run is on: keep the colours until there is something to colour by.
+        colors = cloud_colors(self._cloud, view.look.cloud, maps, view.session.score.tau_m)
+        if colors is not self._colors:
+            self._points.colors = colors
+            self._colors = colors
+
+    def _show_image(self, view: View) -> None:
+        visible = "camera image" in view.look.layers
+        self._image.visible = self._frustum.visible = visible
+        side = view.b or view.a
+        if not visible or side is None or side.maps is None:
+            return
+        picture = map_image(view.look.map, side.maps, view.target, view.session.score.tau_m)
+        image = overlaid(picture, side.maps.classes > 0, view.problem.observation.rgb)
+        if view.look.pixel is not None:
+            u, v = view.look.pixel
+            image[max(v - 4, 0) : v + 5, u] = image[v, max(u - 4, 0) : u + 5] = (255, 255, 255)
+        if self._image_shown is None or not np.array_equal(image, self._image_shown):
+            self._image.image = image
+            self._image_shown = image
+
+    def _show_contacts(self, view: View) -> None:
+        path = view.shown.path if view.shown else None
+        if path is None or not path.contacts or "contacts" not in view.look.layers:
+            if self._contacts is not None:
+                self._contacts.visible = False
+            return
+        k = view.look.path_pose
+        self._draw_contacts(view, len(path.contacts) if k is None else k)
+
+    def _draw_contacts(self, view: View, pose: int) -> None:
+        """Arrows onto the object where it touches something, at one pose of the path."""
+        path = view.shown.path if view.shown else None
+        contacts = path.contacts[min(pose, len(path.contacts)) - 1] if path and path.contacts and pose else None
+        if contacts is None or len(contacts.depths_m) == 0 or "contacts" not in view.look.layers:
+            if self._contacts is not None:
+                self._contacts.visible = False
+            return
+        length = 0.35 * view.target.model.diameter_m
+        ends = np.stack([contacts.points_cam - length * contacts.normals_cam, contacts.points_cam], axis=1)
+        deep = contacts.depths_m > 0.001
+        colors = np.where(deep[:, None], (220, 50, 47), (255, 140, 0)).astype(np.uint8)
+        self._contacts = self._server.scene.add_arrows(
+            "/cam/contacts", ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
+            head_length=0.12 * length,
+        )  # fmt: skip
+
+    def _show_gizmo(self, view: View) -> None:
+        T = view.look.T_cam_obj_edited
+        if T is None:
+            if self._gizmo is not None:
+                self._gizmo.remove()
+                self._gizmo = None
+            return
+        if self._gizmo is None:
+            self._gizmo = self._make_gizmo(view, T)
+
+    def _make_gizmo(self, view: View, T_cam_obj: Float) -> viser.TransformControlsHandle:
+        scene, model = self._server.scene, view.target.model
+        gizmo = scene.add_transform_controls("/cam/gizmo", scale=0.9 * model.diameter_m, depth_test=False)
+        place(gizmo, T_cam_obj)
+        scene.add_mesh_simple(
+            "/cam/gizmo/mesh", *display_mesh(model), color=STAGE_COLORS["edited"], opacity=0.7, flat_shading=True,
+            side="double", cast_shadow=False,
+        )  # fmt: skip
+
+        @gizmo.on_update
+        def _(event: viser.TransformControlsEvent) -> None:
+            T = transform(rotation_of_quat_wxyz(event.target.wxyz), event.target.position)
+            self._send(DragPose(tuple(float(x) for x in T.ravel())))
+
+        return gizmo
+
+    def _on_click(self, event: viser.SceneClickEvent) -> None:
+        view = self._view
+        if view is None:
+            return
+        T_cam_world = inverse(self._T_world_cam)
+        origin = apply(T_cam_world, np.array([event.ray_origin]))[0]
+        direction = T_cam_world[:3, :3] @ np.array(event.ray_direction)
+        plane = IMAGE_PLANE_M if "camera image" in view.look.layers else None
+        pixel = clicked_pixel(view.problem.observation, origin, direction, plane)
+        if pixel is not None:
+            self._send(ProbePixel(*pixel))
+
+
+def overlaid(picture: Image, relevant: np.ndarray, photo: Image | None) -> Image:
+    """A score map where the score says something, over the darkened photo elsewhere."""
+    back = np.full_like(picture, 60) if photo is None else (photo * 0.55).astype(np.uint8)
+    return np.where(relevant[..., None], picture, back)
+
+
+def _middle(view: View) -> Float:
+    """The middle of all objects' observed points, in the camera frame (3,)."""
+    clouds = [i.points_cam for i in view.problem.instances if len(i.points_cam)]
+    return np.concatenate(clouds).mean(axis=0) if clouds else np.array([0.0, 0.0, 1.0])

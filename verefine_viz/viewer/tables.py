@@ -1,0 +1,310 @@
+"""The panels' tables, as HTML. Names that come from data are escaped by :mod:`markup`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from verefine_viz.core.palette import ARM_COLORS, CLASS_COLORS, STAGE_COLORS
+from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
+from verefine_viz.methods.bandit import Ucb
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.look import STAGES
+from verefine_viz.viewer.maps import Probe
+from verefine_viz.viewer.markup import Row, link, swatch, table, text
+from verefine_viz.viewer.view import Judged, View
+from verefine_viz.viewer.words import shift_mm, turn
+
+CLASS_MEANING = {
+    "explained": "rendered and observed depth agree within τ",
+    "missed": "in the object's mask and measured, but the pose leaves it empty or puts it behind",
+    "protruding": "the pose puts surface where the sensor saw through: the strongest evidence against a pose",
+    "hidden": "something nearer stands in front; does not count",
+    "unknown": "rendered, but nothing was measured there; does not count",
+}
+_NONE = "–"
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with its unit, or a dash."""
+    return _NONE if value is None else f"{value:.{digits}f}{unit}"
+
+
+def score_table(poses: Sequence[Judged | None]) -> str:
+    """The parts of the score of some poses, a column each."""
+    known = [p for p in poses if p is not None]
+    head = [("", ""), *((p.name, f"the {p.name} pose") for p in known)]
+    scores = [p.score for p in known]
+
+    def row(label: str, tip: str, cells: Iterable[str], marked: bool = False) -> Row:
+        return Row([f'<span title="{text(tip)}">{label}</span>', *cells], marked=marked)
+
+    def part(pick: Any, digits: int) -> list[str]:
+        return [_NONE if s is None else f"{pick(s):.{digits}f}" for s in scores]
+
+    rows = [
+        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2", part(lambda s: s.score, 3), marked=True),
+        row("depth fit f_d", "mean over the counted pixels; 1 = same depth, 0 = off by τ or more",
+            part(lambda s: s.depth_fit, 3)),
+        row("normal fit f_n", "mean over the counted pixels; 1 = same direction", part(lambda s: s.normal_fit, 3)),
+        row("pixels N", "how many pixels count", part(lambda s: s.n_pixels, 0)),
+    ]  # fmt: skip
+    for name in PIXEL_CLASSES:
+        cells = [_NONE if s is None else f"{s.shares[name]:.1%}" for s in scores]
+        rows.append(row(f"{swatch(CLASS_COLORS[name])}{name}", CLASS_MEANING[name], cells))
+    return table(head, rows) + "".join(_shares_bar(p.name, p.score) for p in known if p.score)
+
+
+def _shares_bar(name: str, score: PoseScore) -> str:
+    parts = "".join(
+        f'<i class="bar" style="width:{share * 96:.1f}%;background:rgb{CLASS_COLORS[k]}" '
+        f'title="{text(name)}: {share:.1%} {k}"></i>'
+        for k, share in score.shares.items()
+        if share > 0.004
+    )
+    return f'<div style="white-space:nowrap;font-size:0" title="{text(name)}">{parts}</div>'
+
+
+def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str:
+    """One pixel in numbers, for both stages."""
+    sides = [(name, p) for name, p in (a, b) if p is not None]
+    if not sides:
+        return '<p class="dim">Click a pixel: in a map below, on the camera image, or on the cloud in 3D.</p>'
+    first = sides[0][1]
+
+    def row(label: str, tip: str, pick: Any) -> Row:
+        return Row([f'<span title="{text(tip)}">{label}</span>', *(text(pick(p)) for _, p in sides)])
+
+    rows = [
+        row("observed", "depth that the sensor measured", lambda p: number(p.observed_m, 4, " m")),
+        row("rendered", "depth of the model", lambda p: number(p.rendered_m, 4, " m")),
+        row("difference", "observed − rendered", lambda p: number(p.difference_mm, 1, " mm")),
+        row("angle", "between the normals", lambda p: number(p.angle_deg, 1, "°")),
+        row("f_d, f_n", "depth and normal fit", lambda p: f"{p.f_d:.2f}, {p.f_n:.2f}"),
+        row("class", "why it counts as it does", lambda p: p.pixel_class),
+        row("adds", "what this pixel adds to the score", lambda p: f"{p.contribution:.5f}"),
+    ]
+    head = [(f"pixel {first.u}, {first.v}", "column u, row v"), *((name, "") for name, _ in sides)]
+    return table(head, rows)
+
+
+def arms_table(view: View) -> str:
+    """The bandit's numbers as they were when it chose; before the first choice, as they will be."""
+    state = view.state
+    if state is None:
+        return ""
+    shown = view.shown
+    choice = shown.choice if shown and shown.choice else None
+    if choice is None and (shown is None) and view.session.method.name == "rir":
+        choice = Ucb(view.session.method.exploration).choose(state)
+    taken = shown.arm if shown else (choice.arm if choice else None)
+    rows = []
+    for j, arm in enumerate(state.arms):
+        own = [i for i in view.own_iterations if i.arm == j and i.index <= view.cursor]
+        best = max(e.score.score for e in arm.entries)
+        ms = sum(i.ms for i in own)
+        plays, mean, bonus, ucb = (
+            (choice.plays[j], choice.mean[j], choice.exploration[j], choice.ucb[j])
+            if choice
+            else (arm.plays, arm.mean, None, None)
+        )
+        error = view.initial_errors[j]
+        cells = [
+            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}{' ◂' if j == taken else ''}",
+            f"{plays:g}",
+            f"{mean:.3f}",
+            number(bonus, 3),
+            number(ucb, 3),
+            f"{best:.3f}",
+            number(error.rotation_deg if error else None, 0, "°"),
+            f"{ms:.0f}",
+        ]
+        rows.append(Row(cells, c.SelectArm(j), marked=j == view.arm))
+    head = [
+        ("arm", "hypothesis; ◂ = chosen; click a row for its history"),
+        ("n", "n_j, plays; the initial score counts as the first"),
+        ("μ", "μ_j, mean score over the plays"),
+        ("bonus", "exploration term c·√(ln Σn / n_j)"),
+        ("UCB", "mean + bonus; the largest is chosen"),
+        ("best", "best score of any of its poses so far"),
+        ("start", "rotation error of its first pose against ground truth"),
+        ("ms", "computing time spent on it so far"),
+    ]
+    return table(head, rows)
+
+
+def arm_history(view: View, newest: int = 12) -> str:
+    """What became of the hypothesis in focus, the latest iterations first."""
+    if view.state is None:
+        return ""
+    j = view.arm
+    hypothesis = view.target.instance.hypotheses[j]
+    own = [(i, e) for i, e, _ in view.error_series if i.arm == j]
+    rows = []
+    for iteration, errors in reversed(own[-newest:]):
+        before, after = iteration.stages[0], iteration.accepted_stage
+        cells = [
+            f"{iteration.index}",
+            f"{swatch(STAGE_COLORS[iteration.accepted])}{iteration.accepted}",
+            number(after.score.score if after.score else None, 3),
+            f"{turn(before.T_cam_obj, after.T_cam_obj)[0]:.1f}°",
+            f"{shift_mm(before.T_cam_obj, after.T_cam_obj, view.target.model.points):.1f}",
+            number(errors.add_s_mm if errors else None, 1),
+        ]
+        rows.append(Row(cells, c.Seek(iteration.index), marked=iteration.index == view.cursor))
+    first = view.state.arms[j].entries[0]
+    error = view.initial_errors[j]
+    start = [
+        "0", f"{swatch(STAGE_COLORS['initial'])}initial", f"{first.score.score:.3f}", "", "",
+        number(error.add_s_mm if error else None, 1),
+    ]  # fmt: skip
+    rows.append(Row(start, c.Seek(0)))
+    head = [
+        ("it.", "iteration; click to go there"), ("kept", "stage that was kept"), ("score", "of the kept pose"),
+        ("turn", "how far it turned"), ("mm", "how far it moved"), ("ADD(-S)", "error against ground truth [mm]"),
+    ]  # fmt: skip
+    return f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>" + table(head, rows)
+
+
+def changes_table(view: View) -> str:
+    """What each stage did to the pose before it."""
+    shown = view.shown
+    if shown is None:
+        return ""
+    points = view.target.model.points
+    rows = []
+    for before, stage in zip(shown.stages, shown.stages[1:]):  # noqa: B905
+        angle, axis = turn(before.T_cam_obj, stage.T_cam_obj)
+        cells = [
+            f"{swatch(STAGE_COLORS[stage.name])}{before.name} → {stage.name}",
+            f"{angle:.2f}°",
+            axis or _NONE,
+            f"{shift_mm(before.T_cam_obj, stage.T_cam_obj, points):.2f}",
+            f"{stage.ms:.1f}",
+        ]
+        rows.append(Row(cells))
+    head = [
+        ("step", ""), ("turned", "angle between the two poses"), ("axis", "in the object's frame"),
+        ("mm", "how far the object's middle moved"), ("ms", "time to compute it"),
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def contacts_table(view: View, most: int = 8) -> str:
+    """The contacts at the pose of the simulated path that is shown."""
+    path = view.shown.path if view.shown else None
+    if path is None or not path.contacts:
+        return ""
+    k = view.look.path_pose if view.look.path_pose is not None else len(path.contacts)
+    if k == 0:
+        return '<p class="dim">Pose 0 is the start: contacts are known from step 1 on.</p>'
+    contacts = path.contacts[min(k, len(path.contacts)) - 1]
+    names = {i.instance_id: view.problem.models[i.obj_id].name for i in view.problem.instances}
+    order = sorted(range(len(contacts.depths_m)), key=lambda i: -float(contacts.forces_n[i]))
+    rows = [
+        Row(
+            [
+                "table" if contacts.others[i] == -1 else text(names.get(int(contacts.others[i]), "object")),
+                f"{contacts.depths_m[i] * 1000:.2f}",
+                f"{contacts.forces_n[i]:.1f}",
+            ]
+        )
+        for i in order[:most]
+    ]
+    n, total = len(order), float(contacts.forces_n.sum())
+    more = f", {n - most} more" if n > most else ""
+    title = f"<p>After step {min(k, len(path.contacts))}: {n} contacts{more}, {total:.1f} N in all.</p>"
+    head = [
+        ("with", ""), ("depth mm", "penetration; negative = a gap within Bullet's margin"),
+        ("force N", "normal force"),
+    ]  # fmt: skip
+    return title + (table(head, rows) if rows else "")
+
+
+def errors_table(view: View) -> str:
+    """Errors of every stage at the cursor; click a row to see it beside the best."""
+    rows = []
+    for name in STAGES:
+        pose = view.poses.get(name)
+        if pose is None or pose.errors is None:
+            continue
+        e = pose.errors
+        is_truth = name == "ground truth"
+        cells = [
+            f"{swatch(STAGE_COLORS[name])}{name}",
+            _NONE if is_truth else f"{e.rotation_deg:.1f}°",
+            _NONE if is_truth else f"{e.translation_mm:.1f}",
+            _NONE if is_truth else f"{e.add_s_mm:.1f}",
+            _NONE if is_truth else f"{e.relative:.0%}",
+            number(pose.score.score if pose.score else None, 3),
+        ]
+        rows.append(Row(cells, c.Compare(b=name), marked=name == view.look.b))
+    head = [
+        ("stage", "click a row to compare it with stage A"),
+        ("rot.", "angle to the nearest of the poses that look the same"),
+        ("mm", "distance of the object's origin"),
+        ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric"),
+        ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct"),
+        ("score", "verification score"),
+    ]
+    return table(head, rows)
+
+
+def starts_table(view: View) -> str:
+    """Errors of the first poses."""
+    rows = []
+    for j, (h, e) in enumerate(zip(view.target.instance.hypotheses, view.initial_errors, strict=True)):
+        if e is None:
+            return ""
+        score = view.state.initial[j].score if view.state is not None else None
+        cells = [
+            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}", text(h.source), f"{e.rotation_deg:.1f}°",
+            f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
+        ]  # fmt: skip
+        rows.append(Row(cells, c.SelectArm(j)))
+    head = [
+        ("arm", "hypothesis"), ("from", "where it comes from"), ("rot.", "rotation error"),
+        ("mm", "translation error"), ("ADD(-S)", "[mm]"), ("score", "of the first pose"),
+    ]  # fmt: skip
+    return "<p><b>First poses</b></p>" + table(head, rows)
+
+
+def branches_table(view: View) -> str:
+    """The runs on this frame, and how the object in focus fared in each."""
+    if len(view.branches) < 2:
+        return ""
+    ids = [i.instance_id for i in view.problem.instances]
+    k = ids.index(view.target.instance.instance_id)
+    rows = []
+    for i, branch in enumerate(view.branches):
+        best, errors = branch.best[k], branch.errors[k]
+        cells = [
+            text(branch.name),
+            f"{branch.length}/{branch.n_iterations}",
+            number(best.score.score if best else None, 3),
+            number(errors.add_s_mm if errors else None, 1),
+        ]
+        rows.append(Row(cells, c.ShowBranch(i), marked=i == view.branch))
+    head = [
+        ("branch", "click a row to switch to it"), ("iterations", ""), ("best", "best score of the object in focus"),
+        ("ADD(-S)", "error of that pose [mm]"),
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def event_lines(view: View) -> str:
+    """The marks of the iteration at the cursor."""
+    own = [m for m in view.marks if m.iteration == view.cursor]
+    return "".join(f"<p>{swatch(m.color)}{text(m.text)}</p>" for m in own)
+
+
+def where(view: View) -> str:
+    """The line of the timeline: iteration, object, hypothesis."""
+    p = view.progress
+    at = f"iteration {view.cursor} / {p.total}"
+    if view.shown is not None and view.is_current:
+        at += f" · {text(view.name)} · hypothesis {view.shown.arm + 1} of {view.n_arms}"
+        if view.look.stage is not None:
+            at += f" · {text(view.look.stage)}"
+    made = "" if p.done == view.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
+    return f"{at}{made}"

@@ -1,0 +1,97 @@
+"""What the panels are built from: HTML blocks and charts that change in place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from verefine_viz.core.palette import RGB
+from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.markup import block
+
+Send = Callable[[Command], None]
+
+
+class Block:
+    """An HTML widget; sends only what changed."""
+
+    def __init__(self, gui: viser.GuiApi, css_class: str = "") -> None:
+        self._class = css_class
+        self._handle = gui.add_html(block("", css_class))
+
+    def show(self, content: str) -> None:
+        """Replaces the content."""
+        self._handle.content = block(content, self._class)
+
+
+def by_person(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]], None]:
+    """A callback that runs for a person's change only: viser also calls it for the program's own."""
+
+    def on_update(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            handler(event.target.value)
+
+    return on_update
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One curve."""
+
+    label: str
+    color: RGB
+    values: Sequence[float]
+    width: float = 2.0
+    steps: bool = False
+
+
+class Chart:
+    """Curves over the iterations; made anew only when the set of curves changes."""
+
+    def __init__(self, gui: viser.GuiApi, height: int, container: Any, y_range: tuple[float, float] | None = None):
+        self._gui, self._height, self._container, self._y_range = gui, height, container, y_range
+        self._handle: viser.GuiUplotHandle | None = None
+        self._shape: tuple[Any, ...] = ()
+
+    def show(self, x: Sequence[float], lines: Sequence[Line]) -> None:
+        """Draws the curves; an empty list takes the chart away."""
+        shape = tuple((line.label, line.color, line.width) for line in lines)
+        if shape != self._shape and self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        self._shape = shape
+        if not lines or len(x) == 0:
+            if self._handle is not None:
+                self._handle.visible = False
+            return
+        # A line needs two points to be seen.
+        padded = [*x, x[-1] + 1] if len(x) == 1 else list(x)
+        data = [np.array(padded, np.float64)]
+        for line in lines:
+            values = list(line.values)
+            data.append(np.array([*values, values[-1]] if len(x) == 1 else values, np.float64))
+        if self._handle is None:
+            self._handle = self._make(tuple(data), lines)
+        else:
+            self._handle.data = tuple(data)
+            self._handle.visible = True
+
+    def _make(self, data: tuple[np.ndarray, ...], lines: Sequence[Line]) -> viser.GuiUplotHandle:
+        series = [uplot.Series(label="iteration")]
+        series += [
+            uplot.Series(label=line.label, stroke=f"rgb{line.color}", width=line.width, points={"show": False})
+            for line in lines
+        ]
+        scales = {"x": uplot.Scale(time=False)}
+        if self._y_range is not None:
+            scales["y"] = uplot.Scale(auto=False, range=self._y_range)
+        with self._container:
+            return self._gui.add_uplot(
+                data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=True),
+                axes=(uplot.Axis(size=22), uplot.Axis(size=38)), padding=(4, 8, 0, 0),
+            )  # fmt: skip
