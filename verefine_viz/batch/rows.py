@@ -136,4 +136,4 @@ def _shown(name: str, value: object) -> object:
     if value is None:
         return ""
     # 6 digits of a millimetre or a millisecond are noise; scores keep theirs because people compare them.
-    return f"{value:.3f}" if isinstance(value, float) and not name.endswith("score") else value
+    return f"{value:.3f}" if isinstance(value, float) and name not in ("score", "initial_score") else value

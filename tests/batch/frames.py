@@ -1,0 +1,72 @@
+"""A BOP folder of several small frames, and the real command line run on it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.scenes.bop_folder import Made, make
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENE_ID = 7
+
+
+def make_frames(root: Path, n_frames: int) -> Made:
+    """The made-up frame, ``n_frames`` times: images 0, 1, 2, … of scene 7."""
+    made = make(root, scene_id=SCENE_ID, im_id=0, targets=False)
+    for name in ("scene_camera.json", "scene_gt.json", "scene_gt_info.json"):
+        entry = json.loads((made.scene / name).read_text())["0"]
+        (made.scene / name).write_text(json.dumps({str(i): entry for i in range(n_frames)}))
+    for kind in ("rgb", "depth", "mask", "mask_visib"):
+        for first in sorted((made.scene / kind).iterdir()):
+            for i in range(1, n_frames):
+                (first.parent / first.name.replace("000000", f"{i:06d}", 1)).write_bytes(first.read_bytes())
+    return made
+
+
+def write_session(folder: Path, made: Made, **sections: dict[str, object]) -> Path:
+    """A quick session on ``made``: RIR with 2 hypotheses of 2 iterations."""
+    raw: dict[str, dict[str, object]] = {
+        "scene": {"source": "bop", "dataset": str(made.root), "model_points": 300, "cloud_points": 300},
+        "hypotheses": {"max_per_object": 2, "rotation_deg": 10.0, "translation_mm": 10.0},
+        "method": {"name": "rir", "iterations": 2},
+        "recording": {"keep": "none"},
+    }
+    for name, fields in sections.items():
+        raw[name] = {**raw.get(name, {}), **fields}
+    lines = [
+        f"[{name}]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in fields.items()) for name, fields in raw.items()
+    ]
+    file = folder / "session.toml"
+    file.write_text("\n".join(lines))
+    return file
+
+
+def command(*words: object) -> list[str]:
+    """``verefine-viz`` with these words, run by this interpreter."""
+    return [sys.executable, "-m", "verefine_viz.cli", *map(str, words)]
+
+
+def run_batch(sessions: Path | list[Path], out: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    """``verefine-viz batch`` as a process of its own."""
+    paths = sessions if isinstance(sessions, list) else [sessions]
+    return subprocess.run(
+        command("batch", *paths, "--out", out, *words), capture_output=True, text=True, cwd=ROOT, check=False
+    )
+
+
+def start_batch(session: Path, out: Path, *words: object) -> subprocess.Popen[str]:
+    """The same, left running in a process group of its own (so that Ctrl-C can be sent to all of it)."""
+    return subprocess.Popen(
+        command("batch", session, "--out", out, *words),
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, cwd=ROOT, start_new_session=True, env=os.environ | {"COLUMNS": "200"},
+    )  # fmt: skip
+
+
+def depth_file(made: Made, im_id: int) -> Path:
+    """The depth image of a frame."""
+    return made.scene / "depth" / f"{im_id:06d}.png"

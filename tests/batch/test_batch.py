@@ -1,0 +1,219 @@
+"""Whole batches through the real command line: files, resuming after a kill, workers, failures, Ctrl-C."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+from time import monotonic
+
+import psutil
+import pytest
+
+from tests.batch.frames import depth_file, make_frames, run_batch, start_batch, write_session
+from tests.scenes.bop_folder import Made
+from verefine_viz.batch.rows import TIME_COLUMNS
+from verefine_viz.scenes.results import read_results
+from verefine_viz.session.files import load_session
+
+N_FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES)
+
+
+@pytest.fixture(scope="module")
+def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_session(tmp_path_factory.mktemp("session"), made, recording={"keep": "all", "maps": False})
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A batch with one worker, run to its end."""
+    out = tmp_path_factory.mktemp("uninterrupted") / "out"
+    done = run_batch(session, out, "--workers", 1)
+    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
+    return out
+
+
+def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
+    """results.csv and frames.csv, the columns of times left out."""
+    with (out / "results.csv").open(newline="") as file:
+        results = [row[:-1] for row in csv.reader(file)]
+    with (out / "frames.csv").open(newline="") as file:
+        frames = [{k: v for k, v in row.items() if k not in TIME_COLUMNS} for row in csv.DictReader(file)]
+    return results, frames
+
+
+def journal(out: Path) -> list[str]:
+    return sorted(p.name for p in (out / "frames").glob("*.json"))
+
+
+def stop_in_the_middle(child: subprocess.Popen[str], out: Path) -> int:
+    """Stops the batch (SIGSTOP) as soon as a frame is done; how many are. Only the stopped process notes frames."""
+    process, deadline = psutil.Process(child.pid), monotonic() + 120
+    while not journal(out):
+        assert child.poll() is None, f"the batch ended by itself: {child.communicate()}"
+        assert monotonic() < deadline
+    process.suspend()
+    while process.status() != psutil.STATUS_STOPPED:
+        assert monotonic() < deadline
+    n_done = len(journal(out))
+    assert n_done < N_FRAMES
+    return n_done
+
+
+def workers_of(child: subprocess.Popen[str]) -> list[psutil.Process]:
+    children = psutil.Process(child.pid).children()
+    return [p for p in children if "spawn_main" in " ".join(p.cmdline())]
+
+
+def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Made) -> None:
+    names = {p.relative_to(uninterrupted).as_posix() for p in uninterrupted.rglob("*") if p.is_file()}
+    frames = [f"{7:06d}_{i:06d}" for i in range(N_FRAMES)]
+    expected = {"session.toml", "run.json", "results.csv", "frames.csv", ".lock"}
+    assert names == expected | {f"frames/{f}.json" for f in frames} | {f"recordings/{f}.rrd" for f in frames}
+    assert load_session(uninterrupted / "session.toml") == load_session(session)
+    rows = read_results(uninterrupted / "results.csv")
+    assert [(r.scene_id, r.im_id, r.obj_id) for r in rows] == [(7, i, o) for i in range(N_FRAMES) for o in (2, 5, 2)]
+    _, objects = without_times(uninterrupted)
+    assert [(o["im_id"], o["instance_id"], o["status"]) for o in objects] == [
+        (str(i), str(k), "ok") for i in range(N_FRAMES) for k in range(3)
+    ]
+    run = json.loads((uninterrupted / "run.json").read_text())
+    assert run["status"] == "finished"
+    assert run["totals"]["frames_done"] == N_FRAMES
+    assert run["totals"]["objects"] == 3 * N_FRAMES
+    assert run["packages"]["pybullet"] != "missing"
+
+
+def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
+    done = run_batch(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
+    assert done.returncode == 0, done.stderr
+    assert without_times(tmp_path / "out") == without_times(uninterrupted)
+    assert not list((tmp_path / "out" / "recordings").iterdir())
+
+
+def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    child = start_batch(session, out, "--workers", 1)
+    with child:
+        n_done = stop_in_the_middle(child, out)
+        workers = workers_of(child)
+        child.kill()
+        # Workers of a killed batch must not go on: the next start writes to the same folder.
+        assert len(workers) == 1
+        assert psutil.wait_procs(workers, timeout=30)[1] == []
+    before = {name: (out / "frames" / name).stat().st_mtime_ns for name in journal(out)}
+    assert len(before) == n_done
+    done = run_batch(session, out, "--workers", 2)
+    assert done.returncode == 0, done.stderr
+    assert f"{N_FRAMES} frames ({n_done} done before)" in done.stdout
+    assert {name: (out / "frames" / name).stat().st_mtime_ns for name in before} == before
+    assert without_times(out) == without_times(uninterrupted)
+    assert not list(out.rglob("*.part"))
+    assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
+
+
+def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: Path) -> None:
+    before = without_times(uninterrupted)
+    done = run_batch(session, uninterrupted)
+    assert done.returncode == 0
+    assert f"({N_FRAMES} done before)" in done.stdout
+    assert without_times(uninterrupted) == before
+
+
+def test_a_killed_worker_takes_only_its_frame_with_it(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    child = start_batch(session, out, "--workers", 1)
+    with child:
+        stop_in_the_middle(child, out)
+        (worker,) = workers_of(child)
+        worker.kill()
+        psutil.Process(child.pid).resume()
+        output, errors = child.communicate(timeout=120)
+    assert child.returncode == 1
+    assert "failed: the worker process was killed by SIGKILL" in output
+    assert "Traceback" not in errors
+    _, objects = without_times(out)
+    (lost,) = [o for o in objects if o["status"] == "failed"]
+    whole = [o for o in without_times(uninterrupted)[1] if o["im_id"] != lost["im_id"]]
+    assert [o for o in objects if o is not lost] == whole
+
+
+def test_ctrl_c_keeps_what_is_done(session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    child = start_batch(session, out, "--workers", 1)
+    with child:
+        n_done = stop_in_the_middle(child, out)
+        workers = workers_of(child)
+        os.killpg(child.pid, signal.SIGINT)
+        os.killpg(child.pid, signal.SIGCONT)
+        _, errors = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "Traceback" not in errors
+    assert errors.rstrip().endswith("stopped")
+    assert psutil.wait_procs(workers, timeout=30)[1] == []
+    assert json.loads((out / "run.json").read_text())["status"] == "stopped"
+    # A result that was already on its way may still be noted.
+    assert n_done <= len(without_times(out)[1]) // 3 <= n_done + 1
+
+
+def test_a_bad_frame_is_reported_and_the_others_go_on(
+    uninterrupted: Path, session: Path, made: Made, tmp_path: Path
+) -> None:
+    out, file = tmp_path / "out", depth_file(made, 1)
+    whole = file.read_bytes()
+    try:
+        file.write_bytes(whole[: len(whole) // 2])
+        done = run_batch(session, out, "--workers", 2)
+    finally:
+        file.write_bytes(whole)
+    assert done.returncode == 1
+    assert "frame 7/1 failed: " in done.stdout
+    assert str(file) in done.stdout
+    assert "Traceback" not in done.stderr
+    _, objects = without_times(out)
+    (bad,) = [o for o in objects if o["im_id"] == "1"]
+    assert bad["status"] == "failed"
+    assert str(file) in bad["message"]
+    assert [o for o in objects if o is not bad] == [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
+    # Mended and started again: only the failed frame is solved, and all is as if nothing had happened.
+    again = run_batch(session, out, "--workers", 2)
+    assert again.returncode == 0
+    assert f"({N_FRAMES - 1} done before)" in again.stdout
+    assert without_times(out) == without_times(uninterrupted)
+
+
+def test_recordings_of_failures_only(made: Made, tmp_path: Path) -> None:
+    # A hypothesis far off that is never moved is a failure; the ground truth itself is none.
+    wrong = {"rotation_deg": 90.0, "translation_mm": 60.0, "max_per_object": 1}
+    for name, hypotheses, n_kept in (("bad", wrong, 1), ("good", {"rotation_deg": 0.0, "translation_mm": 0.0}, 0)):
+        session = write_session(
+            tmp_path, made,
+            hypotheses=hypotheses, method={"name": "refine", "refiner": "identity", "iterations": 1},
+            scene={"frames": ["7/0"]}, recording={"keep": "failures", "maps": False},
+        )  # fmt: skip
+        out = tmp_path / name
+        assert run_batch(session, out).returncode == 0
+        assert len(list((out / "recordings").iterdir())) == n_kept
+
+
+def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> None:
+    names = ("pir", "rir")
+    paths = []
+    for name in names:
+        path = tmp_path / f"{name}.toml"
+        path.write_text(session.read_text().replace('name = "rir"', f'name = "{name}"'))
+        paths.append(path)
+    done = run_batch(paths, tmp_path / "runs", "--scene.frames", "7/1", "--recording.keep", "none")
+    assert done.returncode == 0, done.stderr
+    for name in names:
+        saved = load_session(tmp_path / "runs" / name / "session.toml")
+        assert (saved.method.name, saved.scene.frames) == (name, ("7/1",))
+        assert len(without_times(tmp_path / "runs" / name)[1]) == 3
