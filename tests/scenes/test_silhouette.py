@@ -22,15 +22,12 @@ def test_a_box_seen_straight_on_is_its_front_rectangle() -> None:
     half_u, half_v = CAMERA.fx * BOX_M[0] / 2 / front, CAMERA.fy * BOX_M[1] / 2 / front
     v, u = np.mgrid[0:240, 0:320]
     expected = (np.abs(u - 160) <= half_u) & (np.abs(v - 120) <= half_v)
-    assert overlap(outline, expected) > 0.95
+    np.testing.assert_array_equal(outline, expected)
 
 
 def test_nothing_is_seen_behind_the_camera_or_far_outside() -> None:
-    for t in ([0, 0, -0.8], [50.0, 0, 0.8], [0, 1e9, 0.8], [0, 0, 0]):
-        outline = silhouette(box_model(), transform(np.eye(3), t), CAMERA)
-        assert outline.shape == (240, 320)
-        if t != [0, 0, 0]:
-            assert not outline.any()
+    for t in ([0, 0, -0.8], [50.0, 0, 0.8], [0, 1e9, 0.8]):
+        assert not silhouette(box_model(), transform(np.eye(3), t), CAMERA).any()
 
 
 small = hnp.arrays(np.bool_, (6, 7))

@@ -5,31 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from PIL import Image, ImageDraw
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
-
-OVERSAMPLING = 4
-"""The drawing fills every pixel that an edge touches; drawn this much larger, that is a quarter of a pixel."""
+from verefine_viz.rendering.mesh import render_mesh
+from verefine_viz.rendering.rasterizer import draw_frame
 
 
 def silhouette(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Mask:
-    """The model's outline, filled, (H, W); triangles that reach behind the camera are left out."""
-    k = OVERSAMPLING
-    canvas = Image.new("1", (camera.width * k, camera.height * k))
-    draw = ImageDraw.Draw(canvas)
-    vertices = apply(T_cam_obj, model.vertices)
-    corners = vertices[model.faces]
-    corners = corners[(corners[..., 2] > 1e-6).all(axis=1)]
-    # Far outside the image is as good as just outside; it keeps the drawing's integers in range.
-    limit = 4.0 * max(camera.shape)
-    pixels = np.clip(camera.project(corners), -limit, limit) * k
-    for triangle in pixels.reshape(-1, 6).round().tolist():
-        draw.polygon(triangle, fill=1)
-    return np.array(canvas, dtype=bool)[::k, ::k].copy()
+    """The pixels (H, W) on which the model appears, its holes left open."""
+    mesh = render_mesh(model.vertices, model.faces)
+    inv_z = np.zeros(camera.shape, np.float32)
+    face_of = np.full(camera.shape, -1, np.int32)
+    planes = mesh.face_normals, mesh.face_offsets
+    pinhole = camera.fx, camera.fy, camera.cx, camera.cy
+    draw_frame(np.ascontiguousarray(T_cam_obj), mesh.vertices, mesh.faces, *planes, *pinhole, inv_z, face_of)
+    return face_of >= 0
 
 
 def overlap(a: Mask, b: Mask) -> float:
