@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import InputError
+from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recorder import Recorder, journal_path, part_path
+from verefine_viz.recording.row import row_of
+from verefine_viz.session.files import load_session
+
+
+@pytest.mark.parametrize("name", METHOD_NAMES)
+def test_every_bit_of_every_iteration_comes_back(tmp_path: Path, name: str) -> None:
+    run = recorded_run(tmp_path / "run.rrd", session(name, maps=False))
+    recorded = read_recording(tmp_path / "run.rrd")
+    assert [r.index for r in recorded.rows] == [i.index for i in run.iterations]
+    for row, iteration in zip(recorded.rows, run.iterations, strict=True):
+        assert first_difference(row, row_of(iteration, row.errors)) is None
+        for stage in iteration.stages:
+            pose = row.pose(stage.name)
+            assert pose is not None
+            assert pose.dtype == np.float64
+            assert pose.tobytes() == stage.T_cam_obj.tobytes()
+
+
+@pytest.mark.parametrize("block", [1, 2, 7, 1000])
+def test_blocks_change_nothing(tmp_path: Path, block: int) -> None:
+    s = session(maps=False)
+    recorded_run(tmp_path / "a.rrd", s, block=25)
+    recorded_run(tmp_path / "b.rrd", s, block=block)
+    a, b = read_recording(tmp_path / "a.rrd"), read_recording(tmp_path / "b.rrd")
+    assert first_difference(a.rows, b.rows) is None
+
+
+def test_a_finished_recording_is_one_file(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "folder" / "run.rrd")
+    assert [p.name for p in (tmp_path / "folder").iterdir()] == ["run.rrd"]
+
+
+def test_recorder_does_not_change_the_run(tmp_path: Path) -> None:
+    problem = box_problem(3, 2)
+    watched = recorded_run(tmp_path / "run.rrd", session(), problem)
+    alone = new_run(session(), problem)
+    alone.finish()
+    assert first_difference(watched.iterations, alone.iterations) is None
+
+
+def test_properties_let_it_run_again(tmp_path: Path) -> None:
+    s = session("sir")
+    recorded_run(tmp_path / "run.rrd", s)
+    recorded = read_recording(tmp_path / "run.rrd")
+    assert recorded.session == s
+    assert (recorded.title, recorded.frame) == ("boxes", "0/1")
+    assert {"python", "numpy", "numba", "pybullet"} <= set(recorded.versions)
+    (tmp_path / "session.toml").write_text(recorded.session_toml, encoding="utf-8")
+    assert load_session(tmp_path / "session.toml") == s
+
+
+def test_initial_scores_and_errors_are_recorded(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd")
+    recorded = read_recording(tmp_path / "run.rrd")
+    first = run._states[0].initial[0]
+    assert first is not None
+    assert recorded.layout.branches[0].initial_scores == tuple(first.score)
+    last = run.iterations[-1]
+    T_gt = run.problem.instances[-1].T_cam_obj_gt
+    assert T_gt is not None
+    translation_mm = 1e3 * np.linalg.norm(last.accepted_stage.T_cam_obj[:3, 3] - T_gt[:3, 3])
+    assert recorded.rows[-1].errors[1] == pytest.approx(translation_mm)
+
+
+def test_a_run_that_is_left_early_keeps_what_it_had(tmp_path: Path) -> None:
+    s, problem = session(), box_problem(3)
+    run = new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem),))
+    for _ in range(4):
+        run.step()
+    run.close()
+    assert len(read_recording(tmp_path / "run.rrd").rows) == 4
+
+
+def test_unwritable_folder_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    s, problem = session(), box_problem()
+    with pytest.raises(InputError, match=r"cannot write the recording .*run\.rrd"):
+        new_run(s, problem, (Recorder(tmp_path / "file" / "run.rrd", s, problem),))
+
+
+def test_hostile_names_stay_in_their_branch(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    problem = box_problem(2)
+    hostile = replace(problem.models[1], name="../<script>alert(1)</script> /a/b mug")
+    problem = replace(problem, models={1: hostile}, title="<b>x</b>")
+    recorded_run(tmp_path / "run.rrd", problem=problem)
+    branch = read_recording(tmp_path / "run.rrd").layout.branches[0].name
+    assert branch == "0_script_alert_1_script_a_b_mug"
+
+
+def test_nothing_is_left_open_when_the_run_never_starts(tmp_path: Path) -> None:
+    Recorder(tmp_path / "run.rrd", session(), box_problem()).close()
+    assert not part_path(tmp_path / "run.rrd").exists()
+    assert not journal_path(tmp_path / "run.rrd").exists()

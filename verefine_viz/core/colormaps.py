@@ -1,0 +1,81 @@
+"""Colour scales of the score maps: fixed, so that the same colour means the same number in every iteration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.palette import CLASS_COLORS, RGB
+from verefine_viz.core.scores import PIXEL_CLASSES
+
+Image = NDArray[np.uint8]
+EMPTY: RGB = (38, 40, 44)
+"""Pixels without a value."""
+
+_VIRIDIS = ((68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142), (31, 158, 137),
+            (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37))  # fmt: skip
+_INFERNO = ((0, 0, 4), (31, 12, 72), (85, 15, 109), (136, 34, 106), (186, 54, 85), (227, 89, 51),
+            (249, 140, 10), (249, 201, 50), (252, 255, 164))  # fmt: skip
+_BLUE_RED = ((33, 102, 172), (103, 169, 207), (209, 229, 240), (250, 250, 250), (253, 219, 199), (239, 138, 98),
+             (178, 24, 43))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Numbers to colours, linear from ``low`` to ``high``; what lies beyond takes the end's colour."""
+
+    low: float
+    high: float
+    unit: str
+    anchors: tuple[RGB, ...]
+    """Evenly spaced colours."""
+
+    def colors(self, values: NDArray[np.floating]) -> Image:
+        """RGB (…, 3) of values (…); NaN becomes :data:`EMPTY`."""
+        missing = ~np.isfinite(values)
+        share = (np.where(missing, self.low, values) - self.low) / (self.high - self.low)
+        index = np.clip(np.round(share * 255), 0, 255).astype(np.intp)
+        out = lookup_table(self.anchors)[index]
+        out[missing] = EMPTY
+        return out
+
+    def gradient(self) -> str:
+        """The colour bar as a CSS gradient, low on the left."""
+        return f"linear-gradient(to right, {', '.join(f'rgb{c}' for c in self.anchors)})"
+
+    @property
+    def ticks(self) -> tuple[str, str, str]:
+        """What to write at the left, middle and right of the bar."""
+        middle = (self.low + self.high) / 2
+        return f"{self.low:g}", f"{middle:g}", f"{self.high:g} {self.unit}".strip()
+
+
+@cache
+def lookup_table(anchors: tuple[RGB, ...]) -> Image:
+    """(256, 3) colours between evenly spaced anchors."""
+    at = np.linspace(0, 255, len(anchors))
+    table = [np.interp(np.arange(256), at, [c[k] for c in anchors]) for k in range(3)]
+    return np.round(np.stack(table, axis=-1)).astype(np.uint8)
+
+
+def depth_scale(low_m: float, high_m: float) -> Scale:
+    """Depth of one object's neighbourhood [m]."""
+    return Scale(low_m, high_m, "m", _VIRIDIS)
+
+
+def difference_scale(tau_m: float) -> Scale:
+    """Observed − rendered depth over ±2τ [mm]: red = the sensor saw past the model, blue = something is before it."""
+    return Scale(-2000.0 * tau_m, 2000.0 * tau_m, "mm", _BLUE_RED)
+
+
+ANGLE = Scale(0.0, 90.0, "°", _INFERNO)
+FIT = Scale(0.0, 1.0, "", _VIRIDIS)
+
+
+def class_image(classes: NDArray[np.uint8]) -> Image:
+    """RGB (H, W, 3) of a pixel-class map: 0 = none, 1 + index into ``PIXEL_CLASSES``."""
+    table = np.array([EMPTY, *(CLASS_COLORS[name] for name in PIXEL_CLASSES)], np.uint8)
+    return table[classes]

@@ -1,0 +1,176 @@
+"""What does not change during a run, logged once: the frame, the support plane, and a mesh for everything drawn later."""
+
+from __future__ import annotations
+
+import io
+from functools import lru_cache
+
+import fast_simplification
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from PIL import Image
+
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.recording import entities
+
+CLOUD_STRIDE = 3
+"""Every third pixel in each direction is drawn as a point."""
+DRAWN_FACES = 1200
+GHOST_FACES = 300
+STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "edited": 150, "best": 230}
+GHOST_ALPHA = 60
+
+
+def log_background(rec: rr.RecordingStream, problem: Problem) -> None:
+    """Logs everything static of a frame; transforms of the stages follow with the iterations."""
+    observation = problem.observation
+    rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    support = observation.support
+    T_world_cam = support.T_world_cam if support else transform(axis_angle([1, 0, 0], -np.pi / 2), [0, 0, 0])
+    rec.log(entities.SCENE, rr.Transform3D(translation=T_world_cam[:3, 3], mat3x3=T_world_cam[:3, :3]), static=True)
+    _log_camera(rec, observation)
+    _log_cloud(rec, observation)
+    _log_masks(rec, problem)
+    if support:
+        _log_support(rec, problem, T_world_cam)
+    for target in problem.targets:
+        _log_object(rec, target, entities.branch(target.instance, problem))
+
+
+def _log_camera(rec: rr.RecordingStream, observation: Observation) -> None:
+    camera = observation.camera
+    near = _typical_depth_m(observation)
+    pinhole = rr.Pinhole(
+        image_from_camera=camera.K,
+        resolution=[camera.width, camera.height],
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.25 * near,
+        color=(140, 140, 140),
+    )
+    rec.log(entities.CAMERA, pinhole, static=True)
+    if observation.rgb is not None:
+        rec.log(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85), static=True)
+    # Tenths of a millimetre as long as they fit 16 bits.
+    units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
+    blob = png(np.round(observation.depth_m * units_per_m).clip(0, 65535).astype(np.uint16))
+    depth = rr.EncodedDepthImage(blob=blob, media_type="image/png", meter=float(units_per_m), colormap="viridis")
+    rec.log(entities.DEPTH, depth, static=True)
+
+
+def _log_cloud(rec: rr.RecordingStream, observation: Observation) -> None:
+    step = CLOUD_STRIDE if observation.camera.width > 320 else 1
+    valid = observation.depth_m[::step, ::step] > 0
+    # Far background would only shrink what matters when the view is fitted.
+    valid &= observation.depth_m[::step, ::step] < 2.5 * _typical_depth_m(observation)
+    points = observation.camera.back_project(observation.depth_m)[::step, ::step][valid]
+    colors = np.array([150, 150, 150]) if observation.rgb is None else observation.rgb[::step, ::step][valid]
+    rec.log(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012), static=True)
+
+
+def _log_masks(rec: rr.RecordingStream, problem: Problem) -> None:
+    labels = np.zeros(problem.observation.camera.shape, np.uint8)
+    classes = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
+    for k, instance in enumerate(problem.instances[:255], start=1):
+        labels[instance.mask] = k
+        classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), ARM_COLORS[(k - 1) % len(ARM_COLORS)]))
+    rec.log(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35), static=True)
+
+
+def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray[np.float64]) -> None:
+    support = problem.observation.support
+    assert support is not None
+    clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
+    if not clouds:
+        return
+    points = np.concatenate(clouds) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    center, reach = np.median(points, axis=0), max(0.15, 0.8 * float(np.ptp(points[:, :2], axis=0).max()))
+    n = support.normal_world
+    corners = center + reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    # The plane goes through the world's origin, across its normal.
+    corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
+    plane = rr.Mesh3D(
+        vertex_positions=corners,
+        triangle_indices=[[0, 1, 2], [0, 2, 3]],
+        vertex_normals=np.tile(n, (4, 1)),
+        albedo_factor=(90, 140, 160, 60),
+    )
+    rec.log(entities.PLANE, plane, static=True)
+    foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
+    arrow = rr.Arrows3D(origins=[foot], vectors=[[0, 0, -0.1]], colors=[(120, 190, 220)], labels=["gravity"])
+    rec.log(entities.GRAVITY, arrow, static=True)
+
+
+def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
+    root = f"{entities.OBJECTS}/{branch}"
+    for stage in entities.DRAWN_STAGES:
+        rec.log(
+            f"{root}/stages/{stage}",
+            _mesh(target.model, DRAWN_FACES, STAGE_COLORS[stage], STAGE_ALPHA[stage]),
+            rr.CoordinateFrame(entities.stage_frame(branch, stage)),
+            static=True,
+        )
+    for arm, hypothesis in enumerate(target.instance.hypotheses):
+        T = hypothesis.T_cam_obj
+        rec.log(
+            f"{root}/hypotheses/{arm}",
+            _mesh(target.model, GHOST_FACES, ARM_COLORS[arm % len(ARM_COLORS)], GHOST_ALPHA),
+            rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3]),
+            static=True,
+        )
+    T_gt = target.instance.T_cam_obj_gt
+    if T_gt is not None:
+        rec.log(
+            f"{root}/ground_truth",
+            _mesh(target.model, DRAWN_FACES, STAGE_COLORS["ground truth"], 90),
+            rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3]),
+            static=True,
+        )
+
+
+def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
+    vertices, faces, normals = _simplified(model, n_faces)
+    return rr.Mesh3D(
+        vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)
+    )
+
+
+@lru_cache(maxsize=256)
+def _simplified(
+    model: ObjectModel, n_faces: int
+) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """A coarse mesh to draw, with smooth vertex normals."""
+    vertices, faces = model.vertices.astype(np.float32), np.asarray(model.faces)
+    if len(faces) > n_faces:
+        vertices, faces = fast_simplification.simplify(vertices, faces, target_count=n_faces)
+    corners = vertices[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], across)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+    return vertices, faces.astype(np.uint32), normals.astype(np.float32)
+
+
+def png(image: NDArray[np.uint8] | NDArray[np.uint16], palette: bytes | None = None) -> bytes:
+    """A fast PNG of a one-channel image (H, W), with an RGB ``palette`` (768 bytes) for an indexed one."""
+    picture = Image.fromarray(image)
+    if palette is not None:
+        picture.putpalette(palette)
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def _typical_depth_m(observation: Observation) -> float:
+    """Median depth of the objects, of everything where there is none, 1 m in a frame without depth."""
+    for mask in (observation.object_mask, slice(None)):
+        depth = observation.depth_m[mask]
+        depth = depth[depth > 0]
+        if len(depth):
+            return float(np.median(depth))
+    return 1.0

@@ -1,0 +1,118 @@
+"""Numbers over the iterations: score, UCB and pulls per hypothesis, fit, error and physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
+from verefine_viz.recording import columns, entities
+from verefine_viz.recording.layout import Branch
+from verefine_viz.recording.row import Row
+
+_SCALARS = rr.Scalars.descriptor_scalars()
+_PURPLE: RGB = (190, 90, 220)
+
+FIT = (("simulated", 1), ("simulated", 2), ("refined", 1), ("refined", 2))
+"""Stage and column of ``Row.scores``: f_d and f_n of both candidates."""
+
+
+def curve(name: str, branch: Branch) -> str:
+    """Entity of one group of curves."""
+    return f"{entities.CURVES}/{name}/{branch.name}"
+
+
+def log_styles(rec: rr.RecordingStream, branch: Branch) -> None:
+    """Names and colours of all curves of an object."""
+    arms = [f"hypothesis {j + 1}" for j in range(branch.n_arms)]
+    colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(branch.n_arms)]
+    simulated, refined = STAGE_COLORS["simulated"], STAGE_COLORS["refined"]
+    styles: dict[str, tuple[list[str], list[RGB]]] = {
+        "score": ([*arms, "best"], [*colors, STAGE_COLORS["best"]]),
+        "ucb": (arms, colors),
+        "pulls": (arms, colors),
+        "fit": (
+            ["f_d simulated", "f_n simulated", "f_d refined", "f_n refined"],
+            [simulated, _darker(simulated), refined, _darker(refined)],
+        ),
+        "physics": (
+            ["simulation moved [mm]", "simulation turned [°]", "refiner moved [mm]", "refiner turned [°]"]
+            + ["contacts", "deepest penetration [mm]"],
+            [simulated, _darker(simulated), refined, _darker(refined), (150, 150, 150), (220, 50, 47)],
+        ),
+    }
+    if branch.has_truth:
+        names = ["rotation of the kept pose [°]", "translation of the kept pose [mm]", "ADD(-S) of the best pose [mm]"]
+        styles["error"] = (names, [_PURPLE, (150, 150, 150), STAGE_COLORS["best"]])
+    for name, (names, colours) in styles.items():
+        widths = [2.5 if n == "best" else 1.5 for n in names]
+        rec.log(curve(name, branch), rr.SeriesLines(names=names, colors=colours, widths=widths), static=True)
+
+
+def send_start(rec: rr.RecordingStream, branch: Branch) -> None:
+    """The initial scores, at iteration 0."""
+    if branch.n_arms:
+        first = [*branch.initial_scores, max(branch.initial_scores)]
+        columns.send(rec, curve("score", branch), [0], [columns.numbers(_SCALARS, [first])])
+
+
+def send_curves(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row], held: Float) -> None:
+    """Sends the curves of an object.
+
+    Args:
+        rec: the stream.
+        branch: the object.
+        rows: its rows, in order.
+        held: (H,) latest kept score of each hypothesis before these rows; updated in place.
+    """
+    iterations = [r.index for r in rows]
+    scores: list[Float] = []
+    for row in rows:
+        kept = row.score(row.accepted)
+        if not np.isnan(kept):
+            held[row.arm] = kept
+        scores.append(np.append(held, row.best_score[0]))
+    sent = {"score": np.array(scores), "fit": _fit(rows), "physics": _physics(rows)}
+    if rows[0].choice.shape[1]:
+        sent |= {"ucb": np.array([r.choice[3] for r in rows]), "pulls": np.array([r.choice[0] for r in rows])}
+    if branch.has_truth:
+        sent["error"] = np.array([r.errors for r in rows])
+    for name, values in sent.items():
+        columns.send(rec, curve(name, branch), iterations, [columns.numbers(_SCALARS, values)])
+
+
+def _fit(rows: Sequence[Row]) -> Float:
+    out = np.full((len(rows), len(FIT)), np.nan)
+    for k, row in enumerate(rows):
+        for j, (stage, column) in enumerate(FIT):
+            if stage in row.stages:
+                out[k, j] = row.scores[row.stages.index(stage), column]
+    return out
+
+
+def _physics(rows: Sequence[Row]) -> Float:
+    """(n, 6) moved [mm] and turned [°] by simulation and by refiner, contacts, deepest penetration [mm]."""
+    out = np.full((len(rows), 6), np.nan)
+    current = np.array([r.Ts_cam_obj[0] for r in rows])
+    simulated = np.array([_pose_or(r, "simulated", r.Ts_cam_obj[0]) for r in rows])
+    mixed = np.array([_pose_or(r, "mixed", r.Ts_cam_obj[0]) for r in rows])
+    refined = np.array([_pose_or(r, "refined", m) for r, m in zip(rows, mixed, strict=True)])
+    for start, end, at in ((current, simulated, 0), (mixed, refined, 2)):
+        out[:, at] = 1e3 * np.linalg.norm(end[:, :3, 3] - start[:, :3, 3], axis=1)
+        cosine = (np.einsum("nij,nij->n", start[:, :3, :3], end[:, :3, :3]) - 1) / 2
+        out[:, at + 1] = np.degrees(np.arccos(cosine.clip(-1, 1)))
+    out[:, 4] = [len(r.contacts) for r in rows]
+    out[:, 5] = [1e3 * max(float(r.contacts[:, 6].max(initial=0.0)), 0.0) for r in rows]
+    return out
+
+
+def _pose_or(row: Row, stage: str, otherwise: Float) -> Float:
+    pose = row.pose(stage)
+    return otherwise if pose is None else pose
+
+
+def _darker(color: RGB) -> RGB:
+    return color[0] * 6 // 10, color[1] * 6 // 10, color[2] * 6 // 10

@@ -1,0 +1,49 @@
+"""Where things are in a recording: entity paths and frame names, each written here once.
+
+Everything below :data:`SCENE` is in the camera frame; its parent is the world (+z up). Every object has its own branch,
+named by instance and model, so that a frame with two mugs has ``1_mug`` and ``4_mug``.
+"""
+
+from __future__ import annotations
+
+import re
+
+from verefine_viz.core.problem import Instance, Problem
+
+TIMELINE = "iteration"
+APPLICATION = "verefine_viz"
+PROPERTY = "verefine"
+
+SCENE = "/scene"
+CAMERA = f"{SCENE}/camera"
+IMAGE = f"{CAMERA}/image"
+DEPTH = f"{CAMERA}/depth"
+MASKS = f"{CAMERA}/masks"
+CLOUD = f"{SCENE}/cloud"
+OBJECTS = f"{SCENE}/objects"
+PLANE = "/support/plane"
+GRAVITY = "/support/gravity"
+
+MAPS = "/maps"
+CURVES = "/curves"
+BANDIT = "/bandit"
+LANE = "/events/lane"
+LOG = "/events/log"
+CHOICE = "/choice"
+EXACT = "/exact"
+
+DRAWN_STAGES = ("current", "simulated", "mixed", "refined", "edited", "best")
+"""Poses of the object being worked on that are drawn, in this order."""
+
+CURVE_NAMES = ("score", "ucb", "pulls", "fit", "error", "physics")
+
+
+def branch(instance: Instance, problem: Problem) -> str:
+    """The name of an object's branch: ``3_mug``. Made of letters, digits, ``_`` and ``-`` only, whatever the data say."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", problem.models[instance.obj_id].name).strip("_")[:40]
+    return f"{instance.instance_id}_{name or 'object'}"
+
+
+def stage_frame(branch_name: str, stage: str) -> str:
+    """The named coordinate frame in which the mesh of a stage is drawn."""
+    return f"{branch_name}/{stage}"

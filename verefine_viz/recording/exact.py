@@ -1,0 +1,67 @@
+"""Rows as columns that are not drawn: float64 poses and scores bit by bit, for reading back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from verefine_viz.recording import columns, entities
+from verefine_viz.recording.row import Row
+
+INTEGERS = ("instance_id", "obj_id", "arm", "arm_iteration", "best_arm", "best_iteration")
+"""Kept together in the column ``ids``, in this order."""
+ARRAYS: Mapping[str, tuple[Any, tuple[int, ...]]] = {
+    "scores": (np.float64, (-1, 3)),
+    "pixels": (np.int64, (-1, 7)),
+    "best_score": (np.float64, (3,)),
+    "best_pixels": (np.int64, (7,)),
+    "contacts": (np.float32, (-1, 9)),
+    "choice": (np.float64, (4, -1)),
+    "errors": (np.float64, (3,)),
+    "ms": (np.float32, (-1,)),
+}
+POSES: Mapping[str, Any] = {"Ts_cam_obj": np.float64, "T_best": np.float64, "path": np.float32}
+"""Kept as the upper three rows of each matrix."""
+TEXTS = ("stages", "event_kinds", "event_texts")
+WORDS = ("accepted", "best_stage", "reason")
+"""Kept together in the column ``words``, in this order."""
+
+
+def send_exact(rec: rr.RecordingStream, rows: Sequence[Row]) -> None:
+    """Rows as one chunk of :data:`entities.EXACT`."""
+    sent = [columns.numbers(_named("ids"), [[getattr(r, n) for n in INTEGERS] for r in rows], np.int64)]
+    sent += [columns.numbers(_named(n), [getattr(r, n)[..., :3, :] for r in rows], t) for n, t in POSES.items()]
+    sent += [columns.numbers(_named(n), [getattr(r, n) for r in rows], t) for n, (t, _) in ARRAYS.items()]
+    sent += [columns.texts(_named(n), [getattr(r, n) for r in rows]) for n in TEXTS]
+    sent.append(columns.texts(_named("words"), [[getattr(r, n) for n in WORDS] for r in rows]))
+    columns.send(rec, entities.EXACT, [r.index for r in rows], sent)
+
+
+def row_from(index: int, values: Mapping[str, Any]) -> Row:
+    """The row that :func:`send_exact` wrote.
+
+    Raises:
+        KeyError, ValueError, IndexError, TypeError: a column is missing or holds something else.
+    """
+    got: dict[str, Any] = {"index": index}
+    got |= {n: int(v) for n, v in zip(INTEGERS, values["ids"], strict=True)}
+    got |= {n: np.asarray(values[n], t).reshape(shape) for n, (t, shape) in ARRAYS.items() if n != "choice"}
+    choice = np.asarray(values["choice"], np.float64)
+    got["choice"] = choice.reshape(4, len(choice) // 4)
+    for name, dtype in POSES.items():
+        upper = np.asarray(values[name], dtype).reshape(-1, 3, 4)
+        full = np.zeros((len(upper), 4, 4), dtype)
+        full[:, :3], full[:, 3, 3] = upper, 1
+        got[name] = full
+    got["T_best"] = got["T_best"][0]
+    got |= {n: tuple(str(t) for t in values[n]) for n in TEXTS}
+    got |= {n: str(v) for n, v in zip(WORDS, values["words"], strict=True)}
+    return Row(**{f.name: got[f.name] for f in fields(Row)})
+
+
+def _named(name: str) -> rr.ComponentDescriptor:
+    return rr.ComponentDescriptor(f"{entities.PROPERTY}:{name}")

@@ -1,0 +1,158 @@
+"""One iteration as a recording keeps it: every number exact, nothing that has to be computed again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.records import TIMING, Contacts, Iteration
+from verefine_viz.core.scores import PoseScore, Scores
+
+NOT_JUDGED = (np.nan, np.nan, np.nan)
+NO_PIXELS = (-1,) * 7
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """An iteration as flat columns; the same in the journal, in the rerun file and when read back.
+
+    Poses are the run's float64 bits. Contacts and the way between the first and the last simulated pose are there to be
+    drawn and are kept in single precision.
+    """
+
+    index: int
+    """1, 2, … over the whole run."""
+    instance_id: int
+    obj_id: int
+    arm: int
+    arm_iteration: int
+    stages: tuple[str, ...]
+    """Names of the n poses of this iteration, in the order they came about."""
+    accepted: str
+    Ts_cam_obj: Float
+    """(n, 4, 4) [m]."""
+    scores: Float
+    """(n, 3) f̄, mean f_d, mean f_n; NaN where the method did not judge the pose."""
+    pixels: NDArray[np.int64]
+    """(n, 7) N, rendered pixels, the five classes; −1 where the method did not judge the pose."""
+    best_arm: int
+    best_iteration: int
+    best_stage: str
+    T_best: Float
+    """(4, 4) best pose of this object so far [m]."""
+    best_score: Float
+    """(3,) as a row of ``scores``."""
+    best_pixels: NDArray[np.int64]
+    """(7,) as a row of ``pixels``."""
+    path: NDArray[np.float32]
+    """(S + 1, 4, 4) simulated poses [m]; empty without a simulation."""
+    contacts: NDArray[np.float32]
+    """(k, 9) at the end of the simulation: point [m], normal, depth [m], force [N], partner."""
+    choice: Float
+    """(4, H) plays, mean, exploration, UCB of each arm; (4, 0) where the method does not choose."""
+    reason: str
+    """Why this arm, in one sentence."""
+    event_kinds: tuple[str, ...]
+    event_texts: tuple[str, ...]
+    errors: Float
+    """(3,) against ground truth: rotation [deg] and translation [mm] of the kept pose, ADD(-S) of the best pose [mm]; NaN
+    where there is no ground truth."""
+    ms: NDArray[np.float32] = field(metadata=TIMING)
+    """(n + 1,) time for each pose, then for all scores [ms]."""
+
+    def pose(self, stage: str) -> Float | None:
+        """The pose (4, 4) of that stage, or None."""
+        return self.Ts_cam_obj[self.stages.index(stage)] if stage in self.stages else None
+
+    def score(self, stage: str) -> float:
+        """f̄ of that stage; NaN where there is none."""
+        return float(self.scores[self.stages.index(stage), 0]) if stage in self.stages else float("nan")
+
+    @property
+    def T_accepted(self) -> Float:
+        """The pose that was kept (4, 4) [m]."""
+        return self.Ts_cam_obj[self.stages.index(self.accepted)]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The hypotheses of one instance and what they scored before the first iteration."""
+
+    instance_id: int
+    obj_id: int
+    Ts_cam_obj: Float
+    """(H, 4, 4) [m]."""
+    scores: Float
+    """(H, 3) as in :class:`Row`."""
+    pixels: NDArray[np.int64]
+    """(H, 7) as in :class:`Row`."""
+
+
+def row_of(iteration: Iteration, errors: Float) -> Row:
+    """The columns of a record, with the ``errors`` (3,) that :class:`Row` describes."""
+    best, path, choice = iteration.best, iteration.path, iteration.choice
+    return Row(
+        index=iteration.index,
+        instance_id=iteration.instance_id,
+        obj_id=iteration.obj_id,
+        arm=iteration.arm,
+        arm_iteration=iteration.arm_iteration,
+        stages=tuple(s.name for s in iteration.stages),
+        accepted=iteration.accepted,
+        Ts_cam_obj=np.array([s.T_cam_obj for s in iteration.stages]),
+        scores=np.array([_values(s.score) for s in iteration.stages], np.float64),
+        pixels=np.array([_pixels(s.score) for s in iteration.stages], np.int64),
+        best_arm=best.arm,
+        best_iteration=best.iteration,
+        best_stage=best.stage,
+        T_best=np.array(best.T_cam_obj),
+        best_score=np.array(_values(best.score), np.float64),
+        best_pixels=np.array(_pixels(best.score), np.int64),
+        path=np.zeros((0, 4, 4), np.float32) if path is None else path.Ts_cam_obj.astype(np.float32),
+        contacts=_contacts(path.contacts[-1] if path is not None and path.contacts else None),
+        choice=np.zeros((4, 0))
+        if choice is None
+        else np.array([choice.plays, choice.mean, choice.exploration, choice.ucb]),
+        reason="" if choice is None else choice.reason,
+        event_kinds=tuple(e.kind for e in iteration.events),
+        event_texts=tuple(e.text for e in iteration.events),
+        errors=errors,
+        ms=np.array([*(s.ms for s in iteration.stages), iteration.score_ms], np.float32),
+    )
+
+
+def start_of(instance_id: int, obj_id: int, Ts_cam_obj: Float, scores: Scores | None) -> Start:
+    """The columns of an instance's first hypotheses (H, 4, 4); ``scores`` is None where its pool is empty."""
+    n = 0 if scores is None else len(scores)
+    judged = [] if scores is None else [scores[i] for i in range(n)]
+    return Start(
+        instance_id,
+        obj_id,
+        np.asarray(Ts_cam_obj, np.float64).reshape(-1, 4, 4),
+        np.array([_values(s) for s in judged], np.float64).reshape(n, 3),
+        np.array([_pixels(s) for s in judged], np.int64).reshape(n, 7),
+    )
+
+
+def _values(score: PoseScore | None) -> tuple[float, float, float]:
+    return NOT_JUDGED if score is None else (score.score, score.depth_fit, score.normal_fit)
+
+
+def _pixels(score: PoseScore | None) -> tuple[int, ...]:
+    return NO_PIXELS if score is None else (score.n_pixels, score.n_rendered, *score.counts)
+
+
+def _contacts(contacts: Contacts | None) -> NDArray[np.float32]:
+    if contacts is None or len(contacts.depths_m) == 0:
+        return np.zeros((0, 9), np.float32)
+    columns = (
+        contacts.points_cam,
+        contacts.normals_cam,
+        contacts.depths_m[:, None],
+        contacts.forces_n[:, None],
+        contacts.others[:, None],
+    )
+    return np.concatenate(columns, axis=1).astype(np.float32)
