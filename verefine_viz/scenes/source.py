@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, unknown
@@ -44,6 +45,10 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
     return DemoSource(scene, hypotheses)
 
 
+DEMO_FRAME = "0/0"
+"""The name of a built-in scene's only frame."""
+
+
 class DemoSource:
     """A built-in scene: one frame, made when it is first asked for."""
 
@@ -56,7 +61,7 @@ class DemoSource:
         self._scene = scene
         self._hypotheses = hypotheses
         self._problem: Problem | None = None
-        self.frames: tuple[str, ...] = ("0/0",)
+        self.frames: tuple[str, ...] = (DEMO_FRAME,)
         self.notes: tuple[str, ...] = ()
 
     def problem(self, frame: str) -> Problem:
@@ -71,5 +76,6 @@ class DemoSource:
         if problem is None:
             from verefine_viz.scenes.demo import demo_problem
 
-            problem = self._problem = demo_problem(self._scene.demo, self._scene, self._hypotheses)
+            made = demo_problem(self._scene.demo, self._scene, self._hypotheses)
+            problem = self._problem = replace(made, scene_id=0, im_id=0)
         return problem
