@@ -89,6 +89,7 @@ def icp_align(
     target_normals: Float | None = None,
     source_normals: Float | None = None,
     pivot: Float | None = None,
+    extent_m: float | None = None,
 ) -> IcpResult:
     """Aligns a cloud to another, starting where they are.
 
@@ -99,6 +100,7 @@ def icp_align(
         target_normals: (M, 3) unit normals, needed for ``metric = "plane"``; used by ``matches = "same_side"``.
         source_normals: (N, 3) unit normals, zero where unknown; without them every match within the gate counts.
         pivot: (3,) the point whose shift the tolerance looks at; the origin if not given.
+        extent_m: what the gate is a share of [m]; the source's largest extent along an axis if not given.
 
     Returns:
         The identity and no iterations where a cloud is empty or nothing lies within the gate.
@@ -120,7 +122,7 @@ def icp_align(
         )
     check_sides = settings.matches == "same_side" and has_normals and source_normals is not None
     index = target.index
-    gates_m = gate_schedule_m(source, settings)
+    gates_m = gate_schedule_m(largest_extent_m(source) if extent_m is None else extent_m, settings)
     R, t, n_iterations, n_matches, mse = icp_loop(
         np.ascontiguousarray(source),
         np.ascontiguousarray(source_normals) if check_sides else _NO_NORMALS,
@@ -137,9 +139,13 @@ def icp_align(
     return IcpResult(transform(R, t), n_iterations, n_matches, float(np.sqrt(mse)))
 
 
-def gate_schedule_m(source: Float, settings: IcpSettings) -> Float:
-    """Largest distance of a match in each inner iteration, (max_iterations,) [m]."""
-    extent_m = float((source.max(axis=0) - source.min(axis=0)).max())
+def largest_extent_m(points: Float) -> float:
+    """The longest side of the axis-aligned box around points (N, 3), N ≥ 1 [m]."""
+    return float((points.max(axis=0) - points.min(axis=0)).max())
+
+
+def gate_schedule_m(extent_m: float, settings: IcpSettings) -> Float:
+    """Largest distance of a match in each inner iteration, (max_iterations,) [m], for a source of this extent."""
     gates = np.full(settings.max_iterations, FINAL_GATE)
     if settings.gate == "shrinking":
         n = min(PUBLISHED_ITERATIONS if settings.stop == "published" else SHRINKING_ITERATIONS, settings.max_iterations)
@@ -168,7 +174,9 @@ class Icp:
             self._target(target.model),
             self.settings,
             source_normals=source_normals,
+            # The published gate and tolerance are those of the camera's frame.
             pivot=-t_cam_obj @ R_cam_obj,
+            extent_m=largest_extent_m(points_cam),
         )
         if result.n_iterations == 0:
             return T_cam_obj

@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.settings import IcpSettings, Session
+from verefine_viz.refiners.icp import Icp
+from verefine_viz.refiners.registry import REFINERS, make_refiner
+
+
+def test_icp_gets_the_sessions_settings() -> None:
+    refiner = make_refiner("icp", Session(icp=IcpSettings(metric="plane", max_iterations=3)))
+    assert isinstance(refiner, Icp)
+    assert refiner.settings == IcpSettings(metric="plane", max_iterations=3)
+
+
+def test_identity_changes_nothing() -> None:
+    target = box_problem().targets[0]
+    T = target.instance.hypotheses[0].T_cam_obj
+    assert np.array_equal(make_refiner("identity", Session()).refine(target, T), T)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(SettingsError, match=r"^unknown refiner 'ipc'; available: icp, identity$"):
+        make_refiner("ipc", Session())
+
+
+@pytest.mark.parametrize("name", sorted(REFINERS))
+def test_every_refiner_gives_a_rigid_pose(name: str) -> None:
+    target = box_problem().targets[0]
+    T = make_refiner(name, Session()).refine(target, target.instance.hypotheses[0].T_cam_obj)
+    assert T.shape == (4, 4)
+    assert np.allclose(T[:3, :3].T @ T[:3, :3], np.eye(3), atol=1e-12)
