@@ -30,6 +30,8 @@ IMPOSSIBLE_M = 0.005
 """More gap or penetration than this cannot be."""
 BARELY_M = 0.003
 """A smaller margin of the centre of mass is worth a look."""
+UPWARDS = 0.3
+"""Contacts whose normal has a smaller upward part do not carry [-]."""
 MOST_CONTACTS = 60
 """Contacts with neighbours that enter the equilibrium; more change nothing."""
 
@@ -39,11 +41,11 @@ class Plausibility:
     """What geometry says about a pose."""
 
     gap_mm: float
-    """Distance to the nearest surface: plane or neighbour; 0 where it touches [mm]."""
+    """Distance to the support plane, or to a neighbour within 7 mm that is nearer; 0 where it touches [mm]."""
     penetration_mm: float
     """Deepest overlap; 0 for none [mm]."""
     penetrates: int | None
-    """instance_id of what it sinks into deepest, −1 for the support plane, None where the penetration is 0."""
+    """instance_id of what it sinks into deepest, −1 for the support plane, None for none (below 0.01 mm)."""
     contact_points_cam: Float
     """(n, 3) where it touches [m]."""
     contact_normals_cam: Float
@@ -51,14 +53,14 @@ class Plausibility:
     contact_others: NDArray[np.int64]
     """(n,) instance_id of what is touched; −1 is the support plane."""
     polygon_cam: Float
-    """(m, 3) corners of the support polygon, in the support plane and in order [m]: the hull of the contacts seen from
-    above. Two corners: it stands on an edge; one: on a point; none: it touches nothing."""
+    """(m, 3) corners of the support polygon, in the support plane and in order [m]: the hull, seen from above, of the
+    contacts that push upwards. Two corners: it stands on an edge; one: on a point; none: nothing carries it."""
     com_cam: Float
     """(3,) centre of mass [m]."""
     com_on_plane_cam: Float
     """(3,) the point of the support plane below (or above) the centre of mass [m]."""
     margin_mm: float
-    """Horizontal distance of the centre of mass to the polygon's edge, positive inside; −inf where nothing is touched
+    """Horizontal distance of the centre of mass to the polygon's edge, positive inside; −inf where nothing carries it
     [mm]."""
     is_stable: bool
     """Whether friction at the contacts can hold it still."""
@@ -117,8 +119,8 @@ def plausibility(
     surface = Surface(moving.model) if fixed else None
     for other in sorted(fixed, key=lambda placed: placed.instance_id):
         T_world_other = support.T_world_cam @ checked_pose(other)
-        if surface is None or _are_apart(T_world_obj, moving, T_world_other, other):
-            continue
+        if surface is None:
+            break
         found = nearness(surface, T_world_obj, Surface(other.model), T_world_other, TOUCHING_M + IMPOSSIBLE_M)
         gaps_m[other.instance_id], depths_m[other.instance_id] = found.gap_m, found.penetration_m
         near.append((found.points, found.normals, found.distances_m, other.instance_id, settings.friction**2))
@@ -128,7 +130,8 @@ def plausibility(
     # A pose that floats a little is judged as if the gap were closed; one that floats far touches nothing.
     reach_m = gap_m + TOUCHING_M if gap_m <= IMPOSSIBLE_M else -1.0
     points, normals, others, friction = _contacts(near, reach_m)
-    polygon_xy = _hull_xy(points[:, :2])
+    carrying = points[normals[:, 2] > UPWARDS, :2]
+    polygon_xy = carrying[_hull_indices(carrying)]
     margin_m = _margin_m(polygon_xy, com[:2])
     is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
 
@@ -138,7 +141,7 @@ def plausibility(
     return Plausibility(
         gap_mm=gap_m * 1e3,
         penetration_mm=depths_m[deepest] * 1e3,
-        penetrates=deepest if depths_m[deepest] > 0 else None,
+        penetrates=deepest if depths_m[deepest] > 1e-5 else None,
         contact_points_cam=apply(T_cam_world, points),
         contact_normals_cam=normals @ R_cam_world.T,
         contact_others=others,
@@ -152,13 +155,6 @@ def plausibility(
     )
 
 
-def _are_apart(T_world_a: Float, a: Placed, T_world_b: Float, b: Placed) -> bool:
-    """Whether two objects are so far apart that neither contact nor a small gap is possible."""
-    a_world, b_world = apply(T_world_a, a.model.vertices), apply(T_world_b, b.model.vertices)
-    between_m = np.maximum(a_world.min(axis=0) - b_world.max(axis=0), b_world.min(axis=0) - a_world.max(axis=0))
-    return float(between_m.max()) > TOUCHING_M + IMPOSSIBLE_M
-
-
 def _contacts(
     near: list[tuple[Float, Float, Float, int, float]], reach_m: float
 ) -> tuple[Float, Float, NDArray[np.int64], Float]:
@@ -169,7 +165,8 @@ def _contacts(
         if other == PLANE_ID:  # All in one plane with one normal: the corners carry as much as all.
             touching = touching[_hull_indices(p[touching, :2])]
         elif len(touching) > MOST_CONTACTS:
-            touching = touching[np.linspace(0, len(touching) - 1, MOST_CONTACTS).astype(int)]
+            every = np.linspace(0, len(touching) - 1, MOST_CONTACTS).astype(int)
+            touching = touching[np.union1d(every, _hull_indices(p[touching, :2]))]
         points.append(p[touching])
         normals.append(n[touching])
         others += [other] * len(touching)
@@ -191,10 +188,6 @@ def _hull_indices(xy: Float) -> NDArray[np.intp]:
             pass
     ends = [int(along.argmin()), int(along.argmax())]
     return np.array(ends if np.ptp(along) > 1e-6 else ends[:1], dtype=np.intp)
-
-
-def _hull_xy(xy: Float) -> Float:
-    return xy[_hull_indices(xy)]
 
 
 def _margin_m(polygon_xy: Float, xy: Float) -> float:
@@ -221,11 +214,13 @@ def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_sta
     """The light and the sentence; the worst finding speaks."""
     into = "the support plane" if deepest == PLANE_ID else f"instance {deepest}"
     sinks = f"Sinks {depth_m * 1e3:.1f} mm into {into}."
-    floats = f"Floats: the nearest surface is {gap_m * 1e3:.1f} mm away."
+    floats = f"Floats: {gap_m * 1e3:.1f} mm to the nearest surface."
     if depth_m > IMPOSSIBLE_M:
         return "red", sinks
     if gap_m > IMPOSSIBLE_M:
         return "red", floats
+    if not is_stable and margin_m == -np.inf:
+        return "red", "Would fall: nothing carries it from below."
     if not is_stable and margin_m < 0:
         return "red", f"Would tip: the centre of mass is {-margin_m * 1e3:.1f} mm outside its support."
     if not is_stable:
@@ -235,7 +230,7 @@ def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_sta
     if gap_m > TOUCHING_M:
         return "amber", floats
     if margin_m < 0:
-        return "green", "Stands, held by friction at its contacts."
+        return "green", "Leans: it is held by its contacts together, with the centre of mass outside what carries it."
     if margin_m < BARELY_M:
         return "amber", f"Barely stands: the centre of mass is {margin_m * 1e3:.1f} mm from the edge of its support."
     return "green", f"Stands: the centre of mass is {margin_m * 1e3:.1f} mm inside its support."

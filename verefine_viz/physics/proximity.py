@@ -11,7 +11,9 @@ import trimesh
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
 
-SPACING = 0.02
+SIDEWAYS_M = 3e-4
+"""A point may be so far beside the surface that it meets [m]."""
+SPACING = 0.03
 """Largest distance between neighbouring surface points [share of the diameter]."""
 
 
@@ -20,23 +22,26 @@ class Surface:
 
     def __init__(self, model: ObjectModel) -> None:
         mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
-        vertices, _ = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, SPACING * model.diameter_m)
-        self.points = np.unique(np.asarray(vertices), axis=0)
+        dense = mesh.subdivide_to_size(SPACING * model.diameter_m)
+        self.points = np.unique(np.asarray(dense.vertices), axis=0)
         """(N, 3) dense, corners and edges included [m]."""
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        self.low, self.high = self.points.min(axis=0), self.points.max(axis=0)
+        self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
-            o3d.core.Tensor(np.asarray(mesh.vertices, dtype=np.float32)),
-            o3d.core.Tensor(np.asarray(mesh.faces, dtype=np.uint32)),
+            o3d.core.Tensor.from_numpy(np.array(mesh.vertices, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(np.array(mesh.faces, dtype=np.uint32)),
         )
 
-    def distances(self, points: Float) -> tuple[Float, Float]:
-        """Signed distance (N,) of ``points`` (N, 3), negative inside, and the outward normal (N, 3) where it is met."""
-        query = o3d.core.Tensor(points.astype(np.float32))
+    def distances(self, points: Float) -> tuple[Float, Float, Float]:
+        """Signed distances (N,) of ``points`` (N, 3), negative inside; nearest points (N, 3) and normals (N, 3)."""
+        query = o3d.core.Tensor.from_numpy(points.astype(np.float32))
         # Three rays vote on inside or outside: scanned meshes have holes.
-        signed = self._scene.compute_signed_distance(query, nthreads=1, nsamples=3).numpy().astype(np.float64)
-        normals = self._scene.compute_closest_points(query, nthreads=1)["primitive_normals"].numpy().astype(np.float64)
+        signed = self._scene.compute_signed_distance(query, nsamples=3).numpy().astype(np.float64)
+        nearest = self._scene.compute_closest_points(query)
+        normals = nearest["primitive_normals"].numpy().astype(np.float64)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        return signed, np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+        normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+        return signed, nearest["points"].numpy().astype(np.float64), normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +49,11 @@ class Nearness:
     """Where two surfaces are close to each other."""
 
     gap_m: float
-    """Smallest distance; 0 where they meet or overlap."""
+    """Smallest distance; 0 where they meet or overlap, infinite where they are nowhere closer than asked."""
     penetration_m: float
     """How deep the deepest point of either lies in the other; 0 where they do not overlap."""
     points: Float
-    """(n, 3) where they are closer than asked, or overlap."""
+    """(n, 3) where they face each other closer than asked, or overlap; on the surface of one of the two."""
     normals: Float
     """(n, 3) unit, pointing onto the first."""
     distances_m: Float
@@ -69,12 +74,19 @@ def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
 
 
 def _one_way(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float) -> tuple[float, Float, Float, Float]:
-    """Smallest signed distance of the points of ``a`` to ``b``; the near ones with ``b``'s normals, in frame w."""
-    points_w = a.points @ T_w_a[:3, :3].T + T_w_a[:3, 3]
-    signed_m, normals_b = b.distances((points_w - T_w_b[:3, 3]) @ T_w_b[:3, :3])
-    near = np.flatnonzero(signed_m <= within_m)
+    """Smallest signed distance of the points of ``a`` to ``b``; where ``b`` is met and its normals, in frame w."""
+    points_b = ((a.points @ T_w_a[:3, :3].T + T_w_a[:3, 3]) - T_w_b[:3, 3]) @ T_w_b[:3, :3]
+    close = np.flatnonzero(((points_b >= b.low - within_m) & (points_b <= b.high + within_m)).all(axis=1))
+    if len(close) == 0:
+        return np.inf, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
+    signed_m, met_b, normals_b = b.distances(points_b[close])
+    smallest_m = float(signed_m.min())
+    # Beyond an edge of b its surface is near but does not face the point, and would carry nothing.
+    offset = points_b[close] - met_b
+    sideways_m = np.linalg.norm(offset - np.einsum("ij,ij->i", offset, normals_b)[:, None] * normals_b, axis=1)
+    near = np.flatnonzero((signed_m <= within_m) & (sideways_m <= SIDEWAYS_M))
     normals_w = normals_b[near] @ T_w_b[:3, :3].T
-    # At an edge of b the nearest triangle may be the wrong side of the edge: its normal does not face a.
-    own_w = a.distances(a.points[near])[1] @ T_w_a[:3, :3].T if len(near) else np.zeros((0, 3))
+    own_w = a.distances(a.points[close[near]])[2] @ T_w_a[:3, :3].T if len(near) else np.zeros((0, 3))
     facing = np.einsum("ij,ij->i", normals_w, own_w) < -0.3
-    return float(signed_m.min()), points_w[near][facing], normals_w[facing], signed_m[near][facing]
+    met_w = met_b[near] @ T_w_b[:3, :3].T + T_w_b[:3, 3]
+    return smallest_m, met_w[facing], normals_w[facing], signed_m[near][facing]

@@ -126,16 +126,15 @@ class BulletSimulator:
             ends.append(len(rows))
         table = np.array(rows, dtype=np.float64).reshape(len(rows), 9)
         R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
-        columns = (
-            table[:, 0:3] @ R.T + t,
-            table[:, 3:6] @ R.T,
-            np.ascontiguousarray(table[:, 6]),
-            np.ascontiguousarray(table[:, 7]),
-            table[:, 8].astype(np.int64),
-        )
-        for column in columns:
+        points, normals = table[:, 0:3] @ R.T + t, table[:, 3:6] @ R.T
+        # Bullet divides the last sub-step's impulse by the whole step.
+        depths_m, forces_n = table[:, 6].copy(), table[:, 7] * self._settings.substeps
+        others = table[:, 8].astype(np.int64)
+        for column in (points, normals, depths_m, forces_n, others):
             column.flags.writeable = False  # Slices are then kept without a copy.
-        return tuple(Contacts(*(c[a:b] for c in columns)) for a, b in pairwise(ends))
+        return tuple(
+            Contacts(points[a:b], normals[a:b], depths_m[a:b], forces_n[a:b], others[a:b]) for a, b in pairwise(ends)
+        )
 
 
 def checked_pose(placed: Placed) -> Float:
