@@ -17,9 +17,7 @@ from verefine_viz.rendering import kernels
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_frame
-from verefine_viz.rendering.results import as_poses, score_maps, scores_from_sums
-
-PIXELS = {"published": kernels.PUBLISHED, "observed": kernels.OBSERVED, "classes": kernels.CLASSES}
+from verefine_viz.rendering.results import PIXELS, as_poses, normals_image, score_maps, scores_from_sums
 
 FEW_POSES = 2
 """Up to so many poses are scored in the calling thread: waking the others costs more than it gains."""
@@ -69,13 +67,7 @@ class CpuVerifier:
         camera = target.observation.camera
         mesh = self._meshes.get(target.model)
         depth, face_of = self._frame(T, mesh, camera)
-        normals = np.zeros((*camera.shape, 3), np.float32)
-        rows, columns = np.nonzero(depth)
-        seen = mesh.face_normals[face_of[rows, columns]] @ T[:3, :3].T
-        fx, fy, cx, cy = intrinsics(camera, self.settings)
-        rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(len(rows))], axis=1)
-        away = np.einsum("ij,ij->i", seen, rays) > 0
-        normals[rows, columns] = np.where(away[:, None], -seen, seen)
+        normals = normals_image(mesh, T, depth, face_of, intrinsics(camera, self.settings))
         placed_m = self._placed_depth(target, placed)
         return score_maps(
             depth, normals, self._targets.get(target), placed_m if placed_m.size else None, self.settings

@@ -149,3 +149,15 @@ def score_in_parallel(Ts, mesh, camera, far, observed, flags, placed, n_objects,
         score_pose(
             Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums[i]
         )  # fmt: skip
+
+
+@njit(cache=True)
+def windows(Ts, vertices, camera, height, width):
+    """The window of the image, (N, 4) x0, y0, columns, rows [px], that holds each of N poses; 0 columns for none."""
+    fx, fy, cx, cy = camera
+    out = np.zeros((len(Ts), 4), np.int64)
+    projected = np.empty((len(vertices), 3))
+    for i in range(len(Ts)):
+        x0, y0, columns, rows, _ = window(Ts[i], vertices, fx, fy, cx, cy, height, width, projected)
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x0, y0, columns, rows
+    return out

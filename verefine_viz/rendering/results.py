@@ -9,8 +9,13 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering import kernels
 from verefine_viz.rendering.kernels import EXPLAINED, HIDDEN, MISSED, OBJECTS, OWN, PROTRUDING, UNKNOWN
+from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import PreparedTarget
+
+PIXELS = {"published": kernels.PUBLISHED, "observed": kernels.OBSERVED, "classes": kernels.CLASSES}
+"""The renderers' code of ``ScoreSettings.pixels``."""
 
 LEAST_JUDGED_SHARE = 0.1
 """``classes``: a pose of whose pixels fewer than this share can be judged (neither hidden nor unmeasured) has its score
@@ -41,6 +46,24 @@ def scores_from_sums(sums: Float, settings: ScoreSettings) -> Scores:
         judged = 1.0 - (counts[:, HIDDEN] + counts[:, UNKNOWN]) / rendered
         score = score * np.minimum(1.0, judged / LEAST_JUDGED_SHARE)
     return Scores(score, depth_fit, normal_fit, whole[:, 0], whole[:, 1], counts)
+
+
+def normals_image(
+    mesh: RenderMesh,
+    T_cam_obj: Float,
+    depth_m: NDArray[np.float32],
+    face_of: NDArray[np.integer],
+    camera: tuple[float, float, float, float],
+) -> NDArray[np.float32]:
+    """Unit face normals (H, W, 3) in the camera frame, towards the camera; 0 where ``depth_m`` is 0."""
+    fx, fy, cx, cy = camera
+    out = np.zeros((*depth_m.shape, 3), np.float32)
+    rows, columns = np.nonzero(depth_m)
+    normals = mesh.face_normals[face_of[rows, columns]] @ T_cam_obj[:3, :3].T
+    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(len(rows))], axis=1)
+    away = np.einsum("ij,ij->i", normals, rays) > 0
+    out[rows, columns] = np.where(away[:, None], -normals, normals)
+    return out
 
 
 def score_maps(

@@ -1,0 +1,85 @@
+"""OpenGL without a window: one context per verifier, and what it runs on."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import moderngl
+
+from verefine_viz.core.errors import UnavailableError
+
+SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast", "software", "lavapipe", "basic render")
+"""Parts of the names of renderers that run on the CPU."""
+
+WAYS: tuple[dict[str, Any], ...] = (
+    {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"},
+    {"backend": "egl"},
+    {},
+)
+"""How to ask for a context, in order: EGL needs no display; the platform's own way is the last resort."""
+
+HOW_TO_GET_GL = (
+    'install EGL (Debian: apt install libegl1 libgl1-mesa-dri, or the GPU\'s driver) or set score.renderer = "cpu"'
+)
+
+
+@dataclass(frozen=True)
+class GlInfo:
+    """The OpenGL that was found."""
+
+    renderer: str
+    vendor: str
+    version: str
+    is_software: bool
+    """Runs on the CPU, where the numba rasteriser is faster."""
+
+
+def create_context() -> moderngl.Context:
+    """A context without a window, current in the calling thread, which is the only one that may use it.
+
+    Raises:
+        UnavailableError: there is no OpenGL 3.3.
+    """
+    reason = ""
+    for way in WAYS:
+        try:
+            return moderngl.create_context(require=330, standalone=True, **way)
+        except Exception as error:  # the bindings raise bare Exceptions, and each platform other ones
+            reason = reason or " ".join(str(error).split())
+    raise UnavailableError(f"no OpenGL 3.3 context could be made ({reason or 'unknown reason'}); {HOW_TO_GET_GL}")
+
+
+def info_of(context: moderngl.Context) -> GlInfo:
+    """What a context runs on."""
+    renderer = str(context.info["GL_RENDERER"])
+    return GlInfo(
+        renderer=renderer,
+        vendor=str(context.info["GL_VENDOR"]),
+        version=str(context.info["GL_VERSION"]),
+        is_software=any(name in renderer.lower() for name in SOFTWARE),
+    )
+
+
+@cache
+def probe() -> GlInfo | UnavailableError:
+    """What OpenGL this machine has, or why it has none; never raises."""
+    found: list[GlInfo | UnavailableError] = []
+
+    # A thread of its own, so that the caller's current context, if any, stays current.
+    def look() -> None:
+        try:
+            context = create_context()
+            found.append(info_of(context))
+            context.release()
+        except UnavailableError as error:
+            found.append(error)
+        except Exception as error:
+            found.append(UnavailableError(f"OpenGL failed ({error}); {HOW_TO_GET_GL}"))
+
+    thread = threading.Thread(target=look, name="gl-probe")
+    thread.start()
+    thread.join()
+    return found[0] if found else UnavailableError(f"OpenGL failed; {HOW_TO_GET_GL}")

@@ -1,0 +1,247 @@
+"""The OpenGL passes of the score: draw poses into tiles, judge their pixels row by row, add up the rows.
+
+All arrays keep image order: texture row v is image row v, so nothing is ever flipped, and the projection puts pixel
+centres at integers of the camera's image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import resources
+from weakref import WeakKeyDictionary
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.rendering.mesh import RenderMesh
+from verefine_viz.rendering.prepared import PreparedTarget
+from verefine_viz.rendering.rasterizer import NEAR_M
+
+Intrinsics = tuple[float, float, float, float]
+Windows = NDArray[np.int64]
+
+ATLAS_PIXELS = 1 << 23
+"""Largest atlas [px]; more poses are scored in several batches."""
+
+NORMALS_WIDTH = 1024
+"""Width of the texture that holds face normals, row by row."""
+
+VERY_FAR_M = 1e30
+"""Stands for no far limit [m]."""
+
+
+class Surface:
+    """A framebuffer of (z, face) with a depth buffer, grown when more is asked for."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._size = (0, 0)
+        self.texture: moderngl.Texture
+        self.framebuffer: moderngl.Framebuffer
+
+    def clear(self, width: int, height: int) -> None:
+        """Empties it, at least (width, height) [px] large."""
+        if width > self._size[0] or height > self._size[1]:
+            self._size = max(width, self._size[0]), max(height, self._size[1])
+            self.texture = self._context.texture(self._size, 2, dtype="f4")
+            self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            depth = self._context.depth_renderbuffer(self._size)
+            self.framebuffer = self._context.framebuffer([self.texture], depth)
+        self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0, viewport=(0, 0, width, height))
+
+    def read(self, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Z (height, width) [m] and face of the lower corner."""
+        raw = self.framebuffer.read((0, 0, width, height), components=2, dtype="f4")
+        pixels = np.frombuffer(raw, np.float32).reshape(height, width, 2)
+        return pixels[:, :, 0].copy(), pixels[:, :, 1].astype(np.int64)
+
+
+class GlPasses:
+    """Programs, buffers and textures of one context."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.context = context
+        # What Python forgets is released at the next call, in the thread that owns the context.
+        context.gc_mode = "context_gc"
+        self.atlas = Surface(context)
+        self.placed = Surface(context)
+        self._draw = context.program(_shader("draw.vert"), _shader("draw.frag"))
+        self._score = context.program(_shader("whole.vert"), _shader("score.frag"))
+        self._reduce = context.program(_shader("whole.vert"), _shader("reduce.frag"))
+        self._score_all = context.vertex_array(self._score, [])
+        self._reduce_all = context.vertex_array(self._reduce, [])
+        self._meshes: WeakKeyDictionary[RenderMesh, tuple[moderngl.VertexArray, moderngl.Texture]]
+        self._meshes = WeakKeyDictionary()
+        self._targets: WeakKeyDictionary[PreparedTarget, tuple[moderngl.Texture, moderngl.Texture]]
+        self._targets = WeakKeyDictionary()
+        self._max_side = int(context.info["GL_MAX_TEXTURE_SIZE"])
+
+    def collect(self) -> None:
+        """Releases what nobody holds any more."""
+        self.context.gc()
+
+    def batches(self, windows: Windows) -> Iterator[tuple[int, int]]:
+        """Ranges of poses whose tiles fit into one atlas."""
+        columns, rows = _tile(windows)
+        per_atlas = min(
+            (self._max_side // columns) * (self._max_side // rows), max(1, ATLAS_PIXELS // (columns * rows))
+        )
+        for first in range(0, len(windows), per_atlas):
+            yield first, min(first + per_atlas, len(windows))
+
+    def draw_tiles(self, mesh: RenderMesh, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> None:
+        """Pass 1: each pose's window (x0, y0, columns, rows) of the image into its tile of the atlas."""
+        columns, rows = _tile(windows)
+        per_row = self._tiles_per_row(windows)
+        self.atlas.clear(min(per_row, len(Ts)) * columns, -(-len(Ts) // per_row) * rows)
+        for i in range(len(Ts)):
+            if windows[i, 2] > 0:
+                corner = (i % per_row) * columns, (i // per_row) * rows
+                z = Ts[i, 2, 3]
+                depth_range = z - mesh.radius_m, z + mesh.radius_m
+                self._draw_one(self.atlas, corner, mesh, Ts[i], windows[i], camera, depth_range, far)
+
+    def draw_scene(
+        self, items: list[tuple[RenderMesh, Float]], shape: tuple[int, int], camera: Intrinsics, far: float
+    ) -> None:
+        """Several models into one whole image (height, width), ``placed``."""
+        height, width = shape
+        self.placed.clear(width, height)
+        whole = np.array([0, 0, width, height])
+        drawn = [(mesh, T) for mesh, T in items if np.isfinite(T).all()]
+        nearest = min((T[2, 3] - mesh.radius_m for mesh, T in drawn), default=0.0)
+        farthest = max((T[2, 3] + mesh.radius_m for mesh, T in drawn), default=0.0)
+        for mesh, T in drawn:
+            self._draw_one(self.placed, (0, 0), mesh, T, whole, camera, (nearest, farthest), far)
+
+    def sums(
+        self,
+        prepared: PreparedTarget,
+        mesh: RenderMesh,
+        Ts: Float,
+        windows: Windows,
+        camera: Intrinsics,
+        has_placed: bool,
+        judging: dict[str, float | int],
+    ) -> NDArray[np.float32]:
+        """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each pose's tile.
+
+        Args:
+            prepared: what was observed.
+            mesh: as in :meth:`draw_tiles`.
+            Ts: as there.
+            windows: as there.
+            camera: (fx, fy, cx, cy) [px].
+            has_placed: whether ``placed`` holds objects that may hide others.
+            judging: ``pixels``, ``tau_m`` and ``alpha``.
+        """
+        context, n, (columns, rows) = self.context, len(Ts), _tile(windows)
+        poses = context.texture(
+            (4, n), 4, np.concatenate([Ts[:, :3], windows[:, None]], axis=1).astype("f4"), dtype="f4"
+        )
+        by_row = [context.texture((rows, n), 4, dtype="f4") for _ in range(3)]
+        by_pose = context.texture((n, 3), 4, dtype="f4")
+        inputs = {
+            "atlas": self.atlas.texture,
+            "poses": poses,
+            "face_normals": self._mesh(mesh)[1],
+            "observed": self._target(prepared)[0],
+            "flags": self._target(prepared)[1],
+            "placed": self.placed.texture if has_placed else self.atlas.texture,
+        }
+        values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(windows), **judging}
+        _bind(self._score, inputs, {**values, "has_placed": has_placed})
+        row_target = context.framebuffer(by_row)
+        row_target.use()
+        self._score_all.render(vertices=3)
+        _bind(self._reduce, {f"rows_{k}": texture for k, texture in enumerate(by_row)}, {"n_rows": rows})
+        pose_target = context.framebuffer([by_pose])
+        pose_target.use()
+        self._reduce_all.render(vertices=3)
+        result = np.frombuffer(pose_target.read(components=4, dtype="f4"), np.float32).reshape(3, n, 4)
+        return result.transpose(1, 0, 2)
+
+    def _draw_one(
+        self,
+        surface: Surface,
+        corner: tuple[int, int],
+        mesh: RenderMesh,
+        T: Float,
+        window: NDArray[np.int64],
+        camera: Intrinsics,
+        depth_range: tuple[float, float],
+        far: float,
+    ) -> None:
+        x0, y0, columns, rows = (int(k) for k in window)
+        surface.framebuffer.use()
+        self.context.viewport = (*corner, columns, rows)
+        self.context.enable_only(moderngl.DEPTH_TEST)
+        # OpenGL takes matrices column by column.
+        self._draw["T_cam_obj"] = tuple(T.T.ravel())
+        self._draw["projection"] = tuple(_projection(camera, (x0, y0, columns, rows), *depth_range).T.ravel())
+        self._draw["far_m"] = min(far, VERY_FAR_M)
+        self._mesh(mesh)[0].render(moderngl.TRIANGLES)
+        self.context.enable_only(moderngl.NOTHING)
+
+    def _tiles_per_row(self, windows: Windows) -> int:
+        columns, rows = _tile(windows)
+        square = int(np.ceil(np.sqrt(len(windows) * rows / columns)))
+        return max(1, min(square, self._max_side // columns))
+
+    def _mesh(self, mesh: RenderMesh) -> tuple[moderngl.VertexArray, moderngl.Texture]:
+        if mesh not in self._meshes:
+            vertices = self.context.buffer(mesh.vertices.astype("f4").tobytes())
+            indices = self.context.buffer(mesh.faces.astype("i4").tobytes())
+            array = self.context.vertex_array(self._draw, [(vertices, "3f", "in_position")], indices)
+            height = -(-len(mesh.faces) // NORMALS_WIDTH)
+            normals = np.zeros((height * NORMALS_WIDTH, 4), "f4")
+            normals[: len(mesh.faces), :3] = mesh.face_normals
+            self._meshes[mesh] = array, self.context.texture((NORMALS_WIDTH, height), 4, normals.tobytes(), dtype="f4")
+        return self._meshes[mesh]
+
+    def _target(self, prepared: PreparedTarget) -> tuple[moderngl.Texture, moderngl.Texture]:
+        if prepared not in self._targets:
+            height, width = prepared.flags.shape
+            observed = self.context.texture((width, height), 4, prepared.observed.tobytes(), dtype="f4")
+            flags = self.context.texture((width, height), 1, prepared.flags.tobytes(), alignment=1, dtype="u1")
+            self._targets[prepared] = observed, flags
+        return self._targets[prepared]
+
+
+def _tile(windows: Windows) -> tuple[int, int]:
+    """(columns, rows) that hold every window [px]."""
+    if len(windows) == 0:
+        return 1, 1
+    return max(1, int(windows[:, 2].max())), max(1, int(windows[:, 3].max()))
+
+
+def _projection(camera: Intrinsics, window: tuple[int, int, int, int], nearest: float, farthest: float) -> Float:
+    """Clip space from the camera frame for a window of the image, depth between two z [m], a little widened."""
+    fx, fy, cx, cy = camera
+    x0, y0, columns, rows = window
+    near = max(NEAR_M, nearest - 0.01 * (farthest - nearest))
+    far = max(farthest + 0.01 * (farthest - nearest), 2.0 * near)
+    # A fragment's centre is at half a pixel of the viewport: image column u is at x = u − x0 + 1/2.
+    return np.array(
+        [
+            [2 * fx / columns, 0, 2 * (cx - x0 + 0.5) / columns - 1, 0],
+            [0, 2 * fy / rows, 2 * (cy - y0 + 0.5) / rows - 1, 0],
+            [0, 0, (far + near) / (far - near), -2 * far * near / (far - near)],
+            [0, 0, 1, 0],
+        ]
+    )
+
+
+def _bind(program: moderngl.Program, textures: dict[str, moderngl.Texture], values: dict[str, object]) -> None:
+    for unit, (name, texture) in enumerate(textures.items()):
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.use(unit)
+        program[name] = unit
+    for name, value in values.items():
+        program[name] = value
+
+
+def _shader(name: str) -> str:
+    return (resources.files("verefine_viz.rendering") / "shaders" / name).read_text(encoding="utf-8")

@@ -1,0 +1,118 @@
+"""The verification score on the GPU: poses as tiles of one atlas, summed there, a few numbers read back."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import UnavailableError
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering import kernels
+from verefine_viz.rendering.gl_context import create_context
+from verefine_viz.rendering.gl_passes import GlPasses
+from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
+from verefine_viz.rendering.results import PIXELS, as_poses, normals_image, score_maps, scores_from_sums
+
+
+class GlVerifier:
+    """Scores poses with OpenGL 3.3; belongs to the thread that uses it first, where its context is made."""
+
+    name = "gl"
+
+    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None) -> None:
+        self.settings = settings
+        self._targets = TargetStore()
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder)
+        self._passes: GlPasses | None = None
+        self._owner: threading.Thread | None = None
+        self._placed_key: tuple[object, ...] | None = None
+
+    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``).
+
+        Raises:
+            UnavailableError: no OpenGL, or called from another thread than before.
+        """
+        Ts = as_poses(Ts_cam_obj)
+        passes, settings = self._gl(), self.settings
+        prepared, mesh = self._targets.get(target), self._meshes.get(target.model)
+        frame = target.observation.camera
+        camera = intrinsics(frame, settings)
+        has_placed = self._draw_placed(passes, target, placed)
+        windows = kernels.windows(Ts, mesh.vertices, camera, frame.height, frame.width)
+        judging = {"pixels": PIXELS[settings.pixels], "tau_m": settings.tau_m, "alpha": settings.alpha}
+        raw = np.zeros((len(Ts), 3, 4))
+        for first, last in passes.batches(windows):
+            part = Ts[first:last], windows[first:last], camera
+            passes.draw_tiles(mesh, *part, far_m(settings))
+            raw[first:last] = passes.sums(prepared, mesh, *part, has_placed, judging)
+        return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
+
+    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        """The score of one pose, pixel by pixel.
+
+        Raises:
+            UnavailableError: no OpenGL, or called from another thread than before.
+        """
+        T = as_poses(np.asarray(T_cam_obj)[None])
+        passes, settings = self._gl(), self.settings
+        prepared, mesh = self._targets.get(target), self._meshes.get(target.model)
+        frame = target.observation.camera
+        camera = intrinsics(frame, settings)
+        has_placed = self._draw_placed(passes, target, placed)
+        placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else None
+        windows = kernels.windows(T, mesh.vertices, camera, frame.height, frame.width)
+        depth, face_of = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.int64)
+        if windows[0, 2] > 0:
+            passes.draw_tiles(mesh, T, np.array([[0, 0, frame.width, frame.height]]), camera, far_m(settings))
+            depth, face_of = passes.atlas.read(frame.width, frame.height)
+        return score_maps(depth, normals_image(mesh, T[0], depth, face_of, camera), prepared, placed_m, settings)
+
+    def close(self) -> None:
+        """Gives the context back; the next call makes a new one."""
+        if self._passes is not None:
+            self._gl().context.release()
+        self._passes = self._owner = self._placed_key = None
+
+    def _gl(self) -> GlPasses:
+        here = threading.current_thread()
+        if self._passes is None:
+            self._passes, self._owner = GlPasses(create_context()), here
+        if self._owner is not here:
+            owner = self._owner.name if self._owner else "?"
+            raise UnavailableError(
+                f"the OpenGL verifier belongs to thread {owner!r}, which used it first, and was called from thread "
+                f"{here.name!r}; make one verifier per thread"
+            )
+        self._passes.context.__enter__()
+        self._passes.collect()
+        return self._passes
+
+    def _draw_placed(self, passes: GlPasses, target: Target, placed: Sequence[Placed]) -> bool:
+        """Draws the other objects, once as long as they stay where they are; False where there are none."""
+        others = [p for p in placed if p.instance_id != target.instance.instance_id]
+        if not others:
+            return False
+        frame = target.observation.camera
+        key = (frame.K.tobytes(), frame.shape, *((p.model.mesh_hash, p.T_cam_obj.tobytes()) for p in others))
+        if key != self._placed_key:
+            items = [(self._meshes.get(p.model), p.T_cam_obj) for p in others]
+            passes.draw_scene(items, frame.shape, intrinsics(frame, self.settings), np.inf)
+            self._placed_key = key
+        return True
+
+
+def _columns(raw: Float, n_own: int, n_objects: int, pixels: str) -> NDArray[np.float64]:
+    """The sums (N, ``N_SUMS``) of :mod:`kernels` from those of the shader (N, 3, 4)."""
+    (sum_d, sum_n, rendered, stray), (explained, blocked, protruding, hidden) = raw[:, 0].T, raw[:, 1].T
+    unknown, covered = raw[:, 2, 0], raw[:, 2, 1]
+    missed = blocked + n_own - covered
+    n = {"published": n_objects + stray, "observed": n_own + 0 * stray, "classes": explained + missed + protruding}
+    return np.stack([sum_d, sum_n, n[pixels], rendered, explained, missed, protruding, hidden, unknown], axis=1)
