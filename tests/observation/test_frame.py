@@ -1,0 +1,41 @@
+import numpy as np
+
+from tests.fakes import box_problem
+from tests.observation.planes import CAMERA
+from tests.observation.test_support import UP, scene
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.settings import SceneSettings
+from verefine_viz.observation.frame import observe
+from verefine_viz.observation.normals import estimate_normals
+
+
+def test_puts_everything_together() -> None:
+    depth, mask = scene(0.001)
+    other = np.zeros(CAMERA.shape, bool)
+    other[:5, :5] = True
+    rgb = np.full((*CAMERA.shape, 3), 7, np.uint8)
+    observation = observe(CAMERA, depth, rgb, [mask, other], SceneSettings())
+    assert observation.depth_m.dtype == np.float32
+    assert np.array_equal(observation.object_mask, mask | other)
+    assert np.array_equal(observation.normals_cam, estimate_normals(observation.depth_m, CAMERA))
+    assert observation.support is not None
+    assert observation.support.T_world_cam[2, :3] @ UP > 0.9999
+    assert observation.support_note == ""
+    again = observe(CAMERA, depth, rgb, [mask, other], SceneSettings())
+    assert first_difference(observation, again) is None
+
+
+def test_a_frame_without_a_plane_is_no_error() -> None:
+    camera = box_problem().observation.camera
+    observation = observe(camera, np.zeros(camera.shape), None, [], SceneSettings())
+    assert observation.support is None
+    assert observation.support_note.startswith("no support plane: ")
+    assert "\n" not in observation.support_note
+    assert not observation.object_mask.any()
+
+
+def test_world_gravity_that_the_frame_does_not_have_is_noted() -> None:
+    depth, mask = scene()
+    observation = observe(CAMERA, depth, None, [mask], SceneSettings(gravity="world"))
+    assert observation.support is None
+    assert "cam_R_w2c" in observation.support_note

@@ -1,0 +1,211 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+import trimesh
+from PIL import Image
+
+from tests.observation.planes import CAMERA
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import NoSupportError
+from verefine_viz.core.geometry import apply, axis_angle, inverse, transform
+from verefine_viz.core.observation import Support
+from verefine_viz.observation.support import find_support
+
+# The camera looks down at a table by 40°: world z up, in the camera frame.
+UP = np.array([0.0, -np.cos(np.deg2rad(40)), -np.sin(np.deg2rad(40))])
+TABLE_OFFSET_M = 0.5
+
+
+def scene(noise_m: float = 0.0, wall: bool = False, shelf_m: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W) and object mask of a 100 mm box on a table, ray cast; maybe a wall behind, or a floor below."""
+    world = o3d.t.geometry.RaycastingScene()
+    T_cam_world = inverse(T_world_cam_true())
+    parts = [(trimesh.creation.box((0.1, 0.1, 0.1)), [0, 0, 0.05])]
+    size = 0.5 if shelf_m else 4.0
+    parts.append((trimesh.creation.box((size, size, 0.02)), [0, 0, -0.01]))
+    if wall:
+        parts.append((trimesh.creation.box((4, 0.02, 4)), [0, 0.16, 0]))
+    if shelf_m:
+        parts.append((trimesh.creation.box((4, 4, 0.02)), [0, 0, -shelf_m]))
+    for mesh, place in parts:
+        vertices = apply(T_cam_world, np.asarray(mesh.vertices) + place)
+        world.add_triangles(vertices.astype(np.float32), np.asarray(mesh.faces, np.uint32))
+    v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
+    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
+    hit = world.cast_rays(np.concatenate([np.zeros_like(rays), rays], axis=-1).astype(np.float32))
+    depth = hit["t_hit"].numpy().astype(np.float64)
+    depth[~np.isfinite(depth) | (depth > 5)] = 0
+    mask = (hit["geometry_ids"].numpy() == 0) & (depth > 0)
+    depth[depth > 0] += np.random.default_rng(0).normal(0, noise_m, np.count_nonzero(depth)) if noise_m else 0.0
+    return depth, mask
+
+
+def T_world_cam_true() -> np.ndarray:
+    """World: origin on the table where the optical axis meets it, z up, x to the camera's right."""
+    x = np.array([1.0, 0, 0])
+    R_world_cam = np.stack([x, np.cross(UP, x), UP])
+    origin_cam = np.array([0.0, 0, TABLE_OFFSET_M / -UP[2]])
+    return transform(R_world_cam, -R_world_cam @ origin_cam)
+
+
+def up_cam(support: Support) -> np.ndarray:
+    return support.T_world_cam[2, :3]
+
+
+def heights_of_table_mm(support: Support) -> np.ndarray:
+    table = apply(inverse(T_world_cam_true()), np.random.default_rng(1).uniform(-0.2, 0.2, (50, 3)) * [1, 1, 0])
+    return apply(support.T_world_cam, table)[:, 2] * 1000
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.002])
+def test_finds_the_table(noise_m: float) -> None:
+    depth, mask = scene(noise_m)
+    support = find_support(depth, CAMERA, mask, "plane", None, 0)
+    assert np.rad2deg(np.arccos(min(1.0, float(up_cam(support) @ UP)))) < 0.2
+    assert np.abs(heights_of_table_mm(support)).max() < 1.0
+    assert np.allclose(support.normal_world, [0, 0, 1], atol=1e-12)
+    assert support.gravity_source == "plane"
+    assert support.inlier_share > 0.95
+    assert support.rms_m == pytest.approx(noise_m * float(-UP[2]), abs=0.0007)
+    # Right-handed, x along the camera's right, and the camera above the table.
+    assert np.linalg.det(support.T_world_cam[:3, :3]) == pytest.approx(1)
+    assert support.T_world_cam[0, 0] > 0.99
+    assert support.T_world_cam[2, 3] == pytest.approx(TABLE_OFFSET_M, abs=0.001)
+
+
+def test_prefers_the_plane_that_carries_the_objects_to_larger_ones() -> None:
+    depth, mask = scene(0.001, wall=True)
+    support = find_support(depth, CAMERA, mask, "plane", None, 0)
+    assert float(up_cam(support) @ UP) > 0.999
+    depth, mask = scene(0.001, shelf_m=0.15)
+    support = find_support(depth, CAMERA, mask, "plane", None, 0)
+    assert np.abs(heights_of_table_mm(support)).max() < 2.0
+
+
+def test_same_bits_every_time_and_for_any_history() -> None:
+    depth, mask = scene(0.002, wall=True)
+    first = find_support(depth, CAMERA, mask, "plane", None, 7)
+    o3d.utility.random.seed(123)
+    find_support(scene(0.001)[0], CAMERA, mask, "plane", None, 1)
+    again = find_support(depth, CAMERA, mask, "plane", None, 7)
+    assert first.T_world_cam.tobytes() == again.T_world_cam.tobytes()
+    assert first.inlier_share == again.inlier_share
+
+
+def test_gravity_of_the_data_set() -> None:
+    depth, mask = scene()
+    # The table leans by 3° against the data set's world, as in the Extended APC frame.
+    R_world_cam = axis_angle([1, 1, 0], np.deg2rad(3)) @ T_world_cam_true()[:3, :3]
+    support = find_support(depth, CAMERA, mask, "world", R_world_cam, 0)
+    assert np.allclose(support.T_world_cam[:3, :3], R_world_cam, atol=1e-12)
+    assert support.gravity_source == "world"
+    assert np.rad2deg(np.arccos(support.normal_world[2])) == pytest.approx(3, abs=0.05)
+    table = apply(inverse(T_world_cam_true()), np.random.default_rng(1).uniform(-0.2, 0.2, (50, 3)) * [1, 1, 0])
+    assert np.abs(apply(support.T_world_cam, table) @ support.normal_world).max() < 0.001
+
+
+def test_gravity_as_a_vector() -> None:
+    depth, mask = scene()
+    down = axis_angle([1, 0, 0], np.deg2rad(5)) @ -UP * 9.81
+    support = find_support(depth, CAMERA, mask, (float(down[0]), float(down[1]), float(down[2])), None, 0)
+    assert np.allclose(up_cam(support), -down / 9.81, atol=1e-12)
+    assert support.gravity_source == "given"
+    assert np.rad2deg(np.arccos(support.normal_world[2])) == pytest.approx(5, abs=0.05)
+
+
+def test_known_gravity_tells_the_table_from_the_wall() -> None:
+    depth, _ = scene(0.001, wall=True)
+    nothing = np.zeros(CAMERA.shape, bool)
+    down = (float(-UP[0]), float(-UP[1]), float(-UP[2]))
+    support = find_support(depth, CAMERA, nothing, down, None, 0)
+    assert support.normal_world[2] > 0.999
+
+
+def test_origin_lies_on_the_plane_near_the_objects() -> None:
+    depth, mask = scene()
+    support = find_support(depth, CAMERA, mask, "plane", None, 0)
+    origin_world_true = apply(T_world_cam_true(), inverse(support.T_world_cam)[None, :3, 3])[0]
+    assert abs(origin_world_true[2]) < 0.001
+    assert np.linalg.norm(origin_world_true) < 0.3
+
+
+# No plane -------------------------------------------------------------------------------------------------------------
+
+
+def test_no_depth_no_plane() -> None:
+    zero = np.zeros(CAMERA.shape)
+    with pytest.raises(NoSupportError, match=r"^no support plane: 0 background pixels .* physics is off"):
+        find_support(zero, CAMERA, np.zeros(CAMERA.shape, bool), "plane", None, 0)
+
+
+def test_everything_masked_no_plane() -> None:
+    depth, _ = scene()
+    with pytest.raises(NoSupportError, match="0 background pixels"):
+        find_support(depth, CAMERA, np.ones(CAMERA.shape, bool), "plane", None, 0)
+
+
+def test_scattered_depth_is_no_plane() -> None:
+    depth = np.random.default_rng(0).uniform(0.3, 3.0, CAMERA.shape)
+    with pytest.raises(NoSupportError, match=r"the largest plane holds [0-9]%"):
+        find_support(depth, CAMERA, np.zeros(CAMERA.shape, bool), "plane", None, 0)
+
+
+def test_a_plane_above_the_objects_does_not_carry_them() -> None:
+    """Only the box's mask has depth below the plane that covers the rest of the image."""
+    depth = np.full(CAMERA.shape, 0.5)
+    mask = np.zeros(CAMERA.shape, bool)
+    mask[80:160, 100:220] = True
+    depth[mask] = 0.7
+    with pytest.raises(NoSupportError, match="carries them"):
+        find_support(depth, CAMERA, mask, "plane", None, 0)
+
+
+def test_gravity_that_no_plane_fits() -> None:
+    depth, mask = scene()
+    with pytest.raises(NoSupportError, match="no support plane"):
+        find_support(depth, CAMERA, mask, (1.0, 0.0, 0.0), None, 0)
+
+
+def test_world_gravity_without_a_world() -> None:
+    depth, mask = scene()
+    with pytest.raises(NoSupportError, match=r'gravity = "world" needs .*cam_R_w2c.* set gravity = "plane"'):
+        find_support(depth, CAMERA, mask, "world", None, 0)
+
+
+@pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (float("nan"), 0.0, 1.0), (float("inf"), 0.0, 1.0)])
+def test_a_vector_without_direction(vector: tuple[float, float, float]) -> None:
+    depth, mask = scene()
+    with pytest.raises(NoSupportError, match="no direction"):
+        find_support(depth, CAMERA, mask, vector, None, 0)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("scene_id", "im_id", "stacked"),
+    [("000000", 1, ()), ("000049", 2365, (3,)), ("000050", 1, ()), ("000900", 2, (9,))],
+)
+def test_true_poses_stand_on_the_plane_of_real_frames(
+    shared_data: Path, scene_id: str, im_id: int, stacked: tuple[int, ...]
+) -> None:
+    """Their annotations reach up to 13 mm below it; ``stacked`` ones stand on another object."""
+    folder = shared_data / "ycbv" / "test" / scene_id
+    frame = json.loads((folder / "scene_camera.json").read_text())[str(im_id)]
+    depth = np.array(Image.open(folder / "depth" / f"{im_id:06d}.png")).astype(np.float32) * frame["depth_scale"] / 1000
+    camera = Camera(np.array(frame["cam_K"]).reshape(3, 3), depth.shape[1], depth.shape[0])
+    truths = json.loads((folder / "scene_gt.json").read_text())[str(im_id)]
+    masks = [np.array(Image.open(folder / "mask_visib" / f"{im_id:06d}_{i:06d}.png")) > 0 for i in range(len(truths))]
+    support = find_support(depth, camera, np.any(masks, axis=0), "plane", None, 0)
+    for truth in truths:
+        mesh = trimesh.load(shared_data / "ycbv" / "models" / f"obj_{truth['obj_id']:06d}.ply", process=False)
+        T = transform(np.array(truth["cam_R_m2c"]).reshape(3, 3), np.array(truth["cam_t_m2c"]) / 1000)
+        lowest_m = apply(support.T_world_cam @ T, np.asarray(mesh.vertices) / 1000)[:, 2].min()
+        if truth["obj_id"] in stacked:
+            assert 0.02 < lowest_m < 0.06
+        else:
+            assert -0.015 < lowest_m < 0.005
+    if "cam_R_w2c" in frame:
+        up = np.array(frame["cam_R_w2c"]).reshape(3, 3)[:, 2]
+        assert np.rad2deg(np.arccos(up_cam(support) @ up)) < 2
