@@ -21,7 +21,7 @@ from verefine_viz.viewer.widgets import Send, by_person
 
 RIGHT_PX = 372
 GAP_PX = 6
-TIMELINE_PX = 122
+TIMELINE_PX = 136
 STRIP_PX = 252
 MAPS_PX = 592
 CURVES_PX = 296
@@ -62,7 +62,7 @@ class Layout:
 
     def __init__(self, server: viser.ViserServer, send: Send) -> None:
         gui = server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         gui.set_panel_label("verefine-viz")
         self.run = RunPanel(gui, send)
         self.settings = SettingsPanel(gui, send)
@@ -98,7 +98,7 @@ class Layout:
         layers = gui.add_panel()
         with layers.add_tab("View"):
             self.layers = LayersPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=190, height=390)
+        layers.float(x=GAP_PX, y=GAP_PX, width=196, height=372)
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda _, command=command: send(command))

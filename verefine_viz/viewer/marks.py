@@ -12,6 +12,8 @@ QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
 
 RED = (220, 50, 47)
+FALL = 0.01
+"""A smaller fall of the score is the noise of a converged pose and gets no mark [score]."""
 GROWTH_MM = 3.0
 """A kept pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
 
@@ -32,10 +34,13 @@ class Mark:
 
 def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tuple[Mark, ...]:
     """The marks of one iteration; ``error_growth_mm``: by how much ADD(-S) of the kept pose grew, if known."""
-    found = [
-        Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind]) for e in iteration.events if e.kind not in QUIET
-    ]
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    hardly_fell = before is not None and after is not None and before.score - after.score < FALL
+    found = [
+        Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind])
+        for e in iteration.events
+        if e.kind not in QUIET and not (e.kind == "score_fell" and hardly_fell)
+    ]
     score_rose = before is not None and after is not None and after.score >= before.score
     if error_growth_mm is not None and error_growth_mm > GROWTH_MM and score_rose:
         assert before is not None

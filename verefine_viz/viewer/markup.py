@@ -89,7 +89,7 @@ STYLE = """<style>
 .vz table{border-collapse:collapse;width:100%;font-size:12px;font-variant-numeric:tabular-nums;margin:0 0 6px 0}
 .vz th{font-weight:600;text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.5);cursor:help;
  white-space:nowrap}
-.vz td{text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.15);white-space:nowrap}
+.vz td{text-align:right;padding:0 4px;line-height:1.3;border-bottom:1px solid rgba(128,128,128,.15);white-space:nowrap}
 .vz th:first-child,.vz td:first-child{text-align:left}
 .vz tr[data-cmd]{cursor:pointer}
 .vz tr[data-cmd]:hover{background:rgba(28,126,214,.12)}
@@ -107,5 +107,5 @@ STYLE = """<style>
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
-div:has(>div>p>label[data-never]){display:none}
+#webgl-software-rendering{display:none}
 </style>"""

@@ -16,6 +16,7 @@ from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.maps import map_image
 from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
+from verefine_viz.viewer.standing import LIGHTS
 from verefine_viz.viewer.view import View
 
 IMAGE_PLANE_M = 0.12
@@ -55,6 +56,7 @@ class SceneView:
         self._show_cloud(view)
         self._show_image(view)
         self._show_contacts(view)
+        self._show_polygon(view)
         self._show_gizmo(view)
         layers = view.look.layers
         self._plane.visible = self._grid.visible = "plane" in layers and view.problem.observation.support is not None
@@ -95,6 +97,9 @@ class SceneView:
         self._add_camera(view)
         self._add_ground(view)
         self._contacts = None
+        self._balance = scene.add_line_segments(
+            "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
+        )
         self._problem = view.problem
         self._aim(view)
 
@@ -102,12 +107,13 @@ class SceneView:
         scene, camera = self._server.scene, view.problem.observation.camera
         height = camera.height / camera.fy * IMAGE_PLANE_M
         width = camera.width / camera.fx * IMAGE_PLANE_M
-        fov = 2 * np.arctan(camera.height / 2 / camera.fy)
-        # viser scales the frustum by its volume; its far plane is brought to the image's.
-        self._frustum = scene.add_camera_frustum(
-            "/cam/frustum", float(fov), camera.width / camera.height, scale=IMAGE_PLANE_M, color=(90, 90, 90),
-            thickness=1.5, thickness_units="screen", cast_shadow=False,
-        )  # fmt: skip
+        left, right = -camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx
+        top, bottom = -camera.cy / camera.fy, (camera.height - camera.cy) / camera.fy
+        corners = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]]) * IMAGE_PLANE_M
+        edges = [(np.zeros(3), corner) for corner in corners] + [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+        self._frustum = scene.add_line_segments(
+            "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
+        )
         photo = view.problem.observation.rgb
         image = photo if photo is not None else np.full((*camera.shape, 3), 90, np.uint8)
         centre = (
@@ -123,7 +129,7 @@ class SceneView:
 
     def _add_ground(self, view: View) -> None:
         scene, support = self._server.scene, view.problem.observation.support
-        centre = apply(self._T_world_cam, _middle(view)[None])[0]
+        centre = apply(self._T_world_cam, _all_points(view).mean(axis=0)[None])[0]
         up = support.normal_world if support else np.array([0.0, 0, 1])
         across = np.cross(up, [0.0, 1, 0]) if abs(up[1]) < 0.9 else np.cross(up, [1.0, 0, 0])
         across /= np.linalg.norm(across)
@@ -149,15 +155,21 @@ class SceneView:
         )  # fmt: skip
 
     def _aim(self, view: View) -> None:
-        """The first look: from beside the sensor, so that its image does not stand in the way."""
-        middle = _middle(view)
-        distance = float(np.linalg.norm(middle))
-        sideways = 0.42 * distance
-        eye_cam = middle * 0.18 + np.array([sideways, -0.30 * distance, 0.0])
+        """The first look: from beside the sensor, with the objects in the part that no panel covers."""
+        points = _all_points(view)
+        middle = points.mean(axis=0)
+        extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
+        distance = max(0.34, 2.3 * extent)
+        towards_sensor = -middle / np.linalg.norm(middle)
+        beside = np.array([0.75, -0.35, 0.0])
+        direction = towards_sensor + beside
+        eye_cam = middle + distance * direction / np.linalg.norm(direction)
         eye, target = apply(self._T_world_cam, np.array([eye_cam, middle]))
-        target = target + np.array([0.0, 0.0, -0.10 * distance])
+        # The free part is the upper half: look below the objects, so that they appear above the middle.
+        target = target - np.array([0.0, 0.0, 0.33 * distance])
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
+        camera.near = 0.005
         for client in self._server.get_clients().values():
             client.camera.up_direction = np.array([0.0, 0.0, 1.0])
             client.camera.position, client.camera.look_at = eye, target
@@ -215,6 +227,21 @@ class SceneView:
             head_length=0.12 * length,
         )  # fmt: skip
 
+    def _show_polygon(self, view: View) -> None:
+        """The support polygon on the plane, and a line down from the centre of mass."""
+        found = view.plausible
+        self._balance.visible = found is not None and "contacts" in view.look.layers
+        if found is None:
+            return
+        corners = found.polygon_cam
+        segments = [(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners))]
+        segments.append((found.com_cam, found.com_on_plane_cam))
+        points = np.array(segments, np.float32)
+        colors = np.empty((len(points), 2, 3), np.uint8)
+        colors[:] = LIGHTS[found.light]
+        self._balance.points = points
+        self._balance.colors = colors
+
     def _show_gizmo(self, view: View) -> None:
         T = view.look.T_cam_obj_edited
         if T is None:
@@ -260,7 +287,7 @@ def overlaid(picture: Image, relevant: np.ndarray, photo: Image | None) -> Image
     return np.where(relevant[..., None], picture, back)
 
 
-def _middle(view: View) -> Float:
-    """The middle of all objects' observed points, in the camera frame (3,)."""
+def _all_points(view: View) -> Float:
+    """All objects' observed points (n, 3), in the camera frame; a point ahead where nothing was measured."""
     clouds = [i.points_cam for i in view.problem.instances if len(i.points_cam)]
-    return np.concatenate(clouds).mean(axis=0) if clouds else np.array([0.0, 0.0, 1.0])
+    return np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 1.0]])

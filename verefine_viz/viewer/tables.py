@@ -176,7 +176,7 @@ def changes_table(view: View) -> str:
     for before, stage in zip(shown.stages, shown.stages[1:]):  # noqa: B905
         angle, axis = turn(before.T_cam_obj, stage.T_cam_obj)
         cells = [
-            f"{swatch(STAGE_COLORS[stage.name])}{before.name} → {stage.name}",
+            f"{swatch(STAGE_COLORS[stage.name])}{stage.name}",
             f"{angle:.2f}°",
             axis or _NONE,
             f"{shift_mm(before.T_cam_obj, stage.T_cam_obj, points):.2f}",
@@ -184,7 +184,7 @@ def changes_table(view: View) -> str:
         ]
         rows.append(Row(cells))
     head = [
-        ("step", ""), ("turned", "angle between the two poses"), ("axis", "in the object's frame"),
+        ("stage", "what the way from the stage before it did"), ("turned", "angle between the two poses"), ("axis", "in the object's frame"),
         ("mm", "how far the object's middle moved"), ("ms", "time to compute it"),
     ]  # fmt: skip
     return table(head, rows)

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
 
 
+FALLBACK_A = ("current", "initial", "best", "ground truth")
+FALLBACK_B = ("accepted", "best", "initial", "ground truth")
+"""What is shown instead of a stage that does not exist at the cursor."""
+
+
 def view_of(debugger: Debugger) -> View:
     """Everything the panels and the scene need, at this moment."""
     space, look = debugger.workspace, debugger.look
@@ -53,8 +58,8 @@ def view_of(debugger: Debugger) -> View:
         poses=poses,
         arm=arm,
         look=look,
-        a=_side(judge, target, poses.get(look.a), look, running),
-        b=_side(judge, target, poses.get(look.b), look, running),
+        a=_side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, running),
+        b=_side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, running),
         plausible=judge.plausibility(target, judged.T_cam_obj) if judged and not running else None,
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, run.iterations),
@@ -142,6 +147,10 @@ def _poses(
 def _revealed(shown: Iteration, look: Look) -> tuple[str, ...]:
     names = [s.name for s in shown.stages]
     return tuple(names[: names.index(look.stage) + 1]) if look.stage in names else tuple(names)
+
+
+def _or_else(poses: dict[str, Judged], wanted: str, instead: tuple[str, ...]) -> Judged | None:
+    return next((poses[name] for name in (wanted, *instead) if name in poses), None)
 
 
 def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, running: bool) -> Side | None:

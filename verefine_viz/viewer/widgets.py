@@ -92,6 +92,6 @@ class Chart:
             scales["y"] = uplot.Scale(auto=False, range=self._y_range)
         with self._container:
             return self._gui.add_uplot(
-                data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=True),
-                axes=(uplot.Axis(size=22), uplot.Axis(size=38)), padding=(4, 8, 0, 0),
+                data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=False),
+                axes=(uplot.Axis(size=26), uplot.Axis(size=48)), padding=(4, 8, 0, 0),
             )  # fmt: skip

@@ -12,20 +12,22 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.view import View
 
-_AXES = "xyz"
+_AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
 
 
 def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
-    """The angle [deg] between two poses and the object axis it is about: "x", or "(0.7, 0.0, 0.7)"."""
+    """The angle [deg] between two poses and the object axis it is about: "x", or "0.7, 0.0, −0.7"."""
     vector = rotation_vector(T_from[:3, :3].T @ T_to[:3, :3])
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:
         return 0.0, ""
     axis = vector / angle
     k = int(np.argmax(np.abs(axis)))
-    name = _AXES[k] if abs(axis[k]) > 0.9 else f"({', '.join(f'{x + 0.0:.1f}' for x in axis)})"
+    name = (
+        _AXES[k] if abs(axis[k]) > 0.9 else ", ".join(f"{x:.1f}".replace("-0.0", "0.0").replace("-", "−") for x in axis)
+    )
     return float(np.rad2deg(angle)), name
 
 
@@ -41,7 +43,7 @@ def movement(T_from: Float, T_to: Float, points: Float) -> str:
     distance = shift_mm(T_from, T_to, points)
     parts = []
     if angle >= _NO_TURN_DEG:
-        parts.append(f"turned it {angle:.1f}° about {axis}")
+        parts.append(f"turned it {angle:.1f}° about {axis}" if axis in _AXES else f"turned it {angle:.1f}°")
     if distance >= _NO_MOVE_MM:
         parts.append(f"moved it {distance:.1f} mm")
     return " and ".join(parts) or "left it where it was"
@@ -151,13 +153,17 @@ def compared(view: View) -> str:
     """Why the two stages that are compared differ in score."""
     a, b = view.a, view.b
     if a is None or b is None:
-        missing = view.look.a if a is None else view.look.b
-        return f"There is no {missing} pose here; choose another stage, or step to an iteration that has one."
+        return f"{view.name} has no pose to judge; give it a hypothesis."
+    missing = [wanted for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
+    lead = f"No {' and no '.join(missing)} pose here yet. " if missing else ""
+    if a.pose.name == b.pose.name or a.pose.score == b.pose.score:
+        score = a.pose.score.score if a.pose.score else 0.0
+        return f"{lead}{b.pose.name.capitalize()} scores {score:.3f}."
     if a.pose.score is None or b.pose.score is None:
         return f"{a.pose.name} or {b.pose.name} was not scored."
     one, other = a.pose.score, b.pose.score
     difference = other.score - one.score
-    said = f"{b.pose.name.capitalize()} {other.score:.3f} against {a.pose.name} {one.score:.3f}"
+    said = f"{lead}{b.pose.name.capitalize()} {other.score:.3f} against {a.pose.name} {one.score:.3f}"
     if abs(difference) < 5e-4:
         return f"{said}: the same."
     depth, normal = (other.depth_fit - one.depth_fit) / 2, (other.normal_fit - one.normal_fit) / 2

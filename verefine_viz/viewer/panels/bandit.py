@@ -50,7 +50,7 @@ class CurvesPanel:
         for name in ("Score", "UCB", "Pulls", "Error"):
             tab = panel.add_tab(name)
             with tab:
-                self._charts[name] = Chart(gui, 172, tab)
+                self._charts[name] = Chart(gui, 168, tab)
 
     def show(self, view: View) -> None:
         """All curves; drawn again only if they changed."""

@@ -33,7 +33,7 @@ class LayersPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self.cloud = gui.add_dropdown(
-            "Cloud by", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
+            "Cloud", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
         )
         self.cloud.on_update(by_person(lambda v: send(c.ColorCloud(v))))
         for name in WITH_BOX:
@@ -51,5 +51,6 @@ class LayersPanel:
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
-    shown = f"border-left:9px solid rgb{color}" if color else "border-left:9px solid transparent"
-    return f'label[for="{box._impl.uuid}"]{{{shown};padding-left:5px}}'
+    label = f'label[for="{box._impl.uuid}"]'
+    shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
+    return f"{label}{{{shown}}}div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}"

@@ -15,7 +15,7 @@ from verefine_viz.viewer.tables import CLASS_MEANING
 from verefine_viz.viewer.view import Side, View
 from verefine_viz.viewer.widgets import Block, Send
 
-ASPECT = 1.25
+ASPECT = 0.95
 
 
 class MapsPanel:

@@ -37,7 +37,7 @@ class ScorePanel:
         self._words.show(sentence(compared(view)))
         self.a.value, self.b.value = view.look.a, view.look.b
         self.map.value = LABELS[view.look.map][0]
-        a, b = view.poses.get(view.look.a), view.poses.get(view.look.b)
+        a, b = (side.pose if side else None for side in (view.a, view.b))
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
         self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>')

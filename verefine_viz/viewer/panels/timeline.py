@@ -11,7 +11,7 @@ from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
 
-_WIDTH, _HEIGHT = 860, 34
+_WIDTH, _HEIGHT = 860, 40
 
 
 class TimelinePanel:
@@ -46,6 +46,7 @@ def strip(view: View) -> str:
             f'<g {carries(c.Seek(iteration.index))}><rect x="{x:.1f}" y="14" width="{max(cell - 1, 1):.1f}" '
             f'height="12" rx="1.5" fill="rgb{color}"/><title>{text(title)}</title></g>'
         )
+    parts += _objects(view, cell)
     for mark in sorted(view.marks, key=lambda m: m.is_red):
         x = (mark.iteration - 0.5) * cell
         parts.append(_triangle(x, mark.color, mark.iteration, mark.text, small=mark.kind == "new_best"))
@@ -54,6 +55,24 @@ def strip(view: View) -> str:
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
     return f'<div style="font-size:12px">{where(view)}</div><svg {box}>{rest}{"".join(parts)}</svg>'
+
+
+def _objects(view: View, cell: float) -> list[str]:
+    """Where the run goes on to another object: a line, and the object's name below its iterations."""
+    if len(view.problem.instances) < 2:
+        return []
+    names = {i.instance_id: view.problem.models[i.obj_id].name for i in view.problem.instances}
+    parts = []
+    for k, iteration in enumerate(view.iterations):
+        if k and view.iterations[k - 1].instance_id == iteration.instance_id:
+            continue
+        x = k * cell
+        parts.append(
+            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="38" stroke="currentColor" stroke-width="1.5"/>'
+            f'<text x="{x + 3:.1f}" y="37" font-size="10" fill="currentColor">'
+            f"{text(names[iteration.instance_id])}</text>"
+        )
+    return parts
 
 
 def _triangle(x: float, color: RGB, iteration: int, title: str, small: bool) -> str:
