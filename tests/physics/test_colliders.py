@@ -1,0 +1,127 @@
+"""Convex parts, centre of mass and inertia, and the cache on disk."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.physics.bodies import ball, box, model, ring
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.physics.colliders import build, collider, reduced_hull, signed_distance
+
+
+def test_box_has_its_corners_its_centre_and_its_inertia():
+    solid = build(box(0.06, 0.04, 0.1), "decomposition")
+    (part,) = solid.parts
+    assert len(part) == 8
+    np.testing.assert_allclose(np.abs(part), np.tile([0.03, 0.02, 0.05], (8, 1)), atol=1e-12)
+    np.testing.assert_allclose(solid.com_obj, 0, atol=1e-12)
+    x, y, z = 0.06**2, 0.04**2, 0.1**2
+    np.testing.assert_allclose(solid.inertia_m2, sorted([(y + z) / 12, (x + z) / 12, (x + y) / 12]), rtol=1e-9)
+    assert solid.mass_from == "mesh"
+
+
+@given(angle=st.floats(0.1, 3.0), shift=st.floats(-0.2, 0.2))
+@settings(max_examples=15, deadline=None)
+def test_centre_and_principal_axes_follow_the_mesh(angle: float, shift: float):
+    T = transform(axis_angle([1, 2, -1], angle), [shift, 0.1, -shift])
+    mesh = trimesh.creation.box([0.06, 0.04, 0.1])
+    mesh.apply_transform(T)
+    solid = build(model(mesh), "hull")
+    np.testing.assert_allclose(solid.com_obj, T[:3, 3], atol=1e-9)
+    axes = np.abs(T[:3, :3].T @ solid.T_obj_com[:3, :3])  # a permutation: z is the lightest axis, then x, then y
+    np.testing.assert_allclose(axes, np.eye(3)[:, [2, 0, 1]], atol=1e-6)
+    assert np.linalg.det(solid.T_obj_com[:3, :3]) == pytest.approx(1)
+
+
+def test_ring_is_hollow_when_decomposed_and_full_as_a_hull():
+    hull, hollow = build(ring(), "hull"), build(ring(), "decomposition")
+    center = np.zeros((1, 3))
+    assert signed_distance(hull.parts, center)[0] < -0.02
+    assert signed_distance(hollow.parts, center)[0] > 0.035
+    assert hull.deviation_m == pytest.approx(0.040, abs=0.004)  # from the middle of the lid to the inner wall
+    assert hollow.deviation_m < 0.005
+
+
+def test_hull_without_pockets_is_not_decomposed():
+    assert len(build(ball(), "decomposition").parts) == 1
+
+
+def test_mesh_with_a_hole_takes_its_mass_from_the_parts():
+    mesh = trimesh.creation.box([0.06, 0.04, 0.1])
+    mesh.update_faces(np.arange(len(mesh.faces)) != 0)
+    solid = build(model(mesh), "hull")
+    assert solid.mass_from == "parts"
+    np.testing.assert_allclose(solid.com_obj, 0, atol=1e-9)
+    np.testing.assert_allclose(solid.inertia_m2, build(box(0.06, 0.04, 0.1), "hull").inertia_m2)
+
+
+@given(seed=st.integers(0, 1000), tolerance=st.sampled_from([1e-4, 1e-3, 5e-3]))
+@settings(max_examples=25, deadline=None)
+def test_reduced_hull_leaves_no_point_out_by_more_than_its_tolerance(seed: int, tolerance: float):
+    points = np.random.default_rng(seed).normal(size=(300, 3)) * [0.05, 0.03, 0.1]
+    hull = reduced_hull(points, tolerance)
+    assert signed_distance([hull], points).max() <= tolerance + 1e-9
+    assert {tuple(p) for p in hull} <= {tuple(p) for p in points}
+
+
+def test_reduced_hull_of_a_fine_sphere_is_smaller():
+    points = np.asarray(trimesh.creation.icosphere(5, 0.05).vertices)
+    assert len(reduced_hull(points, 5e-4)) < len(points) / 10
+
+
+FLAT = {
+    "plane": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]],
+    "line": [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [0.3, 0, 0]],
+    "nearly flat": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 1e-9]],
+}
+
+
+@pytest.mark.parametrize("case", FLAT)
+def test_mesh_without_volume_is_refused_by_name(case: str, tmp_path: Path):
+    flat = model(trimesh.Trimesh(FLAT[case], [[0, 1, 2], [1, 3, 2]], process=False), 7, "poster")
+    with pytest.raises(ShapeError, match=r"object 7 \(poster\).*solid mesh.*physics\.enabled = false") as caught:
+        collider(flat, "decomposition", tmp_path)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kept_collider_is_the_built_one_and_is_not_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    first = collider(ring(), "decomposition", tmp_path)
+    monkeypatch.setattr("verefine_viz.physics.colliders.build", lambda *_: pytest.fail("built again"))
+    assert first_difference(first, collider(ring(), "decomposition", tmp_path)) is None
+    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]
+
+
+def test_hull_and_decomposition_are_kept_apart(tmp_path: Path):
+    assert len(collider(ring(), "hull", tmp_path).parts) == 1
+    assert len(collider(ring(), "decomposition", tmp_path).parts) > 1
+
+
+@pytest.mark.parametrize("damage", [b"", b"not a zip", b"half"])
+def test_damaged_cache_is_rebuilt(tmp_path: Path, damage: bytes, caplog: pytest.LogCaptureFixture):
+    thing = box(0.06, 0.04, 0.1)
+    first = collider(thing, "hull", tmp_path)
+    (path,) = tmp_path.iterdir()
+    intact = path.read_bytes()
+    path.write_bytes(intact[: len(intact) // 2] if damage == b"half" else damage)
+    with caplog.at_level(logging.WARNING):
+        assert first_difference(first, collider(thing, "hull", tmp_path)) is None
+    assert "rebuilding the collider cache" in caplog.text
+    assert path.read_bytes() == intact
+
+
+def test_cache_that_cannot_be_written_only_warns(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    blocked = tmp_path / "file"
+    blocked.write_text("a file where a folder should be")
+    with caplog.at_level(logging.WARNING):
+        assert len(collider(box(0.06, 0.04, 0.1), "hull", blocked / "colliders").parts) == 1
+    assert "cannot be written" in caplog.text
