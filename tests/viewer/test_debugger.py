@@ -1,0 +1,210 @@
+"""The debugger without a page: what each command does, and that a list of them always does the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+
+
+def debugger(session: Session | None = None) -> Debugger:
+    return Debugger(session or Session(method=MethodSettings(iterations=2)), None, FakeTools)
+
+
+def same(a: Debugger, b: Debugger) -> None:
+    """Both are at the same place, in the same runs, looking at the same things."""
+    assert a.look == b.look
+    assert a.workspace.frame == b.workspace.frame
+    assert a.workspace.work.index == b.workspace.work.index
+    for one, other in zip(a.workspace.work.branches, b.workspace.work.branches, strict=True):
+        assert one.name == other.name
+        assert one.run.cursor == other.run.cursor
+        assert first_difference(one.run.iterations, other.run.iterations) is None
+
+
+ANY_MOVE = st.sampled_from(
+    [
+        c.Step(), c.StepStage(), c.Back(), c.Seek(3), c.Seek(99), c.SeekEnd(), c.SeekEvent(1), c.SeekEvent(-1),
+        c.RunUntil("end"), c.RunUntil("event"), c.RunTo(4), c.Pause(), c.TogglePause(), c.Restart(),
+        c.Restart((("method.exploration", 0.5),)), c.OpenFrame("0/1"), c.OpenFrame("0/2"), c.Focus(0), c.SelectArm(1),
+        c.Fork(), c.Fork((("method.exploration", 0.3),), 0, run=True), c.EditPose(), c.ForkFromPose(), c.EditPose(False),
+        c.DragPose(tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())), c.ShowBranch(0), c.Compare(a="best"),
+        c.ColorCloud(), c.ShowLayer("cloud"), c.ProbePixel(40, 30), c.ScrubPath(1), c.PlayPath(), c.ScoreGroundTruth(),
+        c.SetBreakpoints((("arm_switched", True),)),
+    ]
+)  # fmt: skip
+
+
+def drive(target: Debugger, commands: list[c.Command]) -> None:
+    for command in commands:
+        try:
+            target.carry_out([command])
+        except VerefineError as error:
+            assert "\n" not in str(error)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(ANY_MOVE, max_size=12))
+def test_the_log_repeats_the_session_bit_for_bit(commands: list[c.Command]) -> None:
+    first = debugger()
+    drive(first, commands)
+    lines = [c.to_json(x) for x in first.log]
+    second = debugger().carry_out(c.from_json(line) for line in lines)
+    same(first, second)
+    first.view()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(ANY_MOVE, max_size=8))
+def test_a_refused_command_leaves_everything_as_it_was(commands: list[c.Command]) -> None:
+    target = debugger()
+    drive(target, commands)
+    before = debugger().carry_out(target.log)
+    for bad in (c.OpenFrame("9/9"), c.Fork((("method.name", "nope"),)), c.ShowBranch(9), c.ShowLayer("x"), c.Focus(77),
+                c.ProbePixel(-1, 0), c.OpenDemo("none"), c.Compare(a="x"), c.ShowMap("x"), c.Fork((), 999),
+                c.SetBreakpoints((("jump_mm", -1),)), c.Restart((("physics.steps", 0),))):  # fmt: skip
+        with pytest.raises(VerefineError):
+            target.carry_out([bad])
+    same(target, before)
+
+
+def test_step_back_and_seek_move_the_cursor() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Back()])
+    assert (d.workspace.run.cursor, d.workspace.run.length) == (1, 2)
+    d.carry_out([c.Seek(99)])
+    assert d.workspace.run.cursor == 2
+    d.carry_out([c.Seek(-5)])
+    assert d.workspace.run.cursor == 0
+
+
+def test_stage_by_stage_reveals_one_pose_after_another() -> None:
+    d = debugger()
+    seen = []
+    for _ in range(5):
+        d.carry_out([c.StepStage()])
+        seen.append([n for n in ("current", "simulated", "mixed", "refined", "accepted") if n in d.view().poses])
+    assert seen == [
+        ["current"], ["current", "simulated"], ["current", "simulated", "mixed"],
+        ["current", "simulated", "mixed", "refined", "accepted"], ["current", "simulated", "mixed", "refined", "accepted"],
+    ]  # fmt: skip
+    assert d.workspace.run.length == 1
+
+
+def test_run_stops_at_the_end_and_a_pause_keeps_what_was_made() -> None:
+    d = debugger()
+    d.apply(c.RunUntil("end"))
+    d.tick()
+    d.apply(c.TogglePause())
+    assert d.goal is None
+    assert d.workspace.run.length == 1
+    d.carry_out([c.TogglePause()])
+    assert d.workspace.run.is_done
+    assert d.workspace.run.length == 6
+
+
+def test_breakpoint_stops_a_run_and_says_why() -> None:
+    d = debugger().carry_out([c.SetBreakpoints((("simulated_rejected", True),)), c.RunUntil("end")])
+    assert d.workspace.run.length == 1
+    assert d.message.startswith("Breakpoint at iteration 1: simulated pose rejected")
+    d.carry_out([c.SetBreakpoints((("simulated_rejected", False),)), c.RunUntil("end")])
+    assert d.workspace.run.is_done
+
+
+def test_fork_with_changed_settings_shares_the_past() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Step(), c.Fork((("method.exploration", 5.0),), 2, run=True)])
+    first, second = d.workspace.work.branches
+    assert first_difference(first.run.iterations[:2], second.run.iterations[:2]) is None
+    assert second.run.is_done
+    assert second.tools.session.method.exploration == 5.0
+    assert d.workspace.session.changes[0].after_iteration == 2
+    assert "exploration = 5.0" in second.name
+
+
+def test_edited_pose_is_scored_and_continued_from() -> None:
+    d = debugger().carry_out([c.Step(), c.SelectArm(1), c.EditPose()])
+    T_gt = d.view().target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    d.carry_out([c.DragPose(tuple(float(x) for x in T_gt.ravel()))])
+    edited = d.view().poses["edited"]
+    assert edited.score is not None
+    assert edited.score.score == pytest.approx(1.0)
+    d.carry_out([c.ForkFromPose()])
+    assert d.workspace.run.state.objects[0].arms[1].current.stage == "edited"
+    assert d.workspace.session.edits[0].hypothesis == 1
+    d.carry_out([c.RunUntil("end")])
+    assert d.workspace.run.final_state.best[0].score.score == pytest.approx(1.0)
+
+
+def test_a_mirrored_pose_cannot_be_dragged_in() -> None:
+    d = debugger().carry_out([c.EditPose()])
+    with pytest.raises(VerefineError, match="not rigid"):
+        d.carry_out([c.DragPose(tuple(np.diag([-1.0, 1, 1, 1]).ravel()))])
+    with pytest.raises(VerefineError, match="shape"):
+        d.carry_out([c.DragPose((1.0, 2.0))])
+
+
+def test_frames_keep_their_runs() -> None:
+    d = debugger().carry_out([c.Step(), c.OpenFrame("0/2"), c.Step(), c.Step(), c.OpenFrame("0/1")])
+    assert d.workspace.run.length == 1
+    assert d.carry_out([c.OpenFrame("0/2")]).workspace.run.length == 2
+
+
+def test_the_object_in_focus_follows_the_run_unless_one_is_chosen() -> None:
+    d = debugger().carry_out([c.OpenFrame("0/2"), c.RunUntil("end")])
+    view = d.view()
+    assert view.target.instance.instance_id == 1
+    assert view.shown is not None
+    assert view.shown.index == view.cursor == 12
+    view = d.carry_out([c.Focus(0)]).view()
+    assert view.target.instance.instance_id == 0
+    assert view.shown is not None
+    assert view.shown.index == 6
+    assert not view.is_current
+
+
+def test_looking_does_not_stop_a_run() -> None:
+    d = debugger()
+    d.apply(c.RunUntil("end"))
+    d.tick()
+    d.apply(c.ColorCloud())
+    assert d.goal == "end"
+    d.apply(c.Seek(0))
+    assert d.goal is None
+
+
+def test_saved_session_repeats_the_run(tmp_path: Path) -> None:
+    from verefine_viz.session.files import load_session, save_session
+
+    d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 2.0),)), c.Step(), c.EditPose()])
+    T = np.array(d.look.edited).reshape(4, 4)
+    T[0, 3] += 0.004
+    d.carry_out([c.DragPose(tuple(float(x) for x in T.ravel())), c.ForkFromPose()])
+    d.carry_out([c.SetBreakpoints((("jump_mm", 50.0),)), c.RunUntil("end")])
+    save_session(d.workspace.session, tmp_path / "kept.toml")
+    again = debugger(load_session(tmp_path / "kept.toml")).carry_out([c.RunUntil("end")])
+    assert first_difference(d.workspace.run.iterations, again.workspace.run.iterations) is None
+    assert again.workspace.breakpoints.jump_mm == 50.0
+
+
+def test_a_run_that_is_over_says_what_can_be_done() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.Step()])
+    assert d.message == "The run is over. Restart it, or fork it with other settings."
+    assert d.carry_out([c.RunUntil("end")]).message.startswith("The run is over")
+
+
+def test_unknown_setting_names_what_exists() -> None:
+    with pytest.raises(SettingsError, match="unknown field 'method.explore'; available: .*exploration"):
+        debugger().carry_out([c.Fork((("method.explore", 1.0),))])
+    with pytest.raises((SettingsError, InputError), match="section"):
+        debugger().carry_out([c.Fork((("scene.demo", "x"),))])
