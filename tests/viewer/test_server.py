@@ -79,7 +79,7 @@ def test_taken_port_is_one_clear_line() -> None:
 
 @pytest.mark.parametrize("host", ["203.0.113.7", "no such host", "not-a-host.invalid"])
 def test_host_that_cannot_be_bound_is_one_clear_line(host: str) -> None:
-    with pytest.raises(UnavailableError, match="cannot be bound .* usually 127.0.0.1") as error:
+    with pytest.raises(UnavailableError, match=r"cannot be bound .* usually 127.0.0.1") as error:
         Server(host=host, port=0)
     assert "\n" not in str(error.value)
 

@@ -98,7 +98,7 @@ class Layout:
         layers = gui.add_panel()
         with layers.add_tab("View"):
             self.layers = LayersPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=196, height=372)
+        layers.float(x=GAP_PX, y=GAP_PX, width=204, height=388)
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda _, command=command: send(command))

@@ -184,7 +184,8 @@ def changes_table(view: View) -> str:
         ]
         rows.append(Row(cells))
     head = [
-        ("stage", "what the way from the stage before it did"), ("turned", "angle between the two poses"), ("axis", "in the object's frame"),
+        ("stage", "against the stage before"), ("turned", "angle between the two poses"),
+        ("axis", "in the object's frame"),
         ("mm", "how far the object's middle moved"), ("ms", "time to compute it"),
     ]  # fmt: skip
     return table(head, rows)

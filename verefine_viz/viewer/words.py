@@ -25,9 +25,8 @@ def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
         return 0.0, ""
     axis = vector / angle
     k = int(np.argmax(np.abs(axis)))
-    name = (
-        _AXES[k] if abs(axis[k]) > 0.9 else ", ".join(f"{x:.1f}".replace("-0.0", "0.0").replace("-", "−") for x in axis)
-    )
+    components = (f"{x:.1f}".replace("-0.0", "0.0").replace("-", "−") for x in axis)
+    name = _AXES[k] if abs(axis[k]) > 0.9 else ", ".join(components)
     return float(np.rad2deg(angle)), name
 
 

@@ -24,6 +24,7 @@ HINTS = {
     "camera image": "the photo with a score map on it, before the sensor; click for a pixel's numbers",
     "path": "the simulated poses, see Physics",
 }
+LABELS = {"camera image": "photo", "ground truth": "truth"}
 WITH_BOX = tuple(name for name in LAYERS if name != "path" and name != "edited")
 
 
@@ -37,7 +38,7 @@ class LayersPanel:
         )
         self.cloud.on_update(by_person(lambda v: send(c.ColorCloud(v))))
         for name in WITH_BOX:
-            box = gui.add_checkbox(name, name in SHOWN_AT_FIRST, hint=HINTS.get(name))
+            box = gui.add_checkbox(LABELS.get(name, name), name in SHOWN_AT_FIRST, hint=HINTS.get(name))
             box.on_update(by_person(lambda on, name=name: send(c.ShowLayer(name, on))))
             self.boxes[name] = box
         gui.add_html(f"<style>{''.join(_swatch_rule(name, box) for name, box in self.boxes.items())}</style>")
