@@ -128,24 +128,6 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
     assert without_times(uninterrupted) == before
 
 
-def test_a_killed_worker_takes_only_its_frame_with_it(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    child = start_batch(session, out, "--workers", 1)
-    with child:
-        stop_in_the_middle(child, out)
-        (worker,) = workers_of(child)
-        worker.kill()
-        psutil.Process(child.pid).resume()
-        output, errors = child.communicate(timeout=120)
-    assert child.returncode == 1
-    assert "failed: the worker process was killed by SIGKILL" in output
-    assert "Traceback" not in errors
-    _, objects = without_times(out)
-    (lost,) = [o for o in objects if o["status"] == "failed"]
-    whole = [o for o in without_times(uninterrupted)[1] if o["im_id"] != lost["im_id"]]
-    assert [o for o in objects if o is not lost] == whole
-
-
 def test_ctrl_c_keeps_what_is_done(session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     child = start_batch(session, out, "--workers", 1)

@@ -28,50 +28,64 @@ class _Worker:
         with suppress(OSError):
             self.channel.send(frame)
 
+    def result(self) -> FrameResult:
+        """What it found, or how it died."""
+        try:
+            return self.channel.recv()
+        except (EOFError, OSError):
+            self.channel.close()
+            self.process.join()
+            return failed_frame(self.frame, _last_words(self.process.exitcode))
 
-def solve_frames(session: Session, frames: Sequence[str], out: Path, n_workers: int) -> Iterator[FrameResult]:
-    """The results of ``frames``, in the order in which they are done."""
-    waiting = deque(frames)
-    workers: list[_Worker] = []
-    try:
-        while waiting and len(workers) < n_workers:
-            workers.append(_started(session, out))
-            workers[-1].give(waiting.popleft())
-        while workers:
-            ready = connection.wait([w.channel for w in workers])
-            for worker in [w for w in workers if w.channel in ready]:
-                try:
-                    result, alive = worker.channel.recv(), True
-                except (EOFError, OSError):
-                    worker.process.join()
-                    result, alive = failed_frame(worker.frame, _last_words(worker.process.exitcode)), False
-                if not alive or not waiting:
-                    workers.remove(worker)
-                    worker.channel.close()
-                    worker.process.join()
+
+class Pool:
+    """Workers for one session. The first starts at once, so that it imports and compiles while others prepare."""
+
+    def __init__(self, session: Session, out: Path, n_workers: int) -> None:
+        self._session, self._out, self._n_workers = session, out, n_workers
+        self._workers = [self._started()]
+
+    def solve(self, frames: Sequence[str]) -> Iterator[FrameResult]:
+        """The results of ``frames``, in the order in which they are done."""
+        waiting = deque(frames)
+        while len(self._workers) < min(self._n_workers, len(frames)):
+            self._workers.append(self._started())
+        busy = [worker for worker, _ in zip(self._workers, frames, strict=False)]
+        for worker in busy:
+            worker.give(waiting.popleft())
+        while busy:
+            ready = connection.wait([worker.channel for worker in busy])
+            for worker in [w for w in busy if w.channel in ready]:
+                busy.remove(worker)
+                result = worker.result()
                 if waiting:
-                    if not alive:
-                        worker = _started(session, out)
-                        workers.append(worker)
-                    worker.give(waiting.popleft())
+                    heir = worker if worker.process.is_alive() else self._replaced(worker)
+                    heir.give(waiting.popleft())
+                    busy.append(heir)
                 yield result
-    finally:
-        for worker in workers:
+
+    def close(self) -> None:
+        """Ends all workers, also in the middle of a frame."""
+        for worker in self._workers:
             worker.process.kill()
             worker.channel.close()
-        for worker in workers:
+        for worker in self._workers:
             worker.process.join()
+        self._workers = []
 
+    def _replaced(self, dead: _Worker) -> _Worker:
+        self._workers[self._workers.index(dead)] = heir = self._started()
+        return heir
 
-def _started(session: Session, out: Path) -> _Worker:
-    # spawn: an OpenGL context does not survive a fork.
-    context = get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=work, args=(theirs, session, out), daemon=True)
-    with _interrupts_ignored():
-        process.start()
-    theirs.close()
-    return _Worker(process, ours)
+    def _started(self) -> _Worker:
+        # spawn: an OpenGL context does not survive a fork.
+        context = get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=work, args=(theirs, self._session, self._out), daemon=True)
+        with _interrupts_ignored():
+            process.start()
+        theirs.close()
+        return _Worker(process, ours)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import verefine_viz
 from verefine_viz.batch.folder import RUN_FILE, RunFolder
 from verefine_viz.batch.machine import machine, package_versions
-from verefine_viz.batch.pool import solve_frames
+from verefine_viz.batch.pool import Pool
 from verefine_viz.batch.rows import FrameResult, frame_ids, frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
@@ -63,8 +64,18 @@ def run_batch(session: Session, out: Path, n_workers: int, progress: Progress) -
     Raises:
         VerefineError: the session or ``out`` cannot be used. A frame that fails does not raise: it is in the outcome.
     """
-    frames = check(session)
-    folder = RunFolder(out, session)
+    pool = Pool(session, out, n_workers)
+    try:
+        frames = check(session)
+        with closing(RunFolder(out, session)) as folder:
+            return _run(session, frames, folder, pool, n_workers, progress)
+    finally:
+        pool.close()
+
+
+def _run(
+    session: Session, frames: Sequence[str], folder: RunFolder, pool: Pool, n_workers: int, progress: Progress
+) -> Outcome:
     started, begun = time.perf_counter(), datetime.now(UTC)
     results = {f: r for f, r in folder.finished().items() if f in frames}
     n_resumed = len(results)
@@ -78,23 +89,22 @@ def run_batch(session: Session, out: Path, n_workers: int, progress: Progress) -
         folder.write_json(RUN_FILE, {**facts, **when, "totals": totals(ordered, len(frames)), **made_by})
         if status != "running":
             folder.write("frames.csv", frames_csv(ordered))
-            _write_results(out / "results.csv", ordered)
+            _write_results(folder.path / "results.csv", ordered)
 
     status = "stopped"
     try:
         report("running")
         progress(None, n_resumed, len(frames))
         missing = [f for f in frames if f not in results]
-        for result in solve_frames(session, missing, out, n_workers):
+        for result in pool.solve(missing):
             results[result.frame] = result
             folder.keep(result)
             progress(result, len(results), len(frames))
         status = "finished"
     finally:
         report(status)
-        folder.close()
     ordered = tuple(results[f] for f in frames)
-    return Outcome(out, ordered, n_resumed, time.perf_counter() - started)
+    return Outcome(folder.path, ordered, n_resumed, time.perf_counter() - started)
 
 
 def totals(results: Sequence[FrameResult], n_frames: int) -> dict[str, Any]:

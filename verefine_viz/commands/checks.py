@@ -74,7 +74,14 @@ def packages() -> Check:
 
 def opengl() -> Check:
     """The OpenGL that scores poses, if any."""
-    raise NotImplementedError
+    from verefine_viz.rendering.gl_info import gl_info, gl_problem
+
+    info = gl_info()
+    if info is None:
+        # Not needed: the CPU rasteriser gives the same scores.
+        return Check("OpenGL", "none; poses are scored by the CPU", ok=False, needed=False, advice=gl_problem() or "")
+    choice = "software, so poses are scored by the CPU" if info.is_software else "poses are scored on it"
+    return Check("OpenGL", f"{info.renderer}, {info.version} ({choice})", needed=False)
 
 
 def bullet() -> Check:

@@ -1,0 +1,28 @@
+"""A worker that does what its frame's number says; stands in for the real one, which takes seconds to start."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from multiprocessing import connection
+from pathlib import Path
+
+from verefine_viz.batch.rows import FrameResult
+from verefine_viz.core.settings import Session
+
+DIES, EXITS = "0/13", "0/17"
+
+
+def work(channel: connection.Connection, session: Session, out: Path) -> None:
+    """Answers each frame; is killed by one and leaves at another."""
+    while True:
+        try:
+            frame = channel.recv()
+        except EOFError:
+            return
+        if frame == DIES:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if frame == EXITS:
+            sys.exit(3)
+        channel.send(FrameResult(frame=frame, failed=False, seconds=float(os.getpid()), objects=()))

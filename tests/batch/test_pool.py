@@ -1,0 +1,71 @@
+"""Workers that die, end, and are ended."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.batch import fragile
+from verefine_viz.batch import pool as pool_module
+from verefine_viz.batch.pool import Pool
+from verefine_viz.core.settings import Session
+
+
+@pytest.fixture(autouse=True)
+def _fragile_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool_module, "work", fragile.work)
+
+
+def solved(frames: list[str], n_workers: int, out: Path) -> dict[str, str]:
+    """Each frame's message; empty where it was solved."""
+    pool = Pool(Session(), out, n_workers)
+    try:
+        results = list(pool.solve(frames))
+    finally:
+        pool.close()
+    assert sorted(r.frame for r in results) == sorted(frames)
+    return {r.frame: r.objects[0].message if r.failed else "" for r in results}
+
+
+@pytest.mark.parametrize("n_workers", [1, 2, 5])
+def test_every_frame_is_answered_once(n_workers: int, tmp_path: Path) -> None:
+    frames = [f"0/{i}" for i in range(12)]
+    assert solved(frames, n_workers, tmp_path) == dict.fromkeys(frames, "")
+
+
+@pytest.mark.parametrize("n_workers", [1, 2])
+def test_a_worker_that_dies_takes_only_its_frame_with_it(n_workers: int, tmp_path: Path) -> None:
+    frames = ["0/1", "0/2", fragile.DIES, "0/3", fragile.EXITS, "0/4", "0/5"]
+    messages = solved(frames, n_workers, tmp_path)
+    assert "killed by SIGKILL" in messages.pop(fragile.DIES)
+    assert "exit code 3" in messages.pop(fragile.EXITS)
+    assert set(messages.values()) == {""}
+
+
+def test_the_last_frame_may_kill_its_worker(tmp_path: Path) -> None:
+    assert "SIGKILL" in solved(["0/1", fragile.DIES], 1, tmp_path)[fragile.DIES]
+
+
+def test_no_more_workers_than_frames_and_none_left_behind(tmp_path: Path) -> None:
+    me = psutil.Process()
+    before = {p.pid for p in me.children() if "spawn_main" in " ".join(p.cmdline())}
+    pool = Pool(Session(), tmp_path, 8)
+    results = pool.solve(["0/1", "0/2"])
+    next(results)
+    workers = [p for p in me.children() if "spawn_main" in " ".join(p.cmdline()) and p.pid not in before]
+    assert len(workers) == 2
+    pool.close()
+    assert not any(p.is_running() for p in workers)
+
+
+def test_starting_workers_leaves_ctrl_c_as_it_was(tmp_path: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    Pool(Session(), tmp_path, 1).close()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_no_frames_are_no_work(tmp_path: Path) -> None:
+    assert solved([], 3, tmp_path) == {}
