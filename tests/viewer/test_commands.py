@@ -64,7 +64,7 @@ def test_json_and_back_is_the_same_command(command: c.Command) -> None:
     ],
 )
 def test_anything_else_is_refused_in_one_line(line: str, said: str) -> None:
-    with pytest.raises(InputError, match="") as error:
+    with pytest.raises(InputError, match="command") as error:
         c.from_json(line)
     assert said in str(error.value)
     assert "\n" not in str(error.value)

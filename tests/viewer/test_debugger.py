@@ -41,7 +41,8 @@ ANY_MOVE = st.sampled_from(
         c.Restart((("method.exploration", 0.5),)), c.OpenFrame("0/1"), c.OpenFrame("0/2"), c.Focus(0), c.SelectArm(1),
         c.Fork(),
         c.Fork((("method.exploration", 0.3),), 0, run=True), c.EditPose(), c.ForkFromPose(),
-        c.EditPose(False),         c.DragPose(tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())), c.ShowBranch(0), c.Compare(a="best"),
+        c.EditPose(False),
+        c.DragPose(tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())), c.ShowBranch(0), c.Compare(a="best"),
         c.ColorCloud(), c.ShowLayer("cloud"), c.ProbePixel(40, 30), c.ScrubPath(1), c.PlayPath(), c.ScoreGroundTruth(),
         c.SetBreakpoints((("arm_switched", True),)),
     ]

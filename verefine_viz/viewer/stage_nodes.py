@@ -186,5 +186,8 @@ def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArr
     if len(faces) <= _OUTLINE_FACES:
         return vertices, faces
     scale = float(np.abs(vertices).max())
-    coarse = fast_simplification.simplify(vertices / scale, faces, target_count=_OUTLINE_FACES, agg=7.0)
+    # It takes no read-only arrays.
+    coarse = fast_simplification.simplify(
+        vertices / scale, faces.astype(np.int32), target_count=_OUTLINE_FACES, agg=7.0
+    )
     return coarse[0] * scale, coarse[1].astype(np.int32)
