@@ -47,7 +47,7 @@ def question(seed: int) -> Question:
         pile.append(Placed(int(instance_id), THINGS[rng.integers(len(THINGS))], T_CAM_WORLD @ transform(R, t)))
     slope_rad = rng.uniform(0, 0.2) * rng.integers(2)
     support = table((np.sin(slope_rad), 0.0, np.cos(slope_rad)))
-    return pile[0], tuple(pile[1:]), support, int(rng.choice([3, 60]))
+    return pile[0], tuple(pile[1:]), support, int(rng.choice([3, 3, 60]))
 
 
 @pytest.fixture(scope="module", params=["static", "dynamic"])
@@ -58,7 +58,7 @@ def used(request: pytest.FixtureRequest, cache: Path) -> tuple[PhysicsSettings, 
 
 
 @given(asked=st.integers(0, 10_000), history=st.lists(st.integers(0, 10_000), max_size=4))
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_history_gives_the_bits_of_a_fresh_simulator(used: tuple, asked: int, history: list[int]):
     physics, simulator, cache = used
     fresh = BulletSimulator(physics, cache).settle(*question(asked))

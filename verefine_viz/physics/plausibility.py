@@ -28,6 +28,8 @@ TOUCHING_M = 0.002
 """Surfaces closer than this touch; less penetration than this is none (METHODS 7: 2 to 5 mm)."""
 IMPOSSIBLE_M = 0.005
 """More gap or penetration than this cannot be."""
+NEAR_M = TOUCHING_M + IMPOSSIBLE_M
+"""Neighbours further away than this are not looked at."""
 BARELY_M = 0.003
 """A smaller margin of the centre of mass is worth a look."""
 UPWARDS = 0.3
@@ -108,7 +110,7 @@ def plausibility(
     com = apply(T_world_obj, solid.com_obj[None])[0]
 
     # The plane: its distance to a mesh is a vertex's.
-    vertices = apply(T_world_obj, np.unique(moving.model.vertices, axis=0))
+    vertices = apply(T_world_obj, _solid_vertices(moving))
     heights_m = vertices @ normal
     gaps_m = {PLANE_ID: max(float(heights_m.min()), 0.0)}
     depths_m = {PLANE_ID: max(-float(heights_m.min()), 0.0)}
@@ -116,12 +118,13 @@ def plausibility(
         (vertices, np.broadcast_to(normal, vertices.shape), heights_m, PLANE_ID, settings.friction * PLANE_FRICTION)
     ]
 
-    surface = Surface(moving.model) if fixed else None
+    surface: Surface | None = None
     for other in sorted(fixed, key=lambda placed: placed.instance_id):
         T_world_other = support.T_world_cam @ checked_pose(other)
-        if surface is None:
-            break
-        found = nearness(surface, T_world_obj, Surface(other.model), T_world_other, TOUCHING_M + IMPOSSIBLE_M)
+        if _are_apart(vertices, apply(T_world_other, _solid_vertices(other))):
+            continue
+        surface = surface or Surface(moving.model)
+        found = nearness(surface, T_world_obj, Surface(other.model), T_world_other, NEAR_M)
         gaps_m[other.instance_id], depths_m[other.instance_id] = found.gap_m, found.penetration_m
         near.append((found.points, found.normals, found.distances_m, other.instance_id, settings.friction**2))
 
@@ -153,6 +156,17 @@ def plausibility(
         light=light,
         sentence=sentence,
     )
+
+
+def _solid_vertices(placed: Placed) -> Float:
+    """Vertices (n, 3) that belong to a face, object frame [m]."""
+    return placed.model.vertices[np.unique(placed.model.faces)]
+
+
+def _are_apart(a: Float, b: Float) -> bool:
+    """Whether the boxes around two clouds (n, 3) are too far apart for a contact or a small gap."""
+    between_m = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
+    return float(between_m.max()) > NEAR_M
 
 
 def _contacts(

@@ -23,7 +23,7 @@ class Surface:
     def __init__(self, model: ObjectModel) -> None:
         mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
         dense = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, SPACING * model.diameter_m)[0]
-        self.points = np.unique(dense, axis=0)
+        self.points = dense if len(dense) == len(mesh.vertices) else np.unique(dense, axis=0)
         """(N, 3) dense, corners and edges included [m]."""
         self.low, self.high = self.points.min(axis=0), self.points.max(axis=0)
         self._scene = o3d.t.geometry.RaycastingScene()

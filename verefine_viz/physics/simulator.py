@@ -10,7 +10,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import pybullet
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
@@ -20,6 +19,7 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.world import BodyKey, PlacedBody, World
 
@@ -133,8 +133,12 @@ class BulletSimulator:
         for column in (points, normals, depths_m, forces_n, others):
             column.flags.writeable = False  # Slices are then kept without a copy.
         return tuple(
-            Contacts(points[a:b], normals[a:b], depths_m[a:b], forces_n[a:b], others[a:b]) for a, b in pairwise(ends)
+            Contacts(points[a:b], normals[a:b], depths_m[a:b], forces_n[a:b], others[a:b]) if b > a else _NO_CONTACTS
+            for a, b in pairwise(ends)
         )
+
+
+_NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
 
 
 def checked_pose(placed: Placed) -> Float:
