@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ class Made:
 
     root: Path
     scene: Path
-    problem: Problem
+    problem: Problem = field(repr=False)
     frame: str
 
     def edit(self, path: str, change: Callable[[Any], None]) -> None:

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.fakes import box_problem
 from tests.scenes.bop_folder import Made, box_ply, detections, make
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.results import HEADER, read_results
+from verefine_viz.scenes.results import HEADER, ResultRow, read_results, write_results
 from verefine_viz.scenes.source import open_scene
+from verefine_viz.scenes.write_bop import write_bop
 
 Spoil = Callable[[Made], Any]
 
@@ -200,6 +202,11 @@ INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
     "pose no rotation": (
         lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1])),
         "the pose is not rigid: det(R) = -1.000",
+        [0, 1, 2],
+    ),
+    "pose behind the camera": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[0, 0, 0])),
+        "obj_000005 (#1): its ground truth lies behind the camera",
         [0, 1, 2],
     ),
     "pose incomplete": (
@@ -413,6 +420,20 @@ def test_results_that_are_not_there_or_no_text(tmp_path: Path) -> None:
     assert "hypotheses.files is empty" in refusal(made, HypothesesSettings(source="results"))
     (tmp_path / "bin.csv").write_bytes(bytes(range(128, 256)))
     assert "is no text file" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path / "bin.csv"),)))
+
+
+def test_results_that_cannot_be_written(tmp_path: Path) -> None:
+    row = ResultRow(1, 2, 3, 0.5, np.eye(4))
+    (tmp_path / "folder.csv").mkdir()
+    for path in (tmp_path / "nowhere" / "a.csv", tmp_path / "folder.csv"):
+        with pytest.raises(InputError, match="cannot be written: "):
+            write_results(path, [row])
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written: Not a directory"):
+        write_bop(tmp_path / "file" / "made", [box_problem()])
 
 
 def test_a_data_set_that_is_not_there() -> None:

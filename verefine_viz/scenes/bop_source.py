@@ -152,7 +152,9 @@ class BopSource:
                 notes.append(f"{name} has no hypothesis: {self._why_no_pool(instance)}")
             if instance.T_cam_obj_gt is not None and len(instance.points_cam):
                 seen_m, true_m = float(np.median(instance.points_cam[:, 2])), float(instance.T_cam_obj_gt[2, 3])
-                if not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > models[instance.obj_id].diameter_m:
+                if true_m <= 0:
+                    notes.append(f"{name}: its ground truth lies behind the camera ({true_m:.3g} m)")
+                elif not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > models[instance.obj_id].diameter_m:
                     notes.append(
                         f"{name}: depth inside its mask is {seen_m:.3g} m, its ground truth says {true_m:.3g} m; "
                         "check 'depth_scale' in scene_camera.json"

@@ -32,7 +32,7 @@ def read_json(path: Path, kind: type[dict] | type[list]) -> Any:
         raise InputError(f"{path} is a damaged gzip file ({error}); fetch it again") from None
     except json.JSONDecodeError as error:
         raise InputError(f"{path} is not JSON: {error.msg} in line {error.lineno}, column {error.colno}") from None
-    except (UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # no text, numbers of thousands of digits, thousands of brackets
         raise InputError(f"{path} is not JSON: {error}") from None
     if not isinstance(content, kind):
         wanted = "an object {…}" if kind is dict else "a list […]"
@@ -60,9 +60,9 @@ def integer_of(entry: Any, key: str, where: str) -> int:
         InputError: missing, or not an integer.
     """
     value = key_of(entry, key, where)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
-        raise InputError(f"{where}: {key!r} is {value!r}, expected an integer")
-    return int(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 2**53 and value == int(value):
+        return int(value)
+    raise InputError(f"{where}: {key!r} is {_short(value)}, expected an integer")
 
 
 def number_of(entry: Any, key: str, where: str) -> float:
@@ -72,9 +72,9 @@ def number_of(entry: Any, key: str, where: str) -> float:
         InputError: missing, not a number, or not finite.
     """
     value = key_of(entry, key, where)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{where}: {key!r} is {value!r}, expected a finite number")
-    return float(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300:
+        return float(value)
+    raise InputError(f"{where}: {key!r} is {_short(value)}, expected a finite number")
 
 
 def numbers_of(entry: Any, key: str, n: int, where: str) -> Float:
@@ -86,10 +86,15 @@ def numbers_of(entry: Any, key: str, n: int, where: str) -> Float:
     value = key_of(entry, key, where)
     try:
         numbers = np.asarray(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: {key!r} does not hold numbers, expected {n}") from None
     if len(numbers) != n:
         raise InputError(f"{where}: {key!r} holds {len(numbers)} numbers, expected {n}")
-    if not np.isfinite(numbers).all():
+    if not (np.abs(numbers) < 1e100).all():
         raise InputError(f"{where}: {key!r} holds NaN or infinity, expected finite numbers")
     return numbers
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:40] + "…"

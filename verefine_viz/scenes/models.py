@@ -136,6 +136,8 @@ class ModelLibrary:
             raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}")
         where = f"{self.folder / 'models_info.json'}, object {obj_id}"
         info = self._info.get(str(obj_id), {})
+        if not isinstance(info, dict):
+            raise InputError(f"{where} is a JSON {type(info).__name__}, expected an object with 'diameter'")
         stated_m = number_of(info, "diameter", where) * 1e-3 if "diameter" in info else None
         if stated_m is not None and stated_m <= 0:
             raise InputError(f"{where}: 'diameter' is {stated_m * 1e3:g}, expected millimetres > 0")

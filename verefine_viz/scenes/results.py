@@ -71,17 +71,20 @@ def read_results(path: Path | str) -> tuple[ResultRow, ...]:
 
 
 def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
-    """Writes a results file; it appears under its name only when it is whole. Numbers keep all their digits."""
+    """Writes a results file; it appears under its name only when it is whole. Numbers keep all their digits.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    with part.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(HEADER + "\n")
-        for row in rows:
-            R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
-            t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
-            ids = f"{row.scene_id},{row.im_id},{row.obj_id}"
-            file.write(f"{ids},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n")
-    part.replace(path)
+    try:
+        with part.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(HEADER + "\n")
+            file.writelines(_line(row) for row in rows)
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def method_of(path: Path | str) -> str:
@@ -89,6 +92,12 @@ def method_of(path: Path | str) -> str:
     stem = Path(path).stem
     named = re.match(r"(.+?)_[^_]+-(?:test|val|train)[^_]*(?:_.*)?$", stem)
     return named.group(1) if named else stem
+
+
+def _line(row: ResultRow) -> str:
+    R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
+    t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
+    return f"{row.scene_id},{row.im_id},{row.obj_id},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n"
 
 
 def _row(line: str, where: str) -> ResultRow:
@@ -103,7 +112,7 @@ def _row(line: str, where: str) -> ResultRow:
     try:
         time_s = float(fields[6])
     except ValueError:
-        raise InputError(f"{where}: time is {fields[6].strip()!r}, expected seconds (-1 = unknown)") from None
+        raise InputError(f"{where}: time is {fields[6].strip()[:40]!r}, expected seconds (-1 = unknown)") from None
     try:
         T_cam_obj = as_rigid(transform(R, t_mm * 1e-3), "the pose")
     except ShapeError as error:
@@ -115,7 +124,7 @@ def _integer(text: str, name: str, where: str) -> int:
     try:
         return int(text)
     except ValueError:
-        raise InputError(f"{where}: {name} is {text.strip()!r}, expected an integer") from None
+        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected an integer") from None
 
 
 def _numbers(text: str, n: int, name: str, where: str) -> Float:

@@ -40,10 +40,18 @@ def write_bop(
 
     Raises:
         InputError: the folder is not empty, frames repeat, an instance has no ground truth, two problems have different
-            models under one id, or a depth does not fit.
+            models under one id, a depth does not fit, or the disk refuses.
     """
     folder = Path(folder)
-    _check(folder, problems, depth_scale_mm)
+    try:
+        _check(folder, problems, depth_scale_mm)
+        _write(folder, problems, split, depth_scale_mm)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written: {error.strerror}") from None
+    return folder
+
+
+def _write(folder: Path, problems: Sequence[Problem], split: str, depth_scale_mm: float) -> None:
     _write_models(folder / "models", {i: m for problem in problems for i, m in problem.models.items()})
     for scene_id in sorted({p.scene_id for p in problems}):
         scene = folder / split / f"{scene_id:06d}"
@@ -56,7 +64,6 @@ def write_bop(
         infos = {str(p.im_id): _infos(p, silhouettes[p.im_id]) for p in mine}
         _write_json(scene / "scene_gt_info.json", infos)
     _write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
-    return folder
 
 
 def _check(folder: Path, problems: Sequence[Problem], depth_scale_mm: float) -> None:
