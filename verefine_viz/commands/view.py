@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+from verefine_viz.core.settings import Session
 
 
 @dataclass(frozen=True)
@@ -29,19 +30,34 @@ class View:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
-        from verefine_viz.session.files import load_session
+        overrides = given(self.settings, arguments)
+        if self.session is not None and self.session.is_dir():
+            session, session_path = _batch_session(self.session, overrides), None
+        else:
+            from verefine_viz.session.files import load_session
 
-        session = load_session(self.session, given(self.settings, arguments))
+            session, session_path = load_session(self.session, overrides), self.session
         from verefine_viz.viewer.app import serve
 
         serve(
             session,
-            session_path=self.session,
+            session_path=session_path,
             host=self.host,
             port=self.port,
             open_browser=self.open_browser and has_desktop(),
         )
         return 0
+
+
+def _batch_session(folder: Path, overrides: Mapping[str, Any]) -> Session:
+    """The session of a batch folder, its frames sorted so that the one with the worst object comes first."""
+    from verefine_viz.batch.folder import SESSION_FILE
+    from verefine_viz.batch.index import read_batch
+    from verefine_viz.session.files import load_session
+
+    index = read_batch(folder)
+    session = load_session(folder / SESSION_FILE, overrides)
+    return session.model_copy(update={"scene": session.scene.model_copy(update={"frames": index.frames})})
 
 
 def has_desktop() -> bool:

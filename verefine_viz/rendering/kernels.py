@@ -8,9 +8,12 @@ one thread, hence the same bits with any number of threads.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import config, njit, prange
 
 from verefine_viz.rendering.rasterizer import draw, window
+
+# numba tries TBB first and warns where open3d has brought along an older one.
+config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # pyright: ignore[reportAttributeAccessIssue]
 
 OWN, OBJECTS = 1, 2
 """Bits of a pixel's flags; both stand for a valid depth: in the instance's own mask, in any instance's."""
