@@ -56,7 +56,8 @@ class HypothesesSettings(Settings):
     source: Literal["results", "perturb"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation."""
     files: tuple[str, ...] = ()
-    """Results files (CSV), relative to the session file."""
+    """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
+    row of each, then the second best, …"""
     max_per_object: Count = 5
     """H, hypotheses per object; further rows are left out, lowest score first."""
     rotation_deg: NonNegative = 30.0
