@@ -1,8 +1,8 @@
 """Iterative closest points: the refiner of the paper's depth-only experiments. METHODS 4.1.
 
 The observed cloud is the source and the model's cloud the target, so that what the sensor did not see of the model
-does not pull. It runs in the model's frame: the observed points are moved there, and one search tree per model lasts
-for ever.
+does not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per
+model lasts for ever.
 
 The default gate starts at half of the observed cloud's largest extent and shrinks, by the same factor each iteration,
 to the published 0.1 of it; and a match counts only where the observed and the model's normal lie within 90°, which
@@ -72,14 +72,12 @@ class IcpTarget:
 
     index: NearestIndex
     normals: Float
-    """(M, 3) in the order of the index; (0, 3) where there are none."""
+    """(M, 3) outward unit normals; (0, 3) where there are none."""
 
     @staticmethod
     def build(points: Float, normals: Float | None = None) -> IcpTarget:
         """The target of a cloud (M, 3) [m], M ≥ 1, and its outward unit normals (M, 3)."""
-        index = NearestIndex.build(points)
-        ordered = _NO_NORMALS if normals is None else np.ascontiguousarray(normals[index.order], dtype=np.float64)
-        return IcpTarget(index, ordered)
+        return IcpTarget(NearestIndex.build(points), _writable(_NO_NORMALS if normals is None else normals))
 
 
 def icp_align(
@@ -121,22 +119,24 @@ def icp_align(
             'icp.metric = "plane" needs the normals of the target cloud; give them or set metric = "point"'
         )
     check_sides = settings.matches == "same_side" and has_normals and source_normals is not None
-    index = target.index
     gates_m = gate_schedule_m(largest_extent_m(source) if extent_m is None else extent_m, settings)
     R, t, n_iterations, n_matches, mse = icp_loop(
-        np.ascontiguousarray(source),
-        np.ascontiguousarray(source_normals) if check_sides else _NO_NORMALS,
-        index.points,
+        _writable(source),
+        _writable(source_normals) if check_sides and source_normals is not None else _writable(_NO_NORMALS),
+        target.index,
         target.normals,
-        index.boxes,
-        index.slices,
         gates_m,
         0 if settings.stop == "published" else int(np.argmin(gates_m)),
         _STOP[settings.stop],
         settings.metric == "plane",
-        np.zeros(3) if pivot is None else pivot,
+        np.zeros(3) if pivot is None else _writable(pivot),
     )
     return IcpResult(transform(R, t), n_iterations, n_matches, float(np.sqrt(mse)))
+
+
+def _writable(array: Float) -> Float:
+    """A plain copy: to numba a read-only array is another type, for which it would compile everything again."""
+    return np.array(array, dtype=np.float64, order="C")
 
 
 def largest_extent_m(points: Float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from verefine_viz.refiners.nearest import nearest
+from verefine_viz.refiners.nearest import NearestIndex, nearest
 
 ALL_ITERATIONS, TOLERANCE, PUBLISHED = 0, 1, 2
 """Stop rules, as the kernel takes them."""
@@ -24,25 +24,21 @@ along them) does not move."""
 def icp_loop(
     source: np.ndarray,
     source_normals: np.ndarray,
-    points: np.ndarray,
+    index: NearestIndex,
     normals: np.ndarray,
-    boxes: np.ndarray,
-    slices: np.ndarray,
     gates_m: np.ndarray,
     n_shrinking: int,
     stop: int,
     plane: bool,
     pivot: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, int, int, float]:
-    """Moves ``source`` onto ``points``; returns R (3, 3), t (3,), iterations, matches and mse [m²] of the last one.
+    """Moves ``source`` onto the indexed cloud; returns R (3, 3), t (3,), iterations, last matches and their mse [m²].
 
     Args:
         source: (N, 3) cloud that moves.
         source_normals: (N, 3) its normals, zero where unknown; (0, 3) takes every match.
-        points: (M, 3) of the search tree, in its order.
-        normals: (M, 3) of ``points``; (0, 3) if neither normals nor planes are used.
-        boxes: of the search tree.
-        slices: of the search tree.
+        index: of the cloud (M, 3) that stays.
+        normals: (M, 3) of that cloud; (0, 3) if neither normals nor planes are used.
         gates_m: (K,) largest distance of a match in each iteration; K is the most iterations.
         n_shrinking: iterations in which the gate still changes: no small step ends the loop during them.
         stop: ``ALL_ITERATIONS``, ``TOLERANCE`` or ``PUBLISHED``.
@@ -54,11 +50,8 @@ def icp_loop(
     R, t = np.eye(3), np.zeros(3)
     moved = np.empty((n, 3))
     match = np.zeros(n, dtype=np.int64)
-    squared = np.empty(n)
     kept = np.empty(n, dtype=np.bool_)
-    stack = np.empty(64, dtype=np.int64)
-    stack_distance = np.empty(64)
-    guess = 0
+    points = index.points
     n_matches, mse, previous_mse = 0, 0.0, np.inf
     for iteration in range(len(gates_m)):
         gate_squared = gates_m[iteration] * gates_m[iteration]
@@ -66,16 +59,13 @@ def icp_loop(
         for i in range(n):
             x, y, z = _apply(R, t, source[i])
             moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z
-            if iteration > 0:
-                guess = match[i]
-            guess, distance = nearest(x, y, z, guess, points, boxes, slices, stack, stack_distance)
-            match[i], squared[i] = guess, distance
-            kept[i] = distance <= gate_squared
+            match[i], squared = nearest(x, y, z, gate_squared, index)
+            kept[i] = squared <= gate_squared
             if kept[i] and check_sides:
-                kept[i] = _turned_dot(R, source_normals[i], normals[guess]) >= 0.0
+                kept[i] = _turned_dot(R, source_normals[i], normals[match[i]]) >= 0.0
             if kept[i]:
                 n_matches += 1
-                total += distance
+                total += squared
         if n_matches < 3:
             return R, t, iteration, n_matches, 0.0
         mse = total / n_matches

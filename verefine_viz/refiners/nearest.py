@@ -1,13 +1,13 @@
 """Exact nearest neighbours in a cloud that stays the same: built once per model, queried from compiled loops.
 
-A balanced tree of tight boxes with a few points in each leaf. A query starts from a guess (the match of the point
-before it, or its own match an iteration ago), which prunes most of the tree at once. Single-threaded, and the answer
-for a query does not depend on the guess but for exact ties.
+Space around the cloud is cut into cubes, and each cube keeps the few points that are nearest to some place inside it
+(the Voronoi cells it touches, by a bound that errs on the safe side). A query looks up its cube and compares those:
+no search, hardly a branch. Single-threaded; the answer depends on the query alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,118 +15,198 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 
-LEAF_POINTS = 8
-"""Most points in a leaf, about."""
+MAX_CELLS = 2**15
+"""Most cubes: about 8 mm a side around an object of 200 mm."""
+CELLS_PER_POINT = 16
+"""Cubes for clouds below 2048 points, which do not need as many."""
+PADDING = 0.3
+"""How far the cubes reach beyond the cloud, as a share of its largest extent; farther away every point is compared."""
+BLOCK = 4
+"""Cubes are filled in blocks of this many a side, which share one look at the whole cloud."""
 
 
-@dataclass(frozen=True, eq=False)
-class NearestIndex:
-    """The search tree of one cloud. Nodes are numbered as in a heap: the children of i are 2i + 1 and 2i + 2."""
+class NearestIndex(NamedTuple):
+    """What a query needs."""
 
     points: Float
-    """(N, 3) the cloud, reordered so that every node's points are a slice."""
-    order: NDArray[np.int64]
-    """(N,) the place of each of ``points`` in the cloud it was built from."""
-    boxes: Float
-    """(nodes, 6) tight bounds: low x, y, z, high x, y, z."""
-    slices: NDArray[np.int64]
-    """(nodes, 2) first point and end."""
+    """(N, 3) the cloud."""
+    bounds: Float
+    """(2, 3) its lowest and highest coordinates."""
+    low: Float
+    """(3,) where the cubes begin."""
+    side: float
+    """Side of a cube."""
+    counts: NDArray[np.int64]
+    """(3,) cubes along x, y, z."""
+    starts: NDArray[np.int64]
+    """(cubes + 1,) where each cube's candidates begin."""
+    candidates: NDArray[np.int32]
+    """Indices into ``points``, those nearest to the cube's centre first."""
 
     @staticmethod
     def build(cloud: Float) -> NearestIndex:
-        """The tree of a cloud (N, 3) of at least one point."""
-        n = len(cloud)
-        depth = max(0, int(np.ceil(np.log2(n / LEAF_POINTS))))
-        n_nodes = 2 ** (depth + 1) - 1
-        order = np.arange(n)
-        boxes = np.empty((n_nodes, 6))
-        slices = np.empty((n_nodes, 2), dtype=np.int64)
-        slices[0] = 0, n
-        for node in range(n_nodes):
-            a, b = slices[node]
-            own = order[a:b]
-            boxes[node, :3], boxes[node, 3:] = cloud[own].min(axis=0), cloud[own].max(axis=0)
-            if 2 * node + 2 < n_nodes:
-                widest = int(np.argmax(boxes[node, 3:] - boxes[node, :3]))
-                order[a:b] = own[np.argsort(cloud[own, widest], kind="stable")]
-                middle = (a + b) // 2
-                slices[2 * node + 1] = a, middle
-                slices[2 * node + 2] = middle, b
-        return NearestIndex(np.ascontiguousarray(cloud[order], dtype=np.float64), order, boxes, slices)
+        """The index of a cloud (N, 3) of at least one point."""
+        # A plain copy: to numba a read-only array is another type, for which it would compile everything again.
+        points = np.array(cloud, dtype=np.float64, order="C")
+        bounds = np.stack([points.min(axis=0), points.max(axis=0)])
+        extents = bounds[1] - bounds[0]
+        padding = max(PADDING * float(extents.max()), 1e-3)
+        size = extents + 2 * padding
+        n_cells = min(MAX_CELLS, CELLS_PER_POINT * len(points))
+        side = float((size.prod() / n_cells) ** (1 / 3))
+        counts = np.ceil(size / side).astype(np.int64)
+        low = bounds[0] - padding
+        starts, candidates = _fill(points, low, side, counts)
+        return NearestIndex(points, bounds, low, side, counts, starts, candidates)
 
     def query(self, points: Float) -> tuple[Float, NDArray[np.int64]]:
-        """Distance to, and index in the original cloud of, the nearest neighbour of each of ``points`` (M, 3)."""
-        squared, nearest = _query_all(
-            np.ascontiguousarray(points, dtype=np.float64), self.points, self.boxes, self.slices
-        )
-        return np.sqrt(squared), self.order[nearest]
-
-
-@njit(cache=True, inline="always")
-def _box_distance(x: float, y: float, z: float, boxes: np.ndarray, node: int) -> float:
-    dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
-    dy = max(boxes[node, 1] - y, y - boxes[node, 4], 0.0)
-    dz = max(boxes[node, 2] - z, z - boxes[node, 5], 0.0)
-    return dx * dx + dy * dy + dz * dz
+        """Distance to, and index of, the nearest neighbour of each of ``points`` (M, 3)."""
+        squared, found = _query_all(np.array(points, dtype=np.float64, order="C"), self)
+        return np.sqrt(squared), found
 
 
 @njit(cache=True)
-def nearest(
-    x: float, y: float, z: float, guess: int, points: np.ndarray, boxes: np.ndarray, slices: np.ndarray,
-    stack: np.ndarray, stack_distance: np.ndarray,
-) -> tuple[int, float]:  # fmt: skip
-    """Index into the reordered ``points`` of the nearest to (x, y, z), and its squared distance.
-
-    ``guess`` is any index; ``stack`` and ``stack_distance`` are scratch space of at least the tree's depth.
-    """
-    best = guess
-    dx, dy, dz = points[guess, 0] - x, points[guess, 1] - y, points[guess, 2] - z
-    best_squared = dx * dx + dy * dy + dz * dz
-    n_nodes = len(slices)
-    node = 0
-    top = 0
-    while True:
-        left = 2 * node + 1
-        if left < n_nodes:
-            a = _box_distance(x, y, z, boxes, left)
-            b = _box_distance(x, y, z, boxes, left + 1)
-            near, far = left, left + 1
-            if b < a:
-                near, far = far, near
-                a, b = b, a
-            if b < best_squared:
-                stack[top] = far
-                stack_distance[top] = b
-                top += 1
-            if a < best_squared:
-                node = near
-                continue
-        else:
-            for i in range(slices[node, 0], slices[node, 1]):
-                dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-                squared = dx * dx + dy * dy + dz * dz
-                if squared < best_squared:
-                    best_squared = squared
-                    best = i
-        while top > 0 and stack_distance[top - 1] >= best_squared:
-            top -= 1
-        if top == 0:
-            return best, best_squared
-        top -= 1
-        node = stack[top]
+def nearest(x: float, y: float, z: float, limit_squared: float, index: NearestIndex) -> tuple[int, float]:
+    """The nearest point's index and squared distance to (x, y, z); (0, inf) if it is surely beyond the limit."""
+    points = index.points
+    best, best_squared = 0, np.inf
+    u = (x - index.low[0]) / index.side
+    v = (y - index.low[1]) / index.side
+    w = (z - index.low[2]) / index.side
+    nx, ny, nz = index.counts[0], index.counts[1], index.counts[2]
+    if u >= 0.0 and v >= 0.0 and w >= 0.0 and u < nx and v < ny and w < nz:
+        cell = (int(u) * ny + int(v)) * nz + int(w)
+        for k in range(index.starts[cell], index.starts[cell + 1]):
+            i = index.candidates[k]
+            dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < best_squared:
+                best, best_squared = i, squared
+        return best, best_squared
+    dx = max(index.bounds[0, 0] - x, x - index.bounds[1, 0], 0.0)
+    dy = max(index.bounds[0, 1] - y, y - index.bounds[1, 1], 0.0)
+    dz = max(index.bounds[0, 2] - z, z - index.bounds[1, 2], 0.0)
+    if dx * dx + dy * dy + dz * dz > limit_squared:
+        return 0, np.inf
+    for i in range(len(points)):
+        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < best_squared:
+            best, best_squared = i, squared
+    return best, best_squared
 
 
 @njit(cache=True)
-def _query_all(
-    queries: np.ndarray, points: np.ndarray, boxes: np.ndarray, slices: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _query_all(queries: np.ndarray, index: NearestIndex) -> tuple[np.ndarray, np.ndarray]:
     squared = np.empty(len(queries))
     found = np.empty(len(queries), dtype=np.int64)
-    stack = np.empty(64, dtype=np.int64)
-    stack_distance = np.empty(64)
-    guess = 0
     for i in range(len(queries)):
-        x, y, z = queries[i, 0], queries[i, 1], queries[i, 2]
-        guess, squared[i] = nearest(x, y, z, guess, points, boxes, slices, stack, stack_distance)
-        found[i] = guess
+        found[i], squared[i] = nearest(queries[i, 0], queries[i, 1], queries[i, 2], np.inf, index)
     return squared, found
+
+
+@njit(cache=True)
+def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each cube's candidates begin, and the candidates."""
+    nx, ny, nz = counts[0], counts[1], counts[2]
+    n_cells = nx * ny * nz
+    length = np.zeros(n_cells, dtype=np.int64)
+    offset = np.zeros(n_cells, dtype=np.int64)  # in ``pool``, which is filled block by block
+    pool = np.empty(8 * n_cells, dtype=np.int32)
+    used = 0
+    everything = np.arange(len(points))
+    of_block, of_cell = np.empty(len(points), dtype=np.int64), np.empty(len(points), dtype=np.int64)
+    squared = np.empty(len(points))
+    half_block = 0.5 * BLOCK * side
+    for bx in range(0, nx, BLOCK):
+        for by in range(0, ny, BLOCK):
+            for bz in range(0, nz, BLOCK):
+                x, y, z = low[0] + bx * side, low[1] + by * side, low[2] + bz * side
+                n_block = _possible(
+                    points, everything, x + half_block, y + half_block, z + half_block, BLOCK * side, of_block, squared
+                )
+                for cx in range(bx, min(bx + BLOCK, nx)):
+                    for cy in range(by, min(by + BLOCK, ny)):
+                        for cz in range(bz, min(bz + BLOCK, nz)):
+                            x, y, z = low[0] + (cx + 0.5) * side, low[1] + (cy + 0.5) * side, low[2] + (cz + 0.5) * side
+                            n = _possible(points, of_block[:n_block], x, y, z, side, of_cell, squared)
+                            n = _unbeaten(points, of_cell, squared, n, side)
+                            if used + n > len(pool):
+                                larger = np.empty(2 * (used + n), dtype=np.int32)
+                                larger[:used] = pool[:used]
+                                pool = larger
+                            cell = (cx * ny + cy) * nz + cz
+                            offset[cell], length[cell] = used, n
+                            for k in range(n):
+                                pool[used + k] = of_cell[k]
+                            used += n
+    starts = np.zeros(n_cells + 1, dtype=np.int64)
+    for cell in range(n_cells):
+        starts[cell + 1] = starts[cell] + length[cell]
+    candidates = np.empty(used, dtype=np.int32)
+    for cell in range(n_cells):
+        for k in range(length[cell]):
+            candidates[starts[cell] + k] = pool[offset[cell] + k]
+    return starts, candidates
+
+
+@njit(cache=True)
+def _is_beaten(points: np.ndarray, p: int, p_squared: float, q: int, q_squared: float, side: float) -> bool:
+    """Whether point q is nearer than p all over a cube (or the same), given both squared distances to its centre.
+
+    |x − p|² − |x − q|² is linear in x, so its least value in the cube lies at a corner.
+    """
+    swing = side * (
+        abs(points[p, 0] - points[q, 0]) + abs(points[p, 1] - points[q, 1]) + abs(points[p, 2] - points[q, 2])
+    )
+    return swing == 0.0 or p_squared - q_squared - swing > 1e-9 * p_squared
+
+
+@njit(cache=True)
+def _possible(
+    points: np.ndarray,
+    chosen: np.ndarray,
+    x: float,
+    y: float,
+    z: float,
+    side: float,
+    out: np.ndarray,
+    squared: np.ndarray,
+) -> int:
+    """Fills ``out`` with those of ``chosen`` that the point nearest to a cube's centre does not beat; how many."""
+    first, least = chosen[0], np.inf
+    for k in range(len(chosen)):
+        i = chosen[k]
+        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        squared[k] = dx * dx + dy * dy + dz * dz
+        if squared[k] < least:
+            first, least = i, squared[k]
+    n = 0
+    for k in range(len(chosen)):
+        if chosen[k] == first or not _is_beaten(points, chosen[k], squared[k], first, least, side):
+            out[n], squared[n] = chosen[k], squared[k]
+            n += 1
+    return n
+
+
+@njit(cache=True)
+def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, side: float) -> int:
+    """Sorts the first ``n`` of ``own`` by their distance and drops those that a nearer one beats; how many stay."""
+    for k in range(1, n):
+        i, s = own[k], squared[k]
+        m = k
+        while m > 0 and squared[m - 1] > s:
+            own[m], squared[m] = own[m - 1], squared[m - 1]
+            m -= 1
+        own[m], squared[m] = i, s
+    kept = 0
+    for k in range(n):
+        beaten = False
+        for m in range(kept):
+            if _is_beaten(points, own[k], squared[k], own[m], squared[m], side):
+                beaten = True
+                break
+        if not beaten:
+            own[kept], squared[kept] = own[k], squared[k]
+            kept += 1
+    return kept
