@@ -35,7 +35,12 @@ def run() -> list[dict[str, Any]]:
         ("published: stops after 2", IcpSettings.model_validate(PUBLISHED["icp"])),
     ]
     rows: list[dict[str, Any]] = [
-        {"icp": "index of a model, built once", "ms per call": _median_ms(lambda: IcpTarget.build(model, normals), 5)}
+        {
+            "start": "",
+            "icp": "index of a model, built once",
+            "iterations": None,
+            "ms per call": _median_ms(lambda: IcpTarget.build(model, normals), 5),
+        }
     ]
     for start, angle_deg, shift_m in (("5° 5 mm", 5, 0.005), ("30° 30 mm", 30, 0.030)):
         T = transform(axis_angle([1, 2, 3], np.deg2rad(angle_deg)), np.array([0.6, -0.48, 0.64]) * shift_m)
