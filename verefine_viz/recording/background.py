@@ -1,9 +1,10 @@
-"""What does not change during a run, logged once: the frame, the support plane, and a mesh for everything drawn later."""
+"""What does not change during a run, logged once: the frame, its support plane, a mesh for everything drawn later."""
 
 from __future__ import annotations
 
 import io
 from functools import lru_cache
+from typing import Any
 
 import fast_simplification
 import numpy as np
@@ -11,18 +12,18 @@ import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
 
-from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.recording import entities
+from verefine_viz.recording.layout import world_from_camera
 
 CLOUD_STRIDE = 3
 """Every third pixel in each direction is drawn as a point."""
 DRAWN_FACES = 1200
 GHOST_FACES = 300
-STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "edited": 150, "best": 230}
+STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230}
 GHOST_ALPHA = 60
 
 
@@ -31,7 +32,7 @@ def log_background(rec: rr.RecordingStream, problem: Problem) -> None:
     observation = problem.observation
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     support = observation.support
-    T_world_cam = support.T_world_cam if support else transform(axis_angle([1, 0, 0], -np.pi / 2), [0, 0, 0])
+    T_world_cam = world_from_camera(observation)
     rec.log(entities.SCENE, rr.Transform3D(translation=T_world_cam[:3, 3], mat3x3=T_world_cam[:3, :3]), static=True)
     _log_camera(rec, observation)
     _log_cloud(rec, observation)
@@ -49,7 +50,7 @@ def _log_camera(rec: rr.RecordingStream, observation: Observation) -> None:
         image_from_camera=camera.K,
         resolution=[camera.width, camera.height],
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=0.25 * near,
+        image_plane_distance=0.12 * near,
         color=(140, 140, 140),
     )
     rec.log(entities.CAMERA, pinhole, static=True)
@@ -67,7 +68,9 @@ def _log_cloud(rec: rr.RecordingStream, observation: Observation) -> None:
     valid = observation.depth_m[::step, ::step] > 0
     # Far background would only shrink what matters when the view is fitted.
     valid &= observation.depth_m[::step, ::step] < 2.5 * _typical_depth_m(observation)
-    points = observation.camera.back_project(observation.depth_m)[::step, ::step][valid]
+    camera, z = observation.camera, observation.depth_m[::step, ::step][valid].astype(np.float64)
+    v, u = np.nonzero(valid)
+    points = np.stack([(u * step - camera.cx) / camera.fx * z, (v * step - camera.cy) / camera.fy * z, z], axis=-1)
     colors = np.array([150, 150, 150]) if observation.rgb is None else observation.rgb[::step, ::step][valid]
     rec.log(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012), static=True)
 
@@ -144,9 +147,11 @@ def _simplified(
     model: ObjectModel, n_faces: int
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
     """A coarse mesh to draw, with smooth vertex normals."""
-    vertices, faces = model.vertices.astype(np.float32), np.asarray(model.faces)
+    vertices: Any = model.vertices.astype(np.float32)
+    faces: Any = np.array(model.faces)
     if len(faces) > n_faces:
-        vertices, faces = fast_simplification.simplify(vertices, faces, target_count=n_faces)
+        simpler: Any = fast_simplification.simplify(vertices, faces, target_count=n_faces)
+        vertices, faces = simpler
     corners = vertices[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)

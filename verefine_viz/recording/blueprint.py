@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import rerun.blueprint as rrb
 
 from verefine_viz.recording import entities
@@ -11,15 +13,15 @@ from verefine_viz.recording.maps import OBSERVED
 MAP_TITLES = {
     OBSERVED: "Observed: colour | depth",
     "classes": "Pixel classes",
-    "difference": "Δdepth ±2τ: blue = model behind, red = seen past it",
-    "angle": "Normal angle 0…90°",
-    "rendered": "Rendered depth",
+    "difference": "Δdepth ±2τ",
+    "angle": "Angle 0…90°",
     "f_d": "f_d, depth fit 0…1",
     "f_n": "f_n, normal fit 0…1",
+    "rendered": "Rendered depth",
 }
 CURVE_TITLES = {
     "score": "Score of each hypothesis",
-    "ucb": "UCB",
+    "ucb": "UCB of each hypothesis",
     "pulls": "Pulls",
     "fit": "Fit of the two candidates",
     "error": "Error against ground truth",
@@ -32,11 +34,10 @@ def make_blueprint(layout: Layout, has_maps: bool) -> rrb.Blueprint:
     top: list[rrb.Container | rrb.View] = [_scene(layout)]
     if has_maps:
         top.append(_maps())
-    bottom = [_curves(layout), _events()]
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(*top, _why(layout), column_shares=[5, 4, 3] if has_maps else [6, 3]),
-            rrb.Horizontal(*bottom, column_shares=[3, 2]),
+            rrb.Horizontal(*top, _why(), column_shares=[5, 4, 3] if has_maps else [6, 3]),
+            rrb.Horizontal(*_curves(layout), _events(), column_shares=[4, 4, 5]),
             row_shares=[3, 2],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -47,17 +48,32 @@ def make_blueprint(layout: Layout, has_maps: bool) -> rrb.Blueprint:
 
 
 def _scene(layout: Layout) -> rrb.Container:
-    hidden = rrb.EntityBehavior(visible=False)
-    overrides = {}
-    for branch in layout.branches:
-        root = f"{entities.OBJECTS}/{branch.name}"
-        overrides[f"{root}/stages/mixed"] = hidden
-    contents = ["+ /scene/**", "+ /support/**", f"- {entities.DEPTH}", f"- {entities.MASKS}"]
-    scene = rrb.Spatial3DView(origin="/", contents=contents, name="Scene", background=[24, 26, 30], overrides=overrides)
+    # The mixed pose only starts the refiner; it would hide the others.
+    hidden: dict[Any, Any] = {
+        f"{entities.OBJECTS}/{b.name}/stages/mixed": rrb.EntityBehavior(visible=False) for b in layout.branches
+    }
+    scene = rrb.Spatial3DView(
+        origin="/",
+        contents=[
+            f"+ {entities.SCENE}/**",
+            f"+ {entities.SUPPORT}/**",
+            f"- {entities.IMAGE}",
+            # Below a pinhole, a depth image would be drawn as points once more.
+            f"- {entities.DEPTH}",
+            f"- {entities.MASKS}",
+        ],
+        name="Scene",
+        background=[24, 26, 30],
+        overrides=hidden,
+        eye_controls=rrb.EyeControls3D(
+            position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0)
+        ),
+    )
     camera = rrb.Spatial2DView(
         origin=entities.CAMERA,
         contents=[f"+ {entities.CAMERA}/**", f"- {entities.DEPTH}", f"+ {entities.OBJECTS}/**"],
         name="Camera",
+        overrides=hidden,
     )
     depth = rrb.Spatial2DView(origin=entities.DEPTH, name="Depth")
     return rrb.Tabs(scene, camera, depth)
@@ -65,16 +81,21 @@ def _scene(layout: Layout) -> rrb.Container:
 
 def _maps() -> rrb.Container:
     views = [rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title) for name, title in MAP_TITLES.items()]
-    return rrb.Grid(*views[:6], grid_columns=2, name="Left: simulated | right: refined")
+    return rrb.Tabs(rrb.Grid(*views[:6], grid_columns=2, name="Maps: simulated | refined"), *views[6:])
 
 
-def _curves(layout: Layout) -> rrb.Container:
-    views = []
-    for name, title in CURVE_TITLES.items():
-        if name == "error" and not any(b.has_truth for b in layout.branches):
-            continue
-        views.append(rrb.TimeSeriesView(origin=f"{entities.CURVES}/{name}", name=title))
-    return rrb.Grid(*views, grid_columns=3)
+def _curves(layout: Layout) -> list[rrb.Container]:
+    views = {
+        name: rrb.TimeSeriesView(
+            origin=f"{entities.CURVES}/{name}", name=title, plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom)
+        )
+        for name, title in CURVE_TITLES.items()
+    }
+    left = [views["score"], views["ucb"], views["pulls"]]
+    right = [views["physics"], views["fit"]]
+    if any(b.has_truth for b in layout.branches):
+        right.insert(0, views["error"])
+    return [rrb.Tabs(*left), rrb.Tabs(*right)]
 
 
 def _events() -> rrb.Container:
@@ -84,7 +105,7 @@ def _events() -> rrb.Container:
     )
 
 
-def _why(layout: Layout) -> rrb.Container:
+def _why() -> rrb.Container:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
     bandit = rrb.BarChartView(origin=entities.BANDIT, name="UCB of each hypothesis when it was chosen")
     return rrb.Vertical(text, bandit, row_shares=[3, 1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +16,8 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.recording.entities import TIMELINE
+
+Rows: TypeAlias = Sequence[ArrayLike] | NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -37,20 +39,20 @@ def send(rec: rr.RecordingStream, entity: str, iterations: Sequence[int], column
     rec.send_columns(entity, [rr.TimeColumn(TIMELINE, sequence=iterations)], columns)
 
 
-def numbers(descriptor: rr.ComponentDescriptor, rows: Sequence[ArrayLike], dtype: Any = np.float64) -> Column:
+def numbers(descriptor: rr.ComponentDescriptor, rows: Rows, dtype: Any = np.float64) -> Column:
     """Rows of numbers, each of any length."""
     flat = [np.asarray(row, dtype).ravel() for row in rows]
     return Column(descriptor, pa.ListArray.from_arrays(_offsets(flat), pa.array(_joined(flat, dtype))))
 
 
-def vectors(descriptor: rr.ComponentDescriptor, rows: Sequence[ArrayLike], width: int) -> Column:
+def vectors(descriptor: rr.ComponentDescriptor, rows: Rows, width: int) -> Column:
     """Rows of float32 vectors (n, width), each row of any n."""
     flat = [np.asarray(row, np.float32).reshape(-1, width) for row in rows]
     inner = pa.FixedSizeListArray.from_arrays(pa.array(_joined(flat, np.float32).ravel()), width)
     return Column(descriptor, pa.ListArray.from_arrays(_offsets(flat), _not_null(inner, width)))
 
 
-def strips(descriptor: rr.ComponentDescriptor, rows: Sequence[ArrayLike]) -> Column:
+def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one line strip (n, 3) each; an empty strip is a row without one."""
     flat = [np.asarray(row, np.float32).reshape(-1, 3) for row in rows]
     points = _not_null(pa.FixedSizeListArray.from_arrays(pa.array(_joined(flat, np.float32).ravel()), 3), 3)
@@ -66,7 +68,7 @@ def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> 
     return Column(descriptor, pa.array([list(row) for row in rows], pa.list_(pa.string())))
 
 
-def bars(descriptor: rr.ComponentDescriptor, rows: Sequence[ArrayLike]) -> Column:
+def bars(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one bar chart each: a tensor of one dimension."""
     example = rr.BarChart(np.zeros(1)).values
     assert example is not None

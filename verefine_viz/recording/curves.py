@@ -20,6 +20,10 @@ FIT = (("simulated", 1), ("simulated", 2), ("refined", 1), ("refined", 2))
 """Stage and column of ``Row.scores``: f_d and f_n of both candidates."""
 
 
+_PHYSICS = ["simulation moved [mm]", "simulation turned [°]", "refiner moved [mm]", "refiner turned [°]"]
+_PHYSICS += ["contacts", "deepest penetration [mm]"]
+
+
 def curve(name: str, branch: Branch) -> str:
     """Entity of one group of curves."""
     return f"{entities.CURVES}/{name}/{branch.name}"
@@ -39,8 +43,7 @@ def log_styles(rec: rr.RecordingStream, branch: Branch) -> None:
             [simulated, _darker(simulated), refined, _darker(refined)],
         ),
         "physics": (
-            ["simulation moved [mm]", "simulation turned [°]", "refiner moved [mm]", "refiner turned [°]"]
-            + ["contacts", "deepest penetration [mm]"],
+            _PHYSICS,
             [simulated, _darker(simulated), refined, _darker(refined), (150, 150, 150), (220, 50, 47)],
         ),
     }
@@ -52,11 +55,10 @@ def log_styles(rec: rr.RecordingStream, branch: Branch) -> None:
         rec.log(curve(name, branch), rr.SeriesLines(names=names, colors=colours, widths=widths), static=True)
 
 
-def send_start(rec: rr.RecordingStream, branch: Branch) -> None:
-    """The initial scores, at iteration 0."""
-    if branch.n_arms:
-        first = [*branch.initial_scores, max(branch.initial_scores)]
-        columns.send(rec, curve("score", branch), [0], [columns.numbers(_SCALARS, [first])])
+def send_start(rec: rr.RecordingStream, branch: Branch, before: int) -> None:
+    """The initial scores, at the iteration before the object's first."""
+    first = [*branch.initial_scores, max(branch.initial_scores)]
+    columns.send(rec, curve("score", branch), [before], [columns.numbers(_SCALARS, [first])])
 
 
 def send_curves(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row], held: Float) -> None:

@@ -15,10 +15,14 @@ from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.row import Row
 from verefine_viz.recording.wording import describe
 
-NOWHERE = np.zeros((4, 4))
-"""Not a pose: rerun draws nothing there."""
+NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
+"""Too small to be seen: what has no valid transform at all would be reported as an error in the view."""
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
+
+
+CONTACT_COLOR = (255, 230, 80)
+PATH_COLOR = STAGE_COLORS["simulated"]
 
 
 class Drawing:
@@ -28,12 +32,16 @@ class Drawing:
         self._layout = layout
         self._held = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
         self._shown: Branch | None = None
+        self._started: set[int] = set()
 
     def start(self, rec: rr.RecordingStream) -> None:
-        """Styles, and what is known before iteration 1."""
+        """Styles of everything that follows."""
         for branch in self._layout.branches:
             log_styles(rec, branch)
-            send_start(rec, branch)
+            _hide_stages(rec, branch, 0, entities.DRAWN_STAGES)
+            root = f"{entities.OBJECTS}/{branch.name}"
+            rec.log(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008]), static=True)
+            rec.log(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008]), static=True)
         _log_lane_styles(rec, self._layout)
 
     def skip(self, rows: Sequence[Row]) -> None:
@@ -43,14 +51,18 @@ class Drawing:
             if not np.isnan(kept):
                 self._held[row.instance_id][row.arm] = kept
             self._shown = self._layout.branch(row.instance_id)
+            self._started.add(row.instance_id)
 
     def draw(self, rec: rr.RecordingStream, rows: Sequence[Row]) -> None:
         """Sends the rows, which follow the ones before without a gap."""
         for block in _by_instance(rows):
             branch = self._layout.branch(block[0].instance_id)
             if self._shown is not None and self._shown != branch:
-                _clear_stages(rec, self._shown, block[0].index)
+                _clear(rec, self._shown, block[0].index)
             self._shown = branch
+            if branch.instance_id not in self._started:
+                self._started.add(branch.instance_id)
+                send_start(rec, branch, block[0].index - 1)
             _send_poses(rec, branch, block)
             _send_contacts(rec, branch, block)
             send_curves(rec, branch, block, self._held[branch.instance_id])
@@ -82,13 +94,16 @@ def _pose(row: Row, stage: str) -> np.ndarray:
     return NOWHERE if pose is None else pose
 
 
-def _clear_stages(rec: rr.RecordingStream, branch: Branch, iteration: int) -> None:
+def _hide_stages(rec: rr.RecordingStream, branch: Branch, iteration: int, stages: Sequence[str]) -> None:
+    nowhere = np.tile(NOWHERE, (len(stages), 1, 1))
+    _send_transforms(rec, branch, [iteration] * len(stages), stages, nowhere)
+
+
+def _clear(rec: rr.RecordingStream, branch: Branch, iteration: int) -> None:
     """From here on another object is worked on: of this one only the best pose stays."""
-    stages = [s for s in entities.DRAWN_STAGES if s != "best"]
-    _send_transforms(rec, branch, [iteration] * len(stages), stages, np.zeros((len(stages), 4, 4), np.float32))
-    root = f"{entities.OBJECTS}/{branch.name}"
-    for what in ("contacts", "path"):
-        columns.send(rec, f"{root}/{what}", [iteration], _CLEARED[what])
+    _hide_stages(rec, branch, iteration, [s for s in entities.DRAWN_STAGES if s != "best"])
+    for what, nothing in _NOTHING.items():
+        columns.send(rec, f"{entities.OBJECTS}/{branch.name}/{what}", [iteration], nothing)
 
 
 def _send_transforms(
@@ -126,7 +141,7 @@ def _send_contacts(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row])
     columns.send(rec, f"{root}/path", iterations, lines)
 
 
-_CLEARED = {
+_NOTHING = {
     "contacts": [
         columns.vectors(rr.Arrows3D.descriptor_origins(), [[]], 3),
         columns.vectors(rr.Arrows3D.descriptor_vectors(), [[]], 3),

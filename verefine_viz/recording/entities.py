@@ -21,8 +21,9 @@ DEPTH = f"{CAMERA}/depth"
 MASKS = f"{CAMERA}/masks"
 CLOUD = f"{SCENE}/cloud"
 OBJECTS = f"{SCENE}/objects"
-PLANE = "/support/plane"
-GRAVITY = "/support/gravity"
+SUPPORT = "/support"
+PLANE = f"{SUPPORT}/plane"
+GRAVITY = f"{SUPPORT}/gravity"
 
 MAPS = "/maps"
 CURVES = "/curves"
@@ -32,14 +33,14 @@ LOG = "/events/log"
 CHOICE = "/choice"
 EXACT = "/exact"
 
-DRAWN_STAGES = ("current", "simulated", "mixed", "refined", "edited", "best")
+DRAWN_STAGES = ("current", "simulated", "mixed", "refined", "best")
 """Poses of the object being worked on that are drawn, in this order."""
 
 CURVE_NAMES = ("score", "ucb", "pulls", "fit", "error", "physics")
 
 
 def branch(instance: Instance, problem: Problem) -> str:
-    """The name of an object's branch: ``3_mug``. Made of letters, digits, ``_`` and ``-`` only, whatever the data say."""
+    """The name of an object's branch: ``3_mug``; letters, digits, ``_`` and ``-`` only, whatever the data say."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", problem.models[instance.obj_id].name).strip("_")[:40]
     return f"{instance.instance_id}_{name or 'object'}"
 

@@ -4,7 +4,8 @@ Handing an iteration to rerun and waiting until it is on disk costs 0.3 ms and 1
 tenth. So rows reach the disk one by one here, rerun gets them in blocks, and whoever opens a recording whose writer was
 killed has them all. The journal is removed when the recording is complete.
 
-An entry is its length and CRC-32 (little-endian, 4 bytes each), then a JSON head that names the arrays, then their bytes.
+An entry is its length, the length of its head and its CRC-32 (4 bytes each, little-endian), then the head, which is
+JSON and names the arrays, then the arrays.
 """
 
 from __future__ import annotations

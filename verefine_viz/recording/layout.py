@@ -6,6 +6,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply, axis_angle, transform
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.recording.entities import branch
@@ -35,6 +40,10 @@ class Layout:
     """All objects of the recorded problem, in order."""
 
     branches: tuple[Branch, ...]
+    center_world: tuple[float, float, float]
+    """What the 3D view looks at, the middle of the objects [m]."""
+    eye_world: tuple[float, float, float]
+    """From where: near the camera, a little to the side [m]."""
 
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)
@@ -52,15 +61,30 @@ def layout_of(problem: Problem, state: RunState) -> Layout:
         has_truth = instance.T_cam_obj_gt is not None
         name = branch(instance, problem)
         branches.append(Branch(instance.instance_id, instance.obj_id, name, sources, tuple(initial), has_truth))
-    return Layout(tuple(branches))
+    return Layout(tuple(branches), *_view(problem))
+
+
+def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Center and eye of :class:`Layout`."""
+    T_world_cam = world_from_camera(problem.observation)
+    clouds = [np.median(i.points_cam, axis=0) for i in problem.instances if len(i.points_cam)]
+    center = apply(T_world_cam, np.mean(clouds or [[0.0, 0.0, 1.0]], axis=0)[None])[0]
+    to_camera = 0.75 * (T_world_cam[:3, 3] - center)
+    eye = center + axis_angle([0, 0, 1], np.radians(25)) @ to_camera
+    return (center[0], center[1], center[2]), (eye[0], eye[1], eye[2])
+
+
+def world_from_camera(observation: Observation) -> Float:
+    """T_world_cam; without a support plane the camera is taken to be level, at the origin."""
+    support = observation.support
+    return support.T_world_cam if support else transform(axis_angle([1, 0, 0], -np.pi / 2), [0, 0, 0])
 
 
 def layout_from_json(text: str) -> Layout:
     """The inverse of :meth:`Layout.to_json`."""
-    branches = json.loads(text)["branches"]
-    return Layout(
-        tuple(
-            Branch(**{**b, "sources": tuple(b["sources"]), "initial_scores": tuple(b["initial_scores"])})
-            for b in branches
-        )
+    raw = json.loads(text)
+    branches = (
+        Branch(**{**b, "sources": tuple(b["sources"]), "initial_scores": tuple(b["initial_scores"])})
+        for b in raw["branches"]
     )
+    return Layout(tuple(branches), tuple(raw["center_world"]), tuple(raw["eye_world"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -43,9 +44,10 @@ class Maps:
     def log_observed(self, rec: rr.RecordingStream) -> None:
         """The same cut-out of what the sensor saw: colour and depth."""
         o = self._target.observation
-        depth = self._cut(_indexed(np.where(o.depth_m > 0, o.depth_m, np.nan), self._scales["rendered"]))
-        right = np.frombuffer(_palette(self._scales["rendered"]), np.uint8).reshape(256, 3)[depth]
-        left = right if o.rgb is None else np.stack([self._cut(o.rgb[..., k]) for k in range(3)], axis=-1)
+        scale = self._scales["rendered"]
+        depth = _indexed(_or_nan(self._cut(o.depth_m), self._cut(o.depth_m) > 0), scale)
+        right = np.frombuffer(_palette(scale), np.uint8).reshape(256, 3)[depth]
+        left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
         rec.log(f"{entities.MAPS}/{OBSERVED}", picture)
@@ -54,30 +56,34 @@ class Maps:
         """The maps of the two poses that this iteration had to choose from, at the stream's current time."""
         made = [self._verifier.maps(self._target, row.Ts_cam_obj[k]) for k in compared(row)]
         for name in MAP_NAMES:
-            tiles = [self._cut(self._index_image(name, maps)) for maps in made]
+            tiles = [self._index_image(name, maps) for maps in made]
             gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
             joined = np.concatenate([tiles[0], gap, tiles[-1]], axis=1)
             palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
             rec.log(f"{entities.MAPS}/{name}", rr.EncodedImage(contents=png(joined, palette), media_type="image/png"))
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
+        """Palette indices (TILE_PX, TILE_PX) of one map. Cut first: most of the image is of no interest."""
         if name == "classes":
-            return maps.classes
-        values = {
-            "rendered": lambda: np.where(maps.rendered_m > 0, maps.rendered_m, np.nan),
-            "difference": lambda: 1e3 * maps.depth_difference_m,
-            "angle": lambda: np.degrees(maps.angle_rad),
-            "f_d": lambda: np.where(maps.counted, maps.f_d, np.nan),
-            "f_n": lambda: np.where(maps.counted, maps.f_n, np.nan),
-        }[name]()
+            return self._cut(maps.classes)
+        if name == "rendered":
+            rendered = self._cut(maps.rendered_m)
+            values = _or_nan(rendered, rendered > 0)
+        elif name == "difference":
+            values = 1e3 * self._cut(maps.depth_difference_m)
+        elif name == "angle":
+            values = np.degrees(self._cut(maps.angle_rad))
+        else:
+            values = _or_nan(self._cut(maps.f_d if name == "f_d" else maps.f_n), self._cut(maps.counted))
         return _indexed(values, self._scales[name])
 
-    def _cut(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The square around the object, (TILE_PX, TILE_PX); 0 where it reaches beyond the image."""
-        h, w = image.shape
-        inside = ((self._rows >= 0) & (self._rows < h))[:, None] & ((self._columns >= 0) & (self._columns < w))
+    def _cut(self, image: NDArray[Any]) -> NDArray[Any]:
+        """The square around the object, (TILE_PX, TILE_PX, …); 0, NaN in floats, where it reaches beyond the image."""
+        h, w = image.shape[:2]
         tile = image[np.clip(self._rows, 0, h - 1)[:, None], np.clip(self._columns, 0, w - 1)]
-        return np.where(inside, tile, 0).astype(np.uint8)
+        outside = ((self._rows < 0) | (self._rows >= h))[:, None] | (self._columns < 0) | (self._columns >= w)
+        tile[outside] = np.nan if np.issubdtype(tile.dtype, np.floating) else 0
+        return tile
 
 
 def compared(row: Row) -> Sequence[int]:
@@ -96,6 +102,10 @@ def _square(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]
     rows = np.floor((v.min() + v.max()) / 2 + 0.5 + at * side)
     columns = np.floor((u.min() + u.max()) / 2 + 0.5 + at * side)
     return rows.astype(np.intp), columns.astype(np.intp)
+
+
+def _or_nan(values: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
+    return np.where(known, values, np.nan)
 
 
 def _indexed(values: NDArray[np.floating], scale: Scale) -> NDArray[np.uint8]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -33,7 +32,7 @@ from verefine_viz.session.files import session_toml
 
 SCHEMA = 1
 """Of the recording; a reader refuses a later one."""
-BLOCK = 25
+BLOCK = 50
 """Iterations that are handed to rerun together; the journal holds them until then."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
@@ -128,7 +127,7 @@ class Recorder:
         self._draw(rec)
         rec.flush()
         rec.disconnect()
-        os.replace(part_path(self._path), self._path)
+        part_path(self._path).replace(self._path)
         self._journal.remove()
 
     def _open(self, rec: rr.RecordingStream, layout: Layout) -> None:

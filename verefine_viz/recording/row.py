@@ -58,8 +58,8 @@ class Row:
     event_kinds: tuple[str, ...]
     event_texts: tuple[str, ...]
     errors: Float
-    """(3,) against ground truth: rotation [deg] and translation [mm] of the kept pose, ADD(-S) of the best pose [mm]; NaN
-    where there is no ground truth."""
+    """(3,) against ground truth: rotation [deg] and translation [mm] of the kept pose, ADD(-S) of the best pose [mm];
+    NaN where there is no ground truth."""
     ms: NDArray[np.float32] = field(metadata=TIMING)
     """(n + 1,) time for each pose, then for all scores [ms]."""
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rerun.experimental import ViewerClient
@@ -41,7 +41,8 @@ def screenshots(
             for k in iterations:
                 client.set_time(TIMELINE, sequence=k, play_state="paused")
                 picture = out / f"{recording.stem}_{k:04d}.png"
-                client.save_screenshot(str(picture.resolve()))
+                # The first picture after a jump in time can lack what is still being decoded.
+                client.take_screenshot()
                 client.save_screenshot(str(picture.resolve()))
                 pictures.append(picture)
             return tuple(pictures)
@@ -51,21 +52,22 @@ def screenshots(
 
 
 def _connect(port: int, process: subprocess.Popen[bytes]) -> ViewerClient:
-    client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+    found: list[ViewerClient] = []
 
     def answers() -> bool:
         try:
+            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
             client.get_state()
         except (RuntimeError, ConnectionError, ValueError):
             return False
+        found.append(client)
         return True
 
     _wait(answers, process)
-    return client
+    return found[0]
 
 
-def _wait(ready: object, process: subprocess.Popen[bytes]) -> None:
-    assert callable(ready)
+def _wait(ready: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
     end = time.monotonic() + LOAD_S
     while not ready():
         if process.poll() is not None:

@@ -1,0 +1,21 @@
+"""A recorded run for a test to kill: prints each iteration once its recorder has returned."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from tests.fakes import FakeVerifier, box_problem
+from tests.recording.runs import new_run, session
+from verefine_viz.recording.recorder import Recorder
+
+
+def main(path: Path, maps: bool) -> None:
+    s, problem = session(iterations=1000, maps=maps), box_problem(3)
+    run = new_run(s, problem, (Recorder(path, s, problem, FakeVerifier()),))
+    while not run.is_done:
+        print(run.step().index, flush=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2] == "maps")

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from tests.recording.runs import enlarged, recorded_run, session
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.methods.registry import make_method
+from verefine_viz.recording import entities
+from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
+from verefine_viz.recording.reader import chunks_of
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.session.engine import Run
+
+KB = 1000
+
+
+@dataclass(frozen=True)
+class NoisyVerifier(FakeVerifier):
+    """Its maps are as busy as a real sensor makes them: 2 mm of depth noise, 8° in the normals."""
+
+    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        o, mask = target.observation, target.instance.mask
+        rng = np.random.default_rng(int(abs(T_cam_obj[0, 3]) * 1e9))
+        seen = np.where(mask, 1.0, np.nan)
+        difference = (rng.normal(0, 0.002, mask.shape) * seen).astype(np.float32)
+        angle = (np.abs(rng.normal(0, np.radians(8), mask.shape)) * seen).astype(np.float32)
+        f_d = np.nan_to_num(1 - np.abs(difference) / 0.02).astype(np.float32)
+        f_n = np.nan_to_num(np.cos(angle)).astype(np.float32)
+        classes = np.where(mask, rng.choice([1, 2], mask.shape, p=[0.95, 0.05]), 0).astype(np.uint8)
+        rendered = np.where(mask, 0.57, 0).astype(np.float32)
+        return ScoreMaps(rendered, o.normals_cam, difference, angle, f_d, f_n, mask, classes)
+
+
+def pictures(path: Path, name: str) -> dict[int, np.ndarray]:
+    """Decoded RGB pictures of a map by iteration."""
+    found: dict[int, np.ndarray] = {}
+    for chunk in chunks_of(path):
+        if chunk.entity_path == f"{entities.MAPS}/{name}":
+            batch = chunk.to_record_batch()
+            blobs = batch.column(batch.schema.get_field_index("EncodedImage:blob"))
+            times = batch.column(batch.schema.get_field_index("iteration"))
+            for blob, time in zip(blobs, times, strict=True):
+                content = bytes(blob.values[0].values.to_numpy())
+                found[time.as_py()] = np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))
+    return found
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_every_iteration_has_every_map(tmp_path: Path, name: str) -> None:
+    run = recorded_run(tmp_path / "run.rrd", session(iterations=2), box_problem(2, 2))
+    found = pictures(tmp_path / "run.rrd", name)
+    assert sorted(found) == [i.index for i in run.iterations]
+    assert {p.shape for p in found.values()} == {(TILE_PX, 2 * TILE_PX + GAP_PX, 3)}
+
+
+def test_observed_is_logged_once_per_object(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(iterations=2), box_problem(2, 2))
+    assert sorted(pictures(tmp_path / "run.rrd", "observed")) == [1, 5]
+
+
+def test_class_picture_shows_the_mask_in_its_colour(tmp_path: Path) -> None:
+    problem = box_problem(1)
+    recorded_run(tmp_path / "run.rrd", session(iterations=1), problem)
+    left = pictures(tmp_path / "run.rrd", "classes")[1][:, :TILE_PX]
+    explained = (left == CLASS_COLORS["explained"]).all(axis=-1)
+    v, u = np.nonzero(problem.instances[0].mask)
+    side = 1.5 * max(np.ptp(v), np.ptp(u))
+    assert explained.mean() == pytest.approx(len(v) / side**2, rel=0.1)
+    # The object is in the middle of the cut-out.
+    rows, columns = np.nonzero(explained)
+    assert (rows.min() + rows.max()) / 2 == pytest.approx(TILE_PX / 2, abs=4)
+    assert (columns.min() + columns.max()) / 2 == pytest.approx(TILE_PX / 2, abs=4)
+
+
+def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
+    """Bytes and iterations of a recording of one object at 640×480 with five hypotheses."""
+    s, problem = session(iterations=iterations, maps=maps), enlarged(box_problem(5))
+    assert problem.observation.camera.shape == (480, 640)
+    verifier = NoisyVerifier()
+    recorder = Recorder(folder / f"{iterations}.rrd", s, problem, verifier)
+    method = make_method(s.method, FakeSimulator(), FakeRefiner(), verifier, s.physics.steps)
+    run = Run(method, problem, (recorder,))
+    run.finish()
+    return (folder / f"{iterations}.rrd").stat().st_size, run.length
+
+
+@pytest.mark.parametrize(("maps", "most"), [(True, 60 * KB), (False, 2 * KB)])
+def test_an_iteration_is_small(tmp_path: Path, maps: bool, most: int) -> None:
+    few, many = sizes(tmp_path, maps, 4), sizes(tmp_path, maps, 14)
+    assert few[1] < many[1]
+    assert 100 < (many[0] - few[0]) / (many[1] - few[1]) <= most
+
+
+def test_a_session_without_maps_has_none(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(maps=False))
+    assert not [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path.startswith(entities.MAPS)]
+
+
+def test_an_object_without_a_mask_is_shown_in_the_whole_image(tmp_path: Path) -> None:
+    problem = box_problem(1)
+    blind = replace(problem.instances[0], mask=np.zeros((60, 80), bool), points_cam=np.zeros((0, 3)))
+    recorded_run(tmp_path / "run.rrd", session(iterations=1), replace(problem, instances=(blind,)))
+    assert sorted(pictures(tmp_path / "run.rrd", "classes")) == [1]

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import rerun as rr
+
+from tests.recording.runs import recorded_run
+from verefine_viz.core.errors import InputError
+from verefine_viz.recording.reader import read_recording
+
+
+def error_of(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_recording(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert path.name in text
+    return text
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    assert "does not exist" in error_of(tmp_path / "no.rrd")
+
+
+def test_folder(tmp_path: Path) -> None:
+    (tmp_path / "folder.rrd").mkdir()
+    assert "cannot be read" in error_of(tmp_path / "folder.rrd")
+
+
+def test_empty_file(tmp_path: Path) -> None:
+    (tmp_path / "empty.rrd").touch()
+    assert "is empty" in error_of(tmp_path / "empty.rrd")
+
+
+@pytest.mark.parametrize("content", [b"hello", b"\x89PNG\r\n\x1a\n", b"RRF1 old", b"RR"])
+def test_foreign_file(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "foreign.rrd").write_bytes(content)
+    assert "is not a rerun recording" in error_of(tmp_path / "foreign.rrd")
+
+
+def test_only_a_head(tmp_path: Path) -> None:
+    (tmp_path / "head.rrd").write_bytes(b"RRF2")
+    error_of(tmp_path / "head.rrd")
+
+
+def test_noise_after_the_head(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd")
+    content = (tmp_path / "run.rrd").read_bytes()
+    (tmp_path / "noise.rrd").write_bytes(content[:16] + bytes(range(256)) * 40)
+    error_of(tmp_path / "noise.rrd")
+
+
+def test_recording_of_another_program(tmp_path: Path) -> None:
+    rec = rr.RecordingStream("another")
+    rec.save(tmp_path / "other.rrd")
+    rec.log("points", rr.Points3D([[0, 0, 0]]))
+    rec.flush()
+    rec.disconnect()
+    assert "another program" in error_of(tmp_path / "other.rrd")
+
+
+def test_later_schema(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("verefine_viz.recording.recorder.SCHEMA", 99)
+        recorded_run(tmp_path / "later.rrd")
+    assert "later version" in error_of(tmp_path / "later.rrd")
+
+
+def test_unknown_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("verefine_viz.core.settings.Session.model_dump_json", lambda self: '{"method": {"magic": 1}}')
+        recorded_run(tmp_path / "odd.rrd")
+    assert "settings cannot be read" in error_of(tmp_path / "odd.rrd")

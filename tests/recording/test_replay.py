@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import os
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from tests.fakes import box_problem
+from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz.core.errors import InputError
+from verefine_viz.recording import recorder
+from verefine_viz.recording.reader import Recorded
+from verefine_viz.recording.replay import open_viewer, verify
+from verefine_viz.recording.row import Row, row_of
+from verefine_viz.session.engine import Run
+
+
+def again(recorded: Recorded) -> Run:
+    return new_run(recorded.session, box_problem(3, 2))
+
+
+@pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir"])
+def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
+    recorded_run(tmp_path / "run.rrd", session(name))
+    assert verify(tmp_path / "run.rrd", again) is None
+
+
+def record_changed(path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object]) -> None:
+    def changed(iteration, errors) -> Row:
+        row = row_of(iteration, errors)
+        return replace(row, **change) if row.index == k else row
+
+    with monkeypatch.context() as patched:
+        patched.setattr(recorder, "row_of", changed)
+        recorded_run(path, session())
+
+
+def test_one_bit_of_a_pose_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = new_run(session(), box_problem(3, 2))
+    run.finish()
+    poses = np.array([s.T_cam_obj for s in run.iterations[16].stages])
+    poses[2, 0, 3] = np.nextafter(poses[2, 0, 3], 1)
+    record_changed(tmp_path / "run.rrd", monkeypatch, 17, {"Ts_cam_obj": poses})
+    found = verify(tmp_path / "run.rrd", again)
+    assert found is not None
+    assert found.startswith("iteration 17: Ts_cam_obj")
+
+
+@pytest.mark.parametrize(
+    ("k", "change", "named"),
+    [(1, {"accepted": "simulated"}, "accepted"), (30, {"best_arm": 7}, "best_arm"), (8, {"arm": 2}, "arm")],
+)
+def test_other_changes_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object], named: str
+) -> None:
+    record_changed(tmp_path / "run.rrd", monkeypatch, k, change)
+    found = verify(tmp_path / "run.rrd", again)
+    assert found is not None
+    assert found.startswith(f"iteration {k}: {named}")
+
+
+def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(iterations=5))
+    found = verify(tmp_path / "run.rrd", lambda r: new_run(session(iterations=4), box_problem(3, 2)))
+    assert found is not None
+    assert found.startswith("iteration 13: ")
+
+
+def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder, "versions", lambda: {"numpy": "0.0.1"})
+    record_changed(tmp_path / "run.rrd", monkeypatch, 3, {"accepted": "mixed"})
+    found = verify(tmp_path / "run.rrd", again)
+    assert found is not None
+    assert "recorded with numpy 0.0.1 (here " in found
+
+
+def test_viewer_listens_on_loopback_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    recorded_run(tmp_path / "run.rrd")
+    process = open_viewer(tmp_path / "run.rrd", web=True)
+    try:
+        addresses = listening(process)
+        assert len(addresses) == 2
+        assert set(addresses) == {"127.0.0.1"}
+    finally:
+        process.kill()
+        process.wait()
+
+
+def listening(process: subprocess.Popen[bytes]) -> list[str]:
+    """Addresses that the process listens on, once both servers are up."""
+    watched = psutil.Process(process.pid)
+    for _ in range(200):
+        found = [c.laddr.ip for c in watched.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+        if len(found) >= 2 or process.poll() is not None:
+            return found
+        try:
+            process.wait(0.1)
+        except subprocess.TimeoutExpired:
+            continue
+    return []
+
+
+def test_viewer_refuses_what_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "x.rrd").write_bytes(os.urandom(50))
+    with pytest.raises(InputError, match="not a rerun recording"):
+        open_viewer(tmp_path / "x.rrd")
