@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numba.core import config
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
@@ -19,14 +22,22 @@ from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intri
 from verefine_viz.rendering.rasterizer import draw_frame
 from verefine_viz.rendering.results import PIXELS, as_poses, normals_image, score_maps, scores_from_sums
 
-FEW_POSES = 2
-"""Up to so many poses are scored in the calling thread: waking the others costs more than it gains."""
-
 NOTHING_PLACED = np.zeros((0, 0), np.float32)
 
 
+@cache
+def _pool() -> ThreadPoolExecutor:
+    # Threads of Python's own, as the kernels let go of the interpreter: numba's thread layers may not be entered twice
+    # at once, and warn about old versions of TBB.
+    return ThreadPoolExecutor(config.NUMBA_NUM_THREADS, "score")  # pyright: ignore
+
+
 class CpuVerifier:
-    """Scores poses with the numba rasteriser; may be used from any thread, one at a time."""
+    """Scores poses with the numba rasteriser; may be used from any thread, one at a time.
+
+    A batch is spread over ``NUMBA_NUM_THREADS`` threads (an environment variable; all cores unless it is set); the bits
+    do not depend on how many.
+    """
 
     name = "cpu"
 
@@ -34,6 +45,7 @@ class CpuVerifier:
         self.settings = settings
         self._targets = TargetStore()
         self._meshes = MeshStore(settings.simplify_mm, cache_folder)
+        self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._placed_key: tuple[object, ...] | None = None
         self._placed_m = NOTHING_PLACED
 
@@ -43,8 +55,7 @@ class CpuVerifier:
         prepared = self._targets.get(target)
         settings = self.settings
         sums = np.empty((len(Ts), kernels.N_SUMS))
-        run = kernels.score_one_by_one if len(Ts) <= FEW_POSES else kernels.score_in_parallel
-        run(
+        arguments = (
             Ts,
             _arrays(self._meshes.get(target.model)),
             intrinsics(target.observation.camera, settings),
@@ -59,6 +70,11 @@ class CpuVerifier:
             settings.alpha,
             sums,
         )
+        n = min(len(Ts), self._n_threads)
+        others = [_pool().submit(kernels.score_every, k, n, *arguments) for k in range(1, n)]
+        kernels.score_every(0, max(n, 1), *arguments)
+        for other in others:
+            other.result()
         return scores_from_sums(sums, settings)
 
     def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:

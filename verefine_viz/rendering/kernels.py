@@ -8,7 +8,7 @@ one thread, hence the same bits with any number of threads.
 from __future__ import annotations
 
 import numpy as np
-from numba import config, njit, prange
+from numba import config, njit
 
 from verefine_viz.rendering.rasterizer import draw, window
 
@@ -136,22 +136,13 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
         sums[4 + k] = counts[k]
 
 
-@njit(cache=True)
-def score_one_by_one(Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums):
-    """:func:`score_pose` of N poses in this thread; for few poses, where waking threads costs more than it gains."""
-    for i in range(len(Ts)):
-        score_pose(
-            Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums[i]
-        )  # fmt: skip
-
-
-@njit(cache=True, parallel=True)
-def score_in_parallel(Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums):
-    """:func:`score_pose` of N poses on all threads, the same bits."""
-    for i in prange(len(Ts)):
-        score_pose(
-            Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums[i]
-        )  # fmt: skip
+@njit(cache=True, nogil=True)
+def score_every(
+    first, step, Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums
+):
+    """:func:`score_pose` of poses first, first + step, …; several threads may each take their share."""
+    for i in range(first, len(Ts), step):
+        score_pose(Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, out[i])
 
 
 @njit(cache=True)

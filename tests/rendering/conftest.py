@@ -1,0 +1,39 @@
+"""Verifiers, each test with all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.cpu_verifier import CpuVerifier
+from verefine_viz.rendering.gl_info import gl_problem
+from verefine_viz.rendering.gl_verifier import GlVerifier
+
+MakeVerifier = Callable[..., CpuVerifier | GlVerifier]
+
+
+@pytest.fixture
+def needs_gl() -> None:
+    problem = gl_problem()
+    if problem:
+        pytest.skip(problem)
+
+
+@pytest.fixture(params=["cpu", "gl"])
+def make(request: pytest.FixtureRequest) -> Iterator[MakeVerifier]:
+    """Makes a verifier from fields of the settings; every triangle is kept unless said otherwise."""
+    if request.param == "gl":
+        request.getfixturevalue("needs_gl")
+    made: list[CpuVerifier | GlVerifier] = []
+
+    def verifier(**fields: object) -> CpuVerifier | GlVerifier:
+        settings = ScoreSettings.model_validate({"simplify_mm": 0.0, **fields})
+        made.append(CpuVerifier(settings) if request.param == "cpu" else GlVerifier(settings))
+        return made[-1]
+
+    yield verifier
+    for v in made:
+        if isinstance(v, GlVerifier):
+            v.close()
