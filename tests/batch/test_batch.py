@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import psutil
 import pytest
@@ -60,6 +60,7 @@ def stop_in_the_middle(child: subprocess.Popen[str], out: Path) -> int:
     while not journal(out):
         assert child.poll() is None, f"the batch ended by itself: {child.communicate()}"
         assert monotonic() < deadline
+        sleep(0.005)
     process.suspend()
     while process.status() != psutil.STATUS_STOPPED:
         assert monotonic() < deadline

@@ -59,7 +59,7 @@ def _run(session: Session, out: Path, n_workers: int) -> Outcome:
         TextColumn("{task.fields[note]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=errors) as bar:
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         task = bar.add_task(escape(out.name), total=None, note="starting")
         n_failed = 0
 

@@ -8,12 +8,22 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def _has_length(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(vector):
+        raise ValueError("a direction cannot be (0, 0, 0)")
+    return vector
+
+
+Direction = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_has_length)]
 
 
 class Settings(BaseModel):
@@ -39,7 +49,7 @@ class SceneSettings(Settings):
     """BOP object ids to solve; none = all."""
     masks: str = "mask_visib"
     """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
-    gravity: Literal["plane", "world"] | tuple[float, float, float] = "plane"
+    gravity: Literal["plane", "world"] | Direction = "plane"
     """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
     camera frame (an IMU's reading)."""
     seed: Seed = 0

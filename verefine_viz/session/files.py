@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -92,11 +93,17 @@ def save_session(session: Session, path: Path) -> None:
 def _first(error: ValidationError) -> str:
     """The first thing that is wrong, in one line."""
     detail = error.errors()[0]
-    field = ".".join(str(part) for part in detail["loc"])
+    field = _field(detail["loc"])
     if detail["type"] == "extra_forbidden":
         return f"unknown field {field!r}; available: {', '.join(_siblings(detail['loc']))}"
-    shown = repr(detail["input"])
-    return f"{field} = {shown[:80]}: {detail['msg'].lower()}"
+    # A field of several kinds (a word or a vector) fails once for each of them.
+    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
+    return f"{field} = {repr(detail['input'])[:80]}: {', or '.join(dict.fromkeys(ways))}"
+
+
+def _field(location: tuple[int | str, ...]) -> str:
+    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
+    return ".".join(str(part) for part in location if not (isinstance(part, str) and re.search(r"[\[(]", part)))
 
 
 def _siblings(location: tuple[int | str, ...]) -> list[str]:
