@@ -38,7 +38,7 @@ CONVEX_ENOUGH = 0.05
 DECOMPOSED_FACES = 1000
 """Faces that the decomposition works on; more cost minutes and change little."""
 MAX_PARTS = 16
-FORMAT = 1
+FORMAT = 2
 """Part of the cache's file names; raise it when the way colliders are built changes."""
 
 
@@ -175,13 +175,15 @@ def _decomposed(mesh: trimesh.Trimesh, diameter_m: float) -> list[Float]:
     coacd.set_log_level("off")
     found = coacd.run_coacd(
         coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32)),
-        threshold=0.05,
+        threshold=0.08,
         max_convex_hull=MAX_PARTS,
         preprocess_resolution=30,
-        resolution=400,
-        mcts_nodes=8,
-        mcts_iterations=20,
+        resolution=300,
+        mcts_nodes=5,
+        mcts_iterations=10,
         mcts_max_depth=2,
+        decimate=True,
+        max_ch_vertex=64,
         seed=0,
     )
     parts = []
