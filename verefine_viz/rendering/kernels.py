@@ -137,9 +137,7 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
 
 
 @njit(cache=True, nogil=True)
-def score_every(
-    first, step, Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums
-):
+def score_every(first, step, Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, out):
     """:func:`score_pose` of poses first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
         score_pose(Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, out[i])
