@@ -58,6 +58,7 @@ class App:
         self._wake = threading.Condition()
         self._stopping = False
         self._idle = False
+        self._is_shallow = False
         self._animation: Iterator[None] | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -158,15 +159,14 @@ class App:
         self._show()
 
     def _next(self) -> c.Command | object | None:
-        """The next command; None = nothing waits, go on with the run or the animation; STOP = end."""
+        """The next command; None = nothing waits, go on with what is under way; STOP = end."""
         with self._wake:
-            busy = self.debugger.goal is not None
-            if not self._queue and not busy and self._animation is None:
-                self._idle = True
-                self._wake.notify_all()
-                self._wake.wait_for(lambda: self._queue or self._stopping)
-            elif not self._queue and not busy:
-                self._wake.wait_for(lambda: self._queue or self._stopping, FRAME_S)
+            running = self.debugger.goal is not None
+            if not self._queue and not running and not self._is_shallow:
+                if self._animation is None:
+                    self._idle = True
+                    self._wake.notify_all()
+                self._wake.wait_for(lambda: self._queue or self._stopping, FRAME_S if self._animation else None)
             if self._stopping:
                 return STOP
             return self._queue.popleft() if self._queue else None
@@ -178,14 +178,15 @@ class App:
             self.debugger.apply(command)
             with self._wake:
                 waiting = bool(self._queue)
-            if waiting and command.latest_wins:
-                return  # A newer one is there already; its picture will do.
-            self._show()
-            self._animate(command, before)
+            if not (waiting and command.latest_wins):  # A newer one is there already: its picture will do.
+                self._show()
+                self._animate(command, before)
         elif self.debugger.goal is not None:
             self.debugger.tick()
             if self.debugger.goal is None or monotonic() - self._shown_at > REFRESH_S:
                 self._show()
+        elif self._is_shallow:
+            self._show_deep()
         elif self._animation is not None and next(self._animation, STOP) is STOP:
             self._animation = None
 
@@ -198,7 +199,8 @@ class App:
             self._animation = self.scene.path_animation(view)
 
     def _show(self) -> None:
-        self._view = self.debugger.view()
+        """Poses, numbers and words at once; what takes longer follows when nothing else waits."""
+        self._view = self.debugger.view(deep=False)
         with self._wake:
             hand_is_ahead = any(isinstance(q, c.Seek) for q in self._queue)
         with self.server.atomic():
@@ -206,6 +208,15 @@ class App:
             self.layout.show(self._view, hand_is_ahead)
         self.server.flush()
         self._shown_at = monotonic()
+        self._is_shallow = True
+
+    def _show_deep(self) -> None:
+        self._is_shallow = False
+        view = self.debugger.view()
+        with self.server.atomic():
+            self.scene.show_deep(view)
+            self.layout.show_deep(view)
+        self.server.flush()
 
 
 STOP = object()

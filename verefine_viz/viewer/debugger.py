@@ -125,9 +125,9 @@ class Debugger:
         run = self.workspace.run
         return (run.n_iterations - run.length) * sum(self._seconds) / len(self._seconds)
 
-    def view(self) -> View:
-        """What is to be seen now."""
-        return view_of(self)
+    def view(self, deep: bool = True) -> View:
+        """What is to be seen now; without score maps and plausibility if not ``deep``."""
+        return view_of(self, deep)
 
     # What the commands do
 
@@ -279,7 +279,7 @@ class Debugger:
         self._reset_look()
 
     def _fork_from_pose(self) -> None:
-        T, view = self.look.T_cam_obj_edited, self.view()
+        T, view = self.look.T_cam_obj_edited, self.view(deep=False)
         if T is None:
             raise InputError("no pose is being edited; press Edit pose first")
         cursor = self.workspace.run.cursor
@@ -308,7 +308,7 @@ class Debugger:
         if not on:
             self.look = replace(self.look, edited=None)
             return
-        view = self.view()
+        view = self.view(deep=False)
         if view.state is None:
             raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
         arms = view.state.arms
@@ -318,7 +318,7 @@ class Debugger:
         self.look = replace(self.look, edited=edited, arm=view.arm, a="accepted", b="edited", layers=layers)
 
     def _shown_path(self) -> Any:
-        shown = self.view().shown
+        shown = self.view(deep=False).shown
         if shown is None or shown.path is None:
             raise InputError("no simulated path here; step to an iteration with physics")
         return shown.path.Ts_cam_obj

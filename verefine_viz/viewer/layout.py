@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+
 import viser
 
+from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
@@ -19,6 +22,7 @@ from verefine_viz.viewer.panels.timeline import TimelinePanel
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person
 
+_LOG = logging.getLogger(__name__)
 RIGHT_PX = 372
 GAP_PX = 6
 TIMELINE_PX = 136
@@ -108,7 +112,10 @@ class Layout:
 
         def received(value: str) -> None:
             line, _, _ = value.rpartition(" ")
-            handler(c.from_json(line))
+            try:
+                handler(c.from_json(line))
+            except InputError as error:
+                _LOG.warning("a link was refused: %s", error)
 
         self.link.on_update(by_person(received))
 
@@ -123,8 +130,14 @@ class Layout:
         self.errors.show(view)
         self.session.show(view)
         self.layers.show(view)
-        self.maps.show(view)
         self.curves.show(view)
+        self.maps.show(view)
+
+    def show_deep(self, view: View) -> None:
+        """The panels that tell of score maps and plausibility."""
+        self.maps.show(view)
+        self.score.show(view)
+        self.physics.show(view)
 
     def _hide(self, gui: viser.GuiApi, handle: viser.GuiTextHandle) -> None:
         row = f'div:has(> .mantine-Flex-root label[for="{handle._impl.uuid}"])'

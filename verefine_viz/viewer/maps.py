@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,10 @@ class Crop:
     def height(self) -> int:
         return self.v1 - self.v0
 
-    def of(self, image: Image) -> Image:
-        """The cut-out, black where the crop reaches beyond the image."""
+    def of(self, image: NDArray[Any], fill: float = 0) -> NDArray[Any]:
+        """The cut-out of an image (H, W, …), ``fill`` where the crop reaches beyond the image."""
         h, w = image.shape[:2]
-        out = np.zeros((self.height, self.width, 3), np.uint8)
+        out = np.full((self.height, self.width, *image.shape[2:]), fill, image.dtype)
         u0, v0, u1, v1 = max(self.u0, 0), max(self.v0, 0), min(self.u1, w), min(self.v1, h)
         if u1 > u0 and v1 > v0:
             out[v0 - self.v0 : v1 - self.v0, u0 - self.u0 : u1 - self.u0] = image[v0:v1, u0:u1]
@@ -90,30 +90,27 @@ def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
     return FIT if name in ("f_d", "f_n") else None
 
 
-def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
-    """One map of the whole image as RGB (H, W, 3)."""
-    if name == "classes":
-        return class_image(maps.classes)
+def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None) -> Image:
+    """One map as RGB (H, W, 3): of the whole image, or of a part of it."""
+    crop = crop or Crop(0, 0, target.observation.camera.width, target.observation.camera.height)
     scale = scale_of(name, target, tau_m)
-    assert scale is not None
-    return scale.colors(map_values(name, maps, target))
+    if scale is None:
+        return class_image(crop.of(maps.classes))
+    return scale.colors(map_values(name, maps, target, crop))
 
 
-def map_values(name: MapName, maps: ScoreMaps, target: Target) -> NDArray[np.floating]:
-    """One map's numbers in its scale's unit (H, W); NaN where it says nothing."""
-    observed = target.observation.depth_m
+def map_values(name: MapName, maps: ScoreMaps, target: Target, crop: Crop) -> NDArray[np.floating]:
+    """One map's numbers in its scale's unit; NaN where it says nothing."""
+    observed, rendered = crop.of(target.observation.depth_m), crop.of(maps.rendered_m)
     if name == "observed":
         return np.where(observed > 0, observed, np.nan)
     if name == "rendered":
-        return np.where(maps.rendered_m > 0, maps.rendered_m, np.nan)
+        return np.where(rendered > 0, rendered, np.nan)
     if name == "difference":
-        both = (observed > 0) & (maps.rendered_m > 0)
-        return np.where(both, maps.depth_difference_m * 1000, np.nan)
+        return np.where((observed > 0) & (rendered > 0), (observed - rendered) * 1000, np.nan)
     if name == "angle":
-        return np.where(maps.rendered_m > 0, np.rad2deg(maps.angle_rad), np.nan)
-    if name in ("f_d", "f_n"):
-        return np.where(maps.counted, maps.f_d if name == "f_d" else maps.f_n, np.nan)
-    return maps.classes.astype(np.float64)
+        return np.where(rendered > 0, np.rad2deg(crop.of(maps.angle_rad, np.nan)), np.nan)
+    return np.where(crop.of(maps.counted), crop.of(maps.f_d if name == "f_d" else maps.f_n), np.nan)
 
 
 @dataclass(frozen=True)

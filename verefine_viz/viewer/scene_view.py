@@ -53,14 +53,21 @@ class SceneView:
         self._view = view
         assert self._nodes is not None
         self._nodes.show(view)
-        self._show_cloud(view)
-        self._show_image(view)
         self._show_contacts(view)
-        self._show_polygon(view)
         self._show_gizmo(view)
+        self.show_deep(view)
         layers = view.look.layers
         self._plane.visible = self._grid.visible = "plane" in layers and view.problem.observation.support is not None
         self._gravity.visible = "gravity" in layers and view.problem.observation.support is not None
+
+    def show_deep(self, view: View) -> None:
+        """What needs score maps or plausibility; the rest is left as it is, be it an animation."""
+        self._points.visible = "cloud" in view.look.layers
+        self._image.visible = self._frustum.visible = "camera image" in view.look.layers
+        if view.deep:
+            self._show_cloud(view)
+            self._show_image(view)
+            self._show_polygon(view)
 
     def animation(self, view: View) -> Iterator[None]:
         """The iteration at the cursor, picture by picture."""
@@ -159,14 +166,14 @@ class SceneView:
         points = _all_points(view)
         middle = points.mean(axis=0)
         extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
-        distance = max(0.34, 2.3 * extent)
+        distance = max(0.36, 2.7 * extent)
         towards_sensor = -middle / np.linalg.norm(middle)
         beside = np.array([0.75, -0.35, 0.0])
         direction = towards_sensor + beside
         eye_cam = middle + distance * direction / np.linalg.norm(direction)
         eye, target = apply(self._T_world_cam, np.array([eye_cam, middle]))
         # The free part is the upper half: look below the objects, so that they appear above the middle.
-        target = target - np.array([0.0, 0.0, 0.33 * distance])
+        target = target - np.array([0.0, 0.0, 0.36 * distance])
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
         camera.near = 0.005
@@ -177,20 +184,15 @@ class SceneView:
     # What changes with every view
 
     def _show_cloud(self, view: View) -> None:
-        self._points.visible = "cloud" in view.look.layers
         maps = view.b.maps if view.b else view.a.maps if view.a else None
-        if maps is None and view.look.cloud != "colour":
-            return  # A run is on: keep the colours until there is something to colour by.
         colors = cloud_colors(self._cloud, view.look.cloud, maps, view.session.score.tau_m)
         if colors is not self._colors:
             self._points.colors = colors
             self._colors = colors
 
     def _show_image(self, view: View) -> None:
-        visible = "camera image" in view.look.layers
-        self._image.visible = self._frustum.visible = visible
         side = view.b or view.a
-        if not visible or side is None or side.maps is None:
+        if not self._image.visible or side is None or side.maps is None:
             return
         picture = map_image(view.look.map, side.maps, view.target, view.session.score.tau_m)
         image = overlaid(picture, side.maps.classes > 0, view.problem.observation.rgb)

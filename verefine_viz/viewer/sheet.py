@@ -29,7 +29,7 @@ def maps_sheet(view: View) -> Image:
         score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
         draw.text((8, top + 8), f"{side.pose.name}{score}", (20, 20, 20), font=font)
         for column, name in enumerate(MAP_NAMES):
-            image = PilImage.fromarray(crop.of(map_image(name, side.maps, view.target, tau_m)))
+            image = PilImage.fromarray(map_image(name, side.maps, view.target, tau_m, crop))
             tile = image.resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
             sheet.paste(tile, (_LEFT + column * (_TILE_W + _GAP), top))
     if not sides:

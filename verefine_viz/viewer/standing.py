@@ -21,10 +21,11 @@ def standing_html(view: View) -> str:
         return ""
     color = LIGHTS[found.light]
     margin = "nothing carries it" if np.isneginf(found.margin_mm) else f"{found.margin_mm:.1f} mm"
-    partner = {None: "nothing", -1: "the table"}.get(found.penetrates, "a neighbour")
+    partner = "the table" if found.penetrates == -1 else "a neighbour"
+    sunk = "none" if found.penetrates is None else f"{found.penetration_mm:.1f} mm into {partner}"
     facts = (
         ("gap", f"{found.gap_mm:.1f} mm", "distance to the nearest surface below or beside it"),
-        ("penetration", f"{found.penetration_mm:.1f} mm into {partner}", "deepest overlap"),
+        ("penetration", sunk, "deepest overlap"),
         ("balance", margin, "centre of mass to the edge of the support polygon; negative = outside, it tips over"),
         ("stable", "yes" if found.is_stable else "no", "whether friction at the contacts can hold it still"),
         ("plane", f"{support.inlier_share:.0%} of background", "share of the background's depth on the support plane"),

@@ -36,7 +36,7 @@ class Side:
 
     pose: Judged
     maps: ScoreMaps | None
-    """None while a run is on: nobody can look at so many."""
+    """None in a view that is not deep."""
     probe: Probe | None = None
 
 
@@ -102,6 +102,8 @@ class View:
     """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
     truth: Judged | None
     """Ground truth, scored; None where there is none."""
+    deep: bool = True
+    """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs."""
     message: str = ""
     """What just happened or went wrong, in a sentence."""
     kept: tuple[str, ...] = ()

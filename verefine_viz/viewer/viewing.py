@@ -25,8 +25,8 @@ FALLBACK_B = ("accepted", "best", "initial", "ground truth")
 """What is shown instead of a stage that does not exist at the cursor."""
 
 
-def view_of(debugger: Debugger) -> View:
-    """Everything the panels and the scene need, at this moment."""
+def view_of(debugger: Debugger, deep: bool = True) -> View:
+    """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
     space, look = debugger.workspace, debugger.look
     work, branch = space.work, space.branch
     run, judge = branch.run, branch.judge
@@ -58,12 +58,13 @@ def view_of(debugger: Debugger) -> View:
         poses=poses,
         arm=arm,
         look=look,
-        a=_side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, running),
-        b=_side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, running),
-        plausible=judge.plausibility(target, judged.T_cam_obj) if judged and not running else None,
+        a=_side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep),
+        b=_side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep),
+        plausible=judge.plausibility(target, judged.T_cam_obj) if judged and deep else None,
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, run.iterations),
         truth=truth,
+        deep=deep,
         message=debugger.message,
         kept=tuple(str(p) for p in debugger.kept),
     )
@@ -153,10 +154,10 @@ def _or_else(poses: dict[str, Judged], wanted: str, instead: tuple[str, ...]) ->
     return next((poses[name] for name in (wanted, *instead) if name in poses), None)
 
 
-def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, running: bool) -> Side | None:
+def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, deep: bool) -> Side | None:
     if pose is None:
         return None
-    if running:
+    if not deep:
         return Side(pose, None)
     maps = judge.maps(target, pose.T_cam_obj)
     return Side(pose, maps, probe(maps, target, *look.pixel) if look.pixel else None)

@@ -25,8 +25,8 @@ class MapsPanel:
         self._strip = Block(gui, "strip")
 
     def show(self, view: View) -> None:
-        """New pictures; the old ones stay while a run is on."""
-        if not view.progress.running:
+        """New pictures; the old ones stay until they are known."""
+        if view.deep:
             self._strip.show(maps_html(view))
 
 
@@ -62,7 +62,7 @@ def _row(view: View, side: Side, crop: Crop, letter: str) -> str:
 
 def _picture(view: View, side: Side, name: MapName, crop: Crop) -> str:
     assert side.maps is not None
-    image = crop.of(map_image(name, side.maps, view.target, view.session.score.tau_m))
+    image = map_image(name, side.maps, view.target, view.session.score.tau_m, crop)
     if view.look.pixel is not None:
         image = _with_cross(image, view.look.pixel[0] - crop.u0, view.look.pixel[1] - crop.v0)
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])

@@ -36,7 +36,8 @@ class PhysicsPanel:
     def show(self, view: View) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
         self._words.show(sentence(physics(view)))
-        self._standing.show(standing_html(view))
+        if view.deep:
+            self._standing.show(standing_html(view))
         self._changes.show(changes_table(view))
         path = view.shown.path if view.shown else None
         self.path.visible = self.play.visible = path is not None

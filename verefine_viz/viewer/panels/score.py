@@ -41,6 +41,8 @@ class ScorePanel:
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
         self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>')
+        if not view.deep:
+            return
         sides = [(side.pose.name, side.probe) if side else ("", None) for side in (view.a, view.b)]
         legend = " ".join(
             f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()

@@ -1,0 +1,224 @@
+"""The page through a websocket: what a browser sends, and what comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewer.client import client
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.layout import KEYS
+
+SESSION = Session(title="test", method=MethodSettings(iterations=2))
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[App]:
+    running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
+    running.wait_until_idle()
+    yield running
+    running.stop()
+
+
+def command_of(app: App, label: str) -> Any:
+    return app.layout.commands[[k[0] for k in KEYS].index(label)]
+
+
+def until(app: App, condition: Any) -> None:
+    """Waits for the worker until ``condition()`` holds; the browser's message takes a moment to arrive."""
+    with app._wake:
+        assert app._wake.wait_for(lambda: condition() and app._idle, 20), "it never happened"
+
+
+def cursor(app: App) -> int:
+    return app.debugger.workspace.run.cursor
+
+
+def test_buttons_and_hotkeys_move_the_run(app: App) -> None:
+    with client(app.url) as browser:
+        browser.set(app.layout.run.moves, "Step ▶")
+        until(app, lambda: cursor(app) == 1)
+        browser.trigger(command_of(app, "Step one iteration"))
+        until(app, lambda: cursor(app) == 2)
+        browser.trigger(command_of(app, "Back one iteration"))
+        until(app, lambda: cursor(app) == 1)
+        browser.trigger(command_of(app, "Run / pause"))
+        until(app, lambda: cursor(app) == 6)
+        browser.trigger(command_of(app, "First"))
+        until(app, lambda: cursor(app) == 0)
+
+
+def test_slider_seeks_and_follows(app: App) -> None:
+    app.send(c.RunUntil("end"))
+    app.wait_until_idle()
+    assert app.layout.timeline.slider.value == 6
+    with client(app.url) as browser:
+        browser.set(app.layout.timeline.slider, 2)
+        until(app, lambda: cursor(app) == 2)
+    app.send(c.SeekEnd())
+    app.wait_until_idle()
+    assert app.layout.timeline.slider.value == 6
+    assert [type(x) for x in app.debugger.log][-1] is c.SeekEnd
+
+
+def test_links_carry_commands_and_nothing_else(app: App) -> None:
+    app.send(c.RunUntil("end"))
+    app.wait_until_idle()
+    with client(app.url) as browser:
+        browser.set(app.layout.link, '{"command": "DoEvil"} 1')
+        browser.set(app.layout.link, "__import__('os') 2")
+        browser.set(app.layout.link, '{"command": "Seek", "cursor": 3} 3')
+        until(app, lambda: cursor(app) == 3)
+
+
+def test_two_browsers_show_the_same_run(app: App) -> None:
+    with client(app.url) as one, client(app.url) as other:
+        one.set(app.layout.run.moves, "Step ▶")
+        until(app, lambda: cursor(app) == 1)
+        other.set(app.layout.run.moves, "Step ▶")
+        until(app, lambda: cursor(app) == 2)
+
+
+def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
+    for command in (c.Step(), c.SelectArm(2), c.RunUntil("end"), c.Seek(1), c.Fork((("method.exploration", 1.0),))):
+        app.send(command)
+    app.wait_until_idle()
+    again = Debugger(SESSION, None, FakeTools).carry_out(c.from_json(c.to_json(x)) for x in app.debugger.log)
+    assert again.look == app.debugger.look
+    assert first_difference(again.workspace.run.iterations, app.debugger.workspace.run.iterations) is None
+
+
+def test_sliding_fast_carries_out_the_latest_only(app: App) -> None:
+    app.send(c.RunUntil("end"))
+    app.wait_until_idle()
+    with app._wake:  # The worker waits for the lock: all of these are in the queue together.
+        for k in (1, 2, 3, 4):
+            app.send(c.Seek(k))
+        assert [x.cursor for x in app._queue if isinstance(x, c.Seek)] == [4]
+    app.wait_until_idle()
+    assert cursor(app) == 4
+
+
+def test_a_command_that_fails_is_told_and_the_page_lives_on(app: App) -> None:
+    app.send(c.OpenFrame("9/9"))
+    app.wait_until_idle()
+    assert app.debugger.message == "unknown frame '9/9'; available: 0/1, 0/2"
+    assert "9/9" in app.layout.run._words._handle.content
+    app.send(c.Step())
+    app.wait_until_idle()
+    assert cursor(app) == 1
+
+
+def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(app.debugger.workspace.run, "step", lambda: 1 / 0)
+    app.send(c.RunUntil("end"))
+    app.wait_until_idle()
+    assert "ZeroDivisionError" in app.debugger.message
+    assert app.debugger.goal is None
+
+
+def test_every_panel_has_something_to_say_everywhere(app: App) -> None:
+    for command in (
+        c.Step(), c.StepStage(), c.StepStage(), c.RunUntil("end"), c.OpenFrame("0/2"), c.RunUntil("end"), c.Focus(0),
+        c.SelectArm(1), c.ScrubPath(0), c.ScrubPath(2), c.PlayPath(), c.EditPose(), c.ForkFromPose(), c.ColorCloud(),
+        c.ColorCloud(), c.ShowMap("angle"), c.ProbePixel(40, 40), c.ScoreGroundTruth(), c.ShowBranch(0),
+        c.Restart((("physics.enabled", False),)), c.Step(), c.Restart((("method.name", "pir"),)), c.Step(),
+        c.Restart((("method.name", "refine"),)), c.RunUntil("end"),
+    ):  # fmt: skip
+        app.send(command)
+        app.wait_until_idle()
+        assert "a bug" not in app.debugger.message, (command, app.debugger.message)
+
+
+def test_session_and_exports_are_written_inside_the_folder(app: App, tmp_path: Path) -> None:
+    app.send(c.RunUntil("end"))
+    app.send(c.SaveSession("kept"))
+    for what in ("scene", "results", "maps", "commands"):
+        app.send(c.Export(what))
+    app.send(c.Export("maps"))
+    app.wait_until_idle()
+    written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    stem = "runs/exports/test_0_1_rir"
+    assert written == {
+        "kept.toml", f"{stem}.html", f"{stem}.csv", f"{stem}_maps.png", f"{stem}_maps-2.png", f"{stem}_commands.jsonl"
+    }  # fmt: skip
+    html = (tmp_path / f"{stem}.html").read_text()
+    assert "<html" in html
+    assert "RunTo" in (tmp_path / f"{stem}_commands.jsonl").read_text()
+
+
+@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "a/b", "", " ", "..", "a\\b", "x\ny"])
+def test_a_session_cannot_be_written_elsewhere(app: App, tmp_path: Path, name: str) -> None:
+    app.send(c.SaveSession(name))
+    app.wait_until_idle()
+    assert "is no name for a session" in app.debugger.message
+    assert list(tmp_path.rglob("*.toml")) == []
+
+
+def test_hostile_names_are_shown_as_text(tmp_path: Path) -> None:
+    evil = "<img src=x onerror=alert(1)>\"'&"
+
+    class Evil(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            from dataclasses import replace
+
+            problem = super().problem(frame)
+            models = {k: replace(m, name=evil) for k, m in problem.models.items()}
+            hypotheses = tuple(replace(h, source=evil) for h in problem.instances[0].hypotheses)
+            instances = (replace(problem.instances[0], hypotheses=hypotheses), *problem.instances[1:])
+            return replace(problem, models=models, instances=instances, notes=(evil,), title=evil)
+
+    running = App(Session(title=evil), port=0, make_tools=Evil, folder=tmp_path).start()
+    try:
+        running.wait_until_idle()
+        for command in (c.OpenFrame("0/2"), c.RunUntil("end"), c.SeekEvent(-1), c.Fork()):
+            running.send(command)
+        running.wait_until_idle()
+        pages = [str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(running)]
+        html = [p for p in pages if "content" in p]
+        assert html
+        assert not any("<img src=x" in p for p in html)
+        assert any("&lt;img src=x" in p for p in html)
+    finally:
+        running.stop()
+
+
+def messages(app: App) -> list[Any]:
+    """Everything a browser that connects now would be sent."""
+    buffer = app.server._websock_server._broadcast_buffer
+    return list(buffer.message_from_id.values())
+
+
+def test_a_session_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
+    class Broken(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            raise InputError("scene_gt.json is missing")
+
+    running = App(SESSION, port=0, make_tools=Broken, folder=tmp_path).start()
+    try:
+        with pytest.raises(VerefineError, match=r"scene_gt\.json is missing"):
+            running.wait_until_ready(20)
+    finally:
+        running.stop()
+
+
+def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
+    class Empty(FakeTools):
+        frames = ()
+
+    running = App(SESSION, port=0, make_tools=Empty, folder=tmp_path).start()
+    try:
+        with pytest.raises(VerefineError, match="names no frame"):
+            running.wait_until_ready(20)
+    finally:
+        running.stop()
