@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, unknown
@@ -45,37 +44,32 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
     return DemoSource(scene, hypotheses)
 
 
-DEMO_FRAME = "0/0"
-"""The name of a built-in scene's only frame."""
-
-
 class DemoSource:
-    """A built-in scene: one frame, made when it is first asked for."""
+    """A built-in scene: one frame per viewpoint, each made when it is first asked for."""
 
     def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
-        from verefine_viz.scenes.demo import demo_names
+        from verefine_viz.scenes.demo import demo_frames
 
-        names = tuple(demo_names())
-        if scene.demo not in names:
-            raise InputError(unknown("demo scene", scene.demo, names))
+        available = demo_frames(scene.demo)
+        for frame in scene.frames:
+            if frame not in available:
+                raise InputError(f"{unknown('frame', frame, available)} (demo scene {scene.demo!r})")
         self._scene = scene
         self._hypotheses = hypotheses
-        self._problem: Problem | None = None
-        self.frames: tuple[str, ...] = (DEMO_FRAME,)
+        self._problems: dict[str, Problem] = {}
+        self.frames: tuple[str, ...] = scene.frames or available
         self.notes: tuple[str, ...] = ()
 
     def problem(self, frame: str) -> Problem:
-        """The scene's only frame.
+        """A frame of the scene; the same object at each call.
 
         Raises:
             InputError: another frame is asked for.
         """
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
-        problem = self._problem
-        if problem is None:
+        if frame not in self._problems:
             from verefine_viz.scenes.demo import demo_problem
 
-            made = demo_problem(self._scene.demo, self._scene, self._hypotheses)
-            problem = self._problem = replace(made, scene_id=0, im_id=0)
-        return problem
+            self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame)
+        return self._problems[frame]
