@@ -173,20 +173,6 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     assert without_times(out) == without_times(uninterrupted)
 
 
-def test_recordings_of_failures_only(made: Made, tmp_path: Path) -> None:
-    # A hypothesis far off that is never moved is a failure; the ground truth itself is none.
-    wrong = {"rotation_deg": 90.0, "translation_mm": 60.0, "max_per_object": 1}
-    for name, hypotheses, n_kept in (("bad", wrong, 1), ("good", {"rotation_deg": 0.0, "translation_mm": 0.0}, 0)):
-        session = write_session(
-            tmp_path, made,
-            hypotheses=hypotheses, method={"name": "refine", "refiner": "identity", "iterations": 1},
-            scene={"frames": ["7/0"]}, recording={"keep": "failures", "maps": False},
-        )  # fmt: skip
-        out = tmp_path / name
-        assert run_batch(session, out).returncode == 0
-        assert len(list((out / "recordings").iterdir())) == n_kept
-
-
 def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> None:
     names = ("pir", "rir")
     paths = []

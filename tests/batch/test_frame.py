@@ -1,0 +1,81 @@
+"""Solving one frame: which recordings stay, and what failures look like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.batch.frames import depth_file, make_frames, write_session
+from tests.scenes.bop_folder import Made
+from verefine_viz.batch.frame import solve_frame
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return make_frames(tmp_path / "data", 1)
+
+
+def toolbox(folder: Path, made: Made, keep: str, **hypotheses: object) -> Toolbox:
+    """Hypotheses that are never moved: what goes in comes out."""
+    session = write_session(
+        folder, made,
+        hypotheses={"max_per_object": 1, **hypotheses}, recording={"keep": keep, "maps": False},
+        method={"name": "refine", "refiner": "identity", "iterations": 3},
+    )  # fmt: skip
+    return Toolbox(load_session(session))
+
+
+@pytest.mark.parametrize(
+    ("keep", "translation_mm", "n_kept"),
+    [("all", 0.0, 1), ("failures", 0.0, 0), ("failures", 60.0, 1), ("none", 60.0, 0)],
+)
+def test_the_recordings_that_were_asked_for_are_kept(
+    tmp_path: Path, made: Made, keep: str, translation_mm: float, n_kept: int
+) -> None:
+    tools = toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=translation_mm)
+    result = solve_frame(tools, "7/0", tmp_path)
+    assert [row.is_correct for row in result.objects] == [translation_mm == 0.0] * 3
+    recordings = list((tmp_path / "recordings").glob("*"))
+    assert len(recordings) == n_kept
+    for file in recordings:
+        assert len(read_recording(file).rows) == 9  # 3 objects, 3 iterations: the whole history
+
+
+def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> None:
+    depth_file(made, 0).unlink()
+    result = solve_frame(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    assert result.failed
+    assert result.seconds > 0
+    (row,) = result.objects
+    assert (row.scene_id, row.im_id, row.status) == (7, 0, "failed")
+    assert "depth" in row.message
+    assert not (tmp_path / "errors").exists()
+
+
+def test_an_error_that_nobody_foresaw_leaves_its_traceback(
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tools = toolbox(tmp_path, made, "none")
+
+    def broken(frame: str) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(tools, "problem", broken)
+    (row,) = solve_frame(tools, "7/0", tmp_path).objects
+    assert row.message == "ZeroDivisionError: division by zero (see errors/000007_000000.txt)"
+    assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
+
+
+def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:
+    made.edit("scene_gt.json", lambda gt: gt["0"].pop())
+    csv = tmp_path / "r.csv"
+    csv.write_text("7,0,5,0.9,1 0 0 0 1 0 0 0 1,0 80 600,-1\n")
+    session = write_session(tmp_path, made, hypotheses={"source": "results", "files": [str(csv)]})
+    result = solve_frame(Toolbox(load_session(session)), "7/0", tmp_path)
+    assert not result.failed
+    assert {row.status for row in result.objects} == {"no_answer", "ok"}
+    assert len(result.estimates) == 1
