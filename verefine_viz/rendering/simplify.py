@@ -73,7 +73,7 @@ def simplified(vertices: Float, faces: Faces, tolerance_m: float) -> tuple[Float
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
     while enough > 1.05 * too_few + 1:
-        target = int(np.sqrt(too_few * enough))
+        target = max(too_few + 1, int(np.sqrt(too_few * enough)))
         # The library's thresholds are absolute: it is given a mesh of size 1.
         coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)
         coarse_vertices, coarse_faces = coarse[0] * scale, coarse[1].astype(np.int32)
