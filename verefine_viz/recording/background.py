@@ -12,6 +12,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
 
+from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
@@ -117,14 +118,8 @@ def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
             rr.CoordinateFrame(entities.stage_frame(branch, stage)),
             static=True,
         )
-    for arm, hypothesis in enumerate(target.instance.hypotheses):
-        T = hypothesis.T_cam_obj
-        rec.log(
-            f"{root}/hypotheses/{arm}",
-            _mesh(target.model, GHOST_FACES, ARM_COLORS[arm % len(ARM_COLORS)], GHOST_ALPHA),
-            rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3]),
-            static=True,
-        )
+    if target.instance.hypotheses:
+        rec.log(f"{root}/hypotheses", _ghosts(target), static=True)
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
         rec.log(
@@ -133,6 +128,20 @@ def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
             rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3]),
             static=True,
         )
+
+
+def _ghosts(target: Target) -> rr.Mesh3D:
+    """All first hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
+    vertices, faces, normals = _simplified(target.model, GHOST_FACES)
+    Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
+    colors = [(*ARM_COLORS[arm % len(ARM_COLORS)], 255) for arm in range(len(Ts))]
+    return rr.Mesh3D(
+        vertex_positions=np.concatenate([apply(T, vertices.astype(np.float64)) for T in Ts]),
+        triangle_indices=np.concatenate([faces + arm * len(vertices) for arm in range(len(Ts))]),
+        vertex_normals=np.concatenate([normals @ T[:3, :3].T for T in Ts]),
+        vertex_colors=np.repeat(np.array(colors, np.uint8), len(vertices), axis=0),
+        albedo_factor=(255, 255, 255, GHOST_ALPHA),
+    )
 
 
 def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:

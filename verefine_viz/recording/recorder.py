@@ -111,8 +111,15 @@ class Recorder:
         if self._verifier is not None:
             self._log_maps(self._rec, self._verifier, row)
         if len(self._pending) >= self._block:
-            self._draw(self._rec)
+            self.draw_now()
         if self._verifier is not None:
+            self._rec.flush()
+
+    def draw_now(self) -> None:
+        """Hands the iterations that wait for their block to rerun, for whoever opens the unfinished file."""
+        if self._rec is not None and self._pending:
+            self._drawing.draw(self._rec, self._pending)
+            self._pending = []
             self._rec.flush()
 
     def on_finish(self, state: RunState) -> None:
@@ -123,9 +130,8 @@ class Recorder:
         """Completes the file with what there is; for a run that is left before its end. Later calls do nothing."""
         if self._rec is None:
             return
+        self.draw_now()
         rec, self._rec = self._rec, None
-        self._draw(rec)
-        rec.flush()
         rec.disconnect()
         part_path(self._path).replace(self._path)
         self._journal.remove()
@@ -143,12 +149,6 @@ class Recorder:
                 rec.set_sinks(rr.FileSink(part), live, default_blueprint=blueprint)
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-
-    def _draw(self, rec: rr.RecordingStream) -> None:
-        if self._pending:
-            self._drawing.draw(rec, self._pending)
-            self._pending = []
-            rec.flush()
 
     def _log_maps(self, rec: rr.RecordingStream, verifier: Verifier, row: Row) -> None:
         rec.set_time(entities.TIMELINE, sequence=row.index)

@@ -21,15 +21,14 @@ def describe(row: Row, branch: Branch) -> str:
     if row.reason:
         lines.append(f"Why this one: {plain(row.reason)}")
     lines.append("| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|")
-    start = row.Ts_cam_obj[0]
+    moved_mm, turned_deg = differences(row.Ts_cam_obj)
     for k, stage in enumerate(row.stages):
         score, pixels = row.scores[k], int(row.pixels[k, 0])
-        moved_mm, turned_deg = difference(start, row.Ts_cam_obj[k])
         judged = (
             "– | – | – | –" if np.isnan(score[0]) else f"{score[0]:.3f} | {score[1]:.3f} | {score[2]:.3f} | {pixels}"
         )
         name = f"**{stage} ✔**" if stage == row.accepted else stage
-        lines[-1] += f"\n| {name} | {judged} | {moved_mm:.1f} mm | {turned_deg:.1f}° |"
+        lines[-1] += f"\n| {name} | {judged} | {moved_mm[k]:.1f} mm | {turned_deg[k]:.1f}° |"
     where = f"iteration {row.best_iteration}" if row.best_iteration else "the start"
     lines.append(f"Best so far: {row.best_score[0]:.3f}, hypothesis {row.best_arm + 1}, {row.best_stage}, {where}.")
     if branch.has_truth:
@@ -43,11 +42,12 @@ def describe(row: Row, branch: Branch) -> str:
     return "\n\n".join(lines)
 
 
-def difference(T_a: Float, T_b: Float) -> tuple[float, float]:
-    """How far one pose is from another: (mm between origins, degrees)."""
-    cosine = (float(np.sum(T_a[:3, :3] * T_b[:3, :3])) - 1) / 2
-    moved_mm = 1e3 * float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3]))
-    return moved_mm, float(np.degrees(np.arccos(min(1.0, max(-1.0, cosine)))))
+def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
+    """How far each of the poses (n, 4, 4) is from the first: mm between origins, degrees."""
+    cosine = (np.einsum("ij,nij->n", Ts_cam_obj[0, :3, :3], Ts_cam_obj[:, :3, :3]) - 1) / 2
+    offset = Ts_cam_obj[:, :3, 3] - Ts_cam_obj[0, :3, 3]
+    moved_mm = 1e3 * np.sqrt((offset * offset).sum(axis=1))
+    return moved_mm.tolist(), np.degrees(np.arccos(cosine.clip(-1, 1))).tolist()
 
 
 def plain(text: str) -> str:
