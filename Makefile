@@ -1,8 +1,8 @@
 # make app | make test | make lint | make bench: each sets up what it needs; second calls start in seconds.
-# Variables: SESSION=sessions/mug.toml (what make app opens), PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
+# Variables: SESSION=sessions/clutter.toml (what make app opens), PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
 
 VENV ?= .venv
-SESSION ?=
+SESSION ?= sessions/mug.toml
 WORKERS ?= 2
 BIN = $(VENV)/bin
 SETUP = pyproject.toml scripts/install scripts/find-python
