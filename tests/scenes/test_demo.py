@@ -1,0 +1,189 @@
+"""Built-in scenes: they are what they say, the same in every process, and solvable."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.scenes.test_write_bop import assert_same, reopened
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.geometry import angle_between, apply
+from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.rendering.scene import render_scene
+from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
+from verefine_viz.scenes.demo_models import demo_model, demo_model_names
+from verefine_viz.scenes.demo_scenes import SCENES
+from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.scenes.write_bop import write_bop
+
+
+def made(name: str, frame: str = "0/0", scene: dict | None = None, **hypotheses: object) -> Problem:
+    settings = SceneSettings.model_validate({"demo": name, **(scene or {})})
+    return demo_problem(name, settings, HypothesesSettings.model_validate(hypotheses), frame)
+
+
+def digest(problem: Problem) -> str:
+    h = hashlib.sha256(problem.observation.depth_m.tobytes())
+    for i in problem.instances:
+        for array in (i.T_cam_obj_gt, i.points_cam, i.mask, *(p.T_cam_obj for p in i.hypotheses)):
+            h.update(np.ascontiguousarray(array).tobytes())
+    return h.hexdigest()
+
+
+def test_the_mug_comes_first_and_every_failure_is_there() -> None:
+    assert demo_names()[0] == "mug" == SceneSettings().demo
+    assert sum(name.startswith("failure_") for name in demo_names()) == 7
+
+
+@pytest.mark.parametrize("name", demo_model_names())
+def test_objects_are_of_household_size_and_centred(name: str) -> None:
+    model = demo_model(name, 500, 0)
+    assert 0.05 < model.diameter_m < 1.01
+    if name != "jug without handle":
+        np.testing.assert_allclose(model.vertices.min(axis=0) + model.vertices.max(axis=0), 0, atol=1e-9)
+    assert model.vertex_colors is not None
+
+
+@pytest.mark.parametrize("name", demo_model_names())
+def test_symmetries_map_the_object_onto_itself(name: str) -> None:
+    model = demo_model(name, 500, 0)
+    np.testing.assert_allclose(model.symmetries[0], np.eye(4), atol=1e-12)
+    surface = trimesh.Trimesh(model.vertices, model.faces, process=False)
+    for T in model.symmetries[:: max(1, len(model.symmetries) // 8)]:
+        distance_m = trimesh.proximity.closest_point(surface, apply(T, model.points[:200]))[1]
+        assert distance_m.max() < 2e-4  # facets of round things
+
+
+@pytest.mark.parametrize("name", demo_model_names())
+def test_faces_look_outwards(name: str) -> None:
+    model = demo_model(name, 500, 0)
+    assert trimesh.Trimesh(model.vertices, model.faces, process=False).volume > 0
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None:
+    problem = made(name)
+    support = problem.observation.support
+    assert support is not None
+    assert support.inlier_share > 0.9
+    lowest_m = min(
+        apply(support.T_world_cam @ t.instance.T_cam_obj_gt, t.model.vertices)[:, 2].min() for t in problem.targets
+    )
+    assert abs(lowest_m) < 2e-3
+    for target in problem.targets:
+        assert target.instance.visib_fract is not None
+        assert target.instance.visib_fract > 0.3
+        assert len(target.instance.points_cam) == 1000
+
+
+def test_the_truth_explains_the_depth() -> None:
+    problem = made("clutter")
+    placed = [Placed(t.instance.instance_id, t.model, t.instance.T_cam_obj_gt) for t in problem.targets]
+    rendered = render_scene(placed, problem.observation.camera)
+    for k, target in enumerate(problem.targets):
+        both = (rendered.labels == k) & target.instance.mask & (problem.observation.depth_m > 0)
+        error_m = np.abs(rendered.depth_m - problem.observation.depth_m)[both]
+        assert np.median(error_m) < 1.5e-3
+        np.testing.assert_array_equal(rendered.labels == k, target.instance.mask)
+
+
+def test_clutter_touches_and_hides() -> None:
+    frames = [made("clutter", frame) for frame in demo_frames("clutter")]
+    assert len(frames) == 3
+    assert {p.frame for p in frames} == {"0/0", "0/1", "0/2"}
+    assert all(len(p.instances) == 6 for p in frames)
+    assert min(i.visib_fract or 1 for p in frames for i in p.instances) < 0.6
+    assert len({p.observation.depth_m.tobytes() for p in frames}) == 3
+
+
+def test_perturbed_truth_is_as_far_off_as_asked() -> None:
+    (instance,) = made("mug", rotation_deg=25.0, translation_mm=12.0, max_per_object=4).instances
+    T = instance.T_cam_obj_gt
+    assert T is not None
+    assert len(instance.hypotheses) == 4
+    for h in instance.hypotheses:
+        assert np.rad2deg(angle_between(h.T_cam_obj[:3, :3], T[:3, :3])) == pytest.approx(25)
+        assert np.linalg.norm(h.T_cam_obj[:3, 3] - T[:3, 3]) == pytest.approx(0.012)
+
+
+def test_another_process_makes_the_same_bits() -> None:
+    code = (
+        "from tests.scenes.test_demo import digest, made\n"
+        "print(digest(made('clutter', '0/2')), digest(made('failure_no_hypothesis_near')))"
+    )
+    made("clutter", "0/0")  # another history
+    here = f"{digest(made('clutter', '0/2'))} {digest(made('failure_no_hypothesis_near'))}"
+    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert there.stdout.strip().splitlines()[-1] == here
+
+
+def test_the_seed_changes_the_noise_and_not_the_layout() -> None:
+    first, second = made("duck"), made("duck", scene={"seed": 1})
+    assert first.observation.depth_m.tobytes() != second.observation.depth_m.tobytes()
+    np.testing.assert_array_equal(first.instances[0].T_cam_obj_gt, second.instances[0].T_cam_obj_gt)
+
+
+def test_gravity_may_come_from_the_camera_pose() -> None:
+    world, plane = (made("duck", scene={"gravity": g}).observation.support for g in ("world", "plane"))
+    assert world is not None
+    assert plane is not None
+    assert world.gravity_source == "world"
+    assert np.rad2deg(angle_between(world.T_world_cam[:3, :3], plane.T_world_cam[:3, :3])) < 0.5
+
+
+def test_only_the_wanted_objects_are_instances() -> None:
+    problem = made("clutter", scene={"objects": [1, 4]})
+    assert sorted(i.obj_id for i in problem.instances) == [1, 4]
+    assert set(problem.models) == {1, 4}
+    # The masks of the others still keep the plane search off them.
+    assert problem.observation.object_mask.sum() > sum(i.mask.sum() for i in problem.instances)
+
+
+def test_full_masks_are_larger_where_something_is_hidden() -> None:
+    visible, full = made("clutter", "0/2"), made("clutter", "0/2", scene={"masks": "mask"})
+    for a, b in zip(visible.instances, full.instances, strict=True):
+        assert a.mask.sum() == pytest.approx((a.visib_fract or 0) * b.mask.sum(), rel=1e-6)
+
+
+def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
+    truth = made("mug").instances[0]
+    assert truth.T_cam_obj_gt is not None
+    rows = [ResultRow(0, 0, truth.obj_id, score, truth.T_cam_obj_gt, -1.0) for score in (0.3, 0.9)]
+    write_results(tmp_path / "mine_demo-test.csv", rows)
+    scene, hypotheses = (
+        SceneSettings(),
+        HypothesesSettings(source="results", files=(str(tmp_path / "mine_demo-test.csv"),)),
+    )
+    (instance,) = open_scene(scene, hypotheses).problem("0/0").instances
+    assert [h.confidence for h in instance.hypotheses] == [0.9, 0.3]
+    np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, truth.T_cam_obj_gt, atol=1e-6)
+
+
+def test_a_demo_written_as_bop_is_read_back_the_same(tmp_path: Path) -> None:
+    problems = [made("clutter", frame, {"model_points": 100}) for frame in demo_frames("clutter")[:2]]
+    write_bop(tmp_path / "clutter", problems)
+    source = reopened(tmp_path / "clutter")
+    assert source.frames == ("0/0", "0/1")
+    for problem in problems:
+        assert_same(source.problem(problem.frame), problem, 0.1)
+
+
+def test_bad_names_are_one_clear_line() -> None:
+    with pytest.raises(InputError, match="unknown demo scene 'teapot'; available: mug, duck"):
+        demo_frames("teapot")
+    with pytest.raises(InputError, match="unknown frame '0/7'; available: 0/0, 0/1, 0/2"):
+        made("clutter", "0/7")
+    with pytest.raises(InputError, match="unknown object 99; available: 1"):
+        made("mug", scene={"objects": [99]})
+    with pytest.raises(SettingsError, match="a built-in scene has 'mask_visib' and 'mask' only"):
+        made("mug", scene={"masks": "detections.json"})
+    with pytest.raises(InputError, match="unknown built-in object 'teapot'; available: mug"):
+        demo_model("teapot", 10, 0)

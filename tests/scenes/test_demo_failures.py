@@ -1,0 +1,182 @@
+"""Every failure session shows its failure: what the page promises to make obvious really happens in the run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.problem import Target
+from verefine_viz.core.records import Iteration, Stage
+from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.rendering.scene import render_scene
+from verefine_viz.scenes.demo_failures import FAILURES
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
+
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A session, run to its end."""
+
+    toolbox: Toolbox
+    target: Target
+    state: Any
+    iterations: tuple[Iteration, ...]
+
+    def errors(self, T_cam_obj: np.ndarray) -> PoseErrors:
+        assert self.target.instance.T_cam_obj_gt is not None
+        return pose_errors(self.target.model, T_cam_obj, self.target.instance.T_cam_obj_gt)
+
+    @property
+    def truth_score(self):
+        assert self.target.instance.T_cam_obj_gt is not None
+        return self.toolbox.verifier.score(self.target, self.target.instance.T_cam_obj_gt[None])[0]
+
+    @property
+    def best(self):
+        best = self.state.best[0]
+        assert best is not None
+        return best
+
+
+def play(name: str, **overrides: dict[str, object]) -> Played:
+    toolbox = Toolbox(load_session(SESSIONS / f"{name}.toml", overrides))
+    problem = toolbox.problem(toolbox.frames[0])
+    run = toolbox.run(problem)
+    state = run.finish()
+    (target,) = problem.targets
+    return Played(toolbox, target, state, run.iterations)
+
+
+def staged(iteration: Iteration, name: Any) -> Stage:
+    stage = iteration.stage(name)
+    assert stage is not None
+    return stage
+
+
+def score_of(stage: Stage) -> float:
+    assert stage.score is not None
+    return stage.score.score
+
+
+def test_every_failure_has_its_session() -> None:
+    assert {p.stem for p in SESSIONS.glob("failure_*.toml")} == set(FAILURES)
+
+
+@pytest.mark.parametrize("path", sorted(SESSIONS.glob("*.toml")), ids=lambda p: p.stem)
+def test_session_files_are_valid(path: Path) -> None:
+    assert load_session(path).title
+
+
+def test_no_hypothesis_near() -> None:
+    played = play("failure_no_hypothesis_near")
+    assert min(played.errors(h.T_cam_obj).rotation_deg for h in played.target.instance.hypotheses) > 40
+    assert {i.arm for i in played.iterations} == {0, 1, 2, 3, 4}
+    scores = [score_of(i.accepted_stage) for i in played.iterations]
+    assert max(scores) < 0.5 < played.truth_score.score
+    assert played.errors(played.best.T_cam_obj).relative > 0.3
+
+
+def test_icp_slides() -> None:
+    played = play("failure_icp_slides")
+    first = played.iterations[0]
+    current, refined = staged(first, "current"), staged(first, "refined")
+    assert score_of(refined) > score_of(current) + 0.05
+    assert played.errors(refined.T_cam_obj).add_mm > played.errors(current.T_cam_obj).add_mm + 5
+    start = min(played.errors(h.T_cam_obj).add_mm for h in played.target.instance.hypotheses)
+    assert played.errors(played.best.T_cam_obj).add_mm > start + 10
+    assert played.best.score.score > 0.7
+    # What tells: the depth is nearly right, the angles of the slanting top are not.
+    maps = played.toolbox.verifier.maps(played.target, played.best.T_cam_obj)
+    both = maps.counted & np.isfinite(maps.angle_rad) & np.isfinite(maps.depth_difference_m)
+    angle_deg = np.rad2deg(maps.angle_rad[both])
+    assert np.median(np.abs(maps.depth_difference_m[both])) < 0.005
+    assert np.median(angle_deg) < 8
+    assert np.mean((angle_deg > 15) & (angle_deg < 35)) > 0.08
+
+
+def test_simulation_topples() -> None:
+    played = play("failure_simulation_topples")
+    for arm in (0, 1):
+        first = next(i for i in played.iterations if i.arm == arm)
+        current, simulated = staged(first, "current"), staged(first, "simulated")
+        assert played.errors(simulated.T_cam_obj).rotation_deg > played.errors(current.T_cam_obj).rotation_deg + 30
+        assert score_of(simulated) < score_of(current)
+        assert "unstable" in {e.kind for e in first.events}
+        # It stood on one edge, and fell over it.
+        assert first.path is not None
+        touching = next(c for c in first.path.contacts if len(c.depths_m))
+        spread = np.linalg.svd(touching.points_cam - touching.points_cam.mean(axis=0), compute_uv=False)
+        assert spread[1] < 0.01
+
+
+def test_score_prefers_a_wrong_pose() -> None:
+    played = play("failure_score_prefers_wrong")
+    truth = played.truth_score
+    assert played.best.score.score > truth.score + 0.04
+    assert played.errors(played.best.T_cam_obj).rotation_deg > 60
+    assert truth.shares["protruding"] > 0.05 > played.best.score.shares["protruding"]
+
+
+def test_a_promising_arm_is_starved() -> None:
+    played = play("failure_arm_starved")
+    assert 4 not in {i.arm for i in played.iterations}
+    assert played.errors(played.best.T_cam_obj).relative > 0.1
+    what_if = play("failure_arm_starved", method={"exploration": 0.2})
+    assert 4 in {i.arm for i in what_if.iterations}
+    assert what_if.best.arm == 4
+    assert what_if.best.score.score > played.best.score.score + 0.1
+    assert what_if.errors(what_if.best.T_cam_obj).relative < 0.02
+
+
+def test_the_mask_leaks() -> None:
+    played = play("failure_mask_leaks")
+    assert played.best.score.shares["missed"] > 0.3
+    # The missed pixels of the true pose are the neighbour's.
+    assert played.target.instance.T_cam_obj_gt is not None
+    maps = played.toolbox.verifier.maps(played.target, played.target.instance.T_cam_obj_gt)
+    missed = maps.classes == 2
+    own = render_scene([_truth(played)], played.target.observation.camera).labels == 0
+    neighbour = played.target.instance.mask & ~own & (played.target.observation.depth_m > 0)
+    assert np.mean(missed[neighbour]) > 0.95
+    assert np.mean(neighbour[missed]) > 0.95
+    # And they pull ICP away.
+    refined = staged(played.iterations[0], "refined")
+    current = staged(played.iterations[0], "current")
+    assert played.errors(refined.T_cam_obj).translation_mm > played.errors(current.T_cam_obj).translation_mm + 5
+
+
+def test_the_plane_is_wrong() -> None:
+    played = play("failure_wrong_plane")
+    support = played.target.observation.support
+    assert support is not None
+    assert support.inlier_share < 0.4
+    vertices = apply(support.T_world_cam @ _truth(played).T_cam_obj, played.target.model.vertices)
+    heights = vertices @ support.normal_world
+    assert heights.min() < -0.02  # It cuts the box …
+    assert heights.max() > 0.1
+    first = played.iterations[0]
+    lifted = staged(first, "simulated").T_cam_obj[:3, 3] - staged(first, "current").T_cam_obj[:3, 3]
+    assert (support.T_world_cam[:3, :3] @ lifted) @ support.normal_world > 0.005  # … which is pushed up.
+    assert score_of(staged(first, "simulated")) < score_of(staged(first, "current")) - 0.1
+
+
+def _truth(played: Played):
+    from verefine_viz.core.problem import Placed
+
+    assert played.target.instance.T_cam_obj_gt is not None
+    return Placed(0, played.target.model, played.target.instance.T_cam_obj_gt)
+
+
+def test_the_mug_gives_the_bandit_something_to_do() -> None:
+    played = play("mug")
+    assert len({i.arm for i in played.iterations}) >= 2
+    assert played.best.score.score > 0.85
+    assert played.errors(played.best.T_cam_obj).relative < 0.05
