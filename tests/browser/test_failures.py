@@ -1,0 +1,113 @@
+"""Each failure of the page's table, in at most the clicks that it allows, and the real frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+
+pytestmark = pytest.mark.browser
+Look = Callable[..., Screen]
+
+
+def run_to_end(screen: Screen) -> None:
+    """Run, past breakpoints if there are any."""
+    for _ in range(30):
+        screen.click("Run")
+        screen.app.wait_until_idle(120)
+        if screen.app.debugger.workspace.run.is_done:
+            return
+    raise AssertionError("the run did not end")
+
+
+def test_no_hypothesis_near(look: Look) -> None:
+    screen = look(SESSIONS / "failure_no_hypothesis_near.toml")
+    run_to_end(screen)
+    screen.text("No hypothesis starts near: best initial error")
+    screen.shot("failure_no_hypothesis_near")
+
+
+def test_icp_slides(look: Look) -> None:
+    screen = look(SESSIONS / "failure_icp_slides.toml")
+    run_to_end(screen)
+    marks = [m for m in screen.app.debugger.workspace.branch.marks() if m.kind == "error_grew"]
+    assert marks, "no red mark where the error grew"
+    screen.page.locator(".vz.line g[data-cmd] polygon[fill='rgb(220, 50, 47)']").first.click(timeout=SLOW_MS)
+    screen.text("while the error grew by")
+    screen.shot("failure_icp_slides")
+
+
+def test_simulation_topples(look: Look) -> None:
+    screen = look(SESSIONS / "failure_simulation_topples.toml")
+    screen.click("Run")
+    screen.text("Breakpoint at iteration|The simulation turned the object by")
+    screen.shot("failure_simulation_topples")
+    screen.tab("Physics")
+    screen.text("steps the simulation turned it")
+    screen.shot("failure_simulation_topples_physics")
+
+
+def test_score_prefers_a_wrong_pose(look: Look) -> None:
+    screen = look(SESSIONS / "failure_score_prefers_wrong.toml")
+    run_to_end(screen)
+    screen.text("The score prefers a wrong pose")
+    screen.tab("Errors")
+    screen.click("Score the ground truth")
+    screen.text("best .* > ground truth")
+    screen.shot("failure_score_prefers_wrong")
+
+
+def test_arm_starved(look: Look) -> None:
+    screen = look(SESSIONS / "failure_arm_starved.toml")
+    run_to_end(screen)
+    screen.text("its exploration bonus never won")
+    screen.tab("Pulls")
+    screen.shot("failure_arm_starved")
+    screen.page.locator(".vz a", has_text="what if c =").first.click(timeout=SLOW_MS)
+    screen.text("exploration = 0.2, from iteration 0")
+    screen.app.wait_until_idle(60)
+    first, second = screen.app.debugger.view().branches
+    assert first.errors[0] is not None
+    assert second.errors[0] is not None
+    assert second.errors[0].add_s_mm < first.errors[0].add_s_mm
+    screen.shot("failure_arm_starved_what_if")
+
+
+def test_mask_leaks(look: Look) -> None:
+    screen = look(SESSIONS / "failure_mask_leaks.toml")
+    run_to_end(screen)
+    screen.text("of the pixels are missed")
+    screen.shot("failure_mask_leaks")
+
+
+def test_wrong_plane(look: Look) -> None:
+    screen = look(SESSIONS / "failure_wrong_plane.toml")
+    run_to_end(screen)
+    screen.text("The support plane explains only")
+    screen.shot("failure_wrong_plane")
+
+
+@pytest.mark.data
+def test_real_frame(look: Look, shared_data: Path, tmp_path: Path) -> None:
+    estimates = sorted((shared_data / "ycbv" / "pose_estimates").glob("*.csv"))
+    files = ", ".join(f'"{p}"' for p in estimates if "icp" not in p.name)
+    session = tmp_path / "real.toml"
+    session.write_text(
+        f'title = "YCB-Video 50/1"\n[scene]\nsource = "bop"\ndataset = "{shared_data / "ycbv"}"\nframes = ["50/1"]\n'
+        f'[hypotheses]\nsource = "results"\nfiles = [{files}]\n'
+    )
+    screen = look(session)
+    screen.shot("real_0_ready")
+    screen.click("Step ▶")
+    screen.at(1)
+    screen.shot("real_1_stepped")
+    run_to_end(screen)
+    for tab in ("Score", "Bandit", "Physics", "Errors", "Session"):
+        screen.tab(tab)
+        screen.shot(f"real_panel_{tab.lower()}")
+    screen.key("c")
+    screen.key("c")
+    screen.shot("real_classes")

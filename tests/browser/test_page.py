@@ -1,0 +1,218 @@
+"""The page in a browser: the first minute, every panel, keys, links, scrubbing, forking, moving a pose by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from verefine_viz.core.geometry import apply
+from verefine_viz.viewer import commands as c
+
+pytestmark = pytest.mark.browser
+Look = Callable[..., Screen]
+MUG = SESSIONS / "mug.toml"
+
+
+def test_first_minute(look: Look) -> None:
+    screen = look(MUG, animate=True)
+    screen.text("Ready, before iteration 1")
+    screen.shot("first_0_ready")
+    screen.click("Step ▶")
+    screen.text("^Iteration 1, .*hypothesis . of 5")
+    screen.at(1)
+    screen.shot("first_1_stepped")
+    screen.click("Run")
+    screen.text("Run finished: best")
+    screen.shot("first_2_run")
+    assert screen.app.debugger.workspace.run.is_done
+
+
+def test_every_panel(look: Look) -> None:
+    screen = look(MUG)
+    screen.click("Run")
+    screen.text("Run finished")
+    for tab, words in (
+        ("Score", "against simulated"),
+        ("Bandit", "^Iteration .* took hypothesis"),
+        ("Physics", "steps the simulation"),
+        ("Errors", "by the usual 10 %"),
+        ("Session", "not from a file|from .*mug.toml"),
+    ):
+        screen.tab(tab)
+        screen.text(words)
+        screen.shot(f"panel_{tab.lower()}")
+    for tab in ("UCB", "Pulls", "Error"):
+        screen.tab(tab)
+        screen.shot(f"curves_{tab.lower()}")
+
+
+def test_keys_and_palette(look: Look) -> None:
+    screen = look(MUG)
+    screen.key("n")
+    screen.at(1)
+    screen.key("n")
+    screen.at(2)
+    screen.key("b")
+    screen.at(1)
+    screen.key("Space")
+    screen.text("Run finished")
+    length = screen.app.debugger.workspace.run.length
+    screen.key("Home")
+    screen.at(0)
+    screen.key("PageDown")
+    screen.app.wait_until_idle()
+    assert screen.app.debugger.workspace.run.cursor > 0
+    screen.key("End")
+    screen.at(length)
+    screen.key("g")
+    screen.key("c")
+    screen.app.wait_until_idle()
+    assert "ground truth" not in screen.app.debugger.look.layers
+    assert screen.app.debugger.look.cloud == "residual"
+    screen.page.keyboard.press("Control+k")
+    screen.page.get_by_placeholder("Search commands...").fill("first")
+    screen.page.keyboard.press("Enter")
+    screen.at(0)
+
+
+def test_timeline_links_and_slider(look: Look) -> None:
+    screen = look(MUG)
+    screen.click("Run")
+    screen.text("Run finished")
+    screen.page.locator(".vz.line svg g[data-cmd] rect").nth(6).click(timeout=SLOW_MS)
+    screen.at(7)
+    screen.page.get_by_role("slider").first.press("ArrowRight")
+    screen.app.wait_until_idle()
+    screen.at(8)
+    screen.tab("Bandit")
+    screen.page.locator(".vz tr[data-cmd]", has_text="initial").first.click(timeout=SLOW_MS)
+    screen.at(0)
+
+
+def test_click_on_a_map_probes_the_pixel(look: Look) -> None:
+    screen = look(MUG)
+    screen.click("Step ▶")
+    screen.at(1)
+    screen.tab("Score")
+    picture = screen.page.locator(".vz.strip img").nth(2)
+    picture.wait_for(timeout=SLOW_MS)
+    box = picture.bounding_box()
+    assert box is not None
+    picture.click(position={"x": box["width"] * 0.5, "y": box["height"] * 0.5})
+    screen.text(r"^pixel \d+, \d+$")
+    pixel = screen.app.debugger.look.pixel
+    assert pixel is not None
+    crop = screen.page.locator(".vz.strip img").nth(2).get_attribute("data-crop")
+    u0, v0, width, height = map(int, crop.strip("[]").split(","))
+    assert abs(pixel[0] - (u0 + width / 2)) <= width / 40 + 1
+    assert abs(pixel[1] - (v0 + height / 2)) <= height / 40 + 1
+    screen.shot("probe")
+
+
+def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) -> None:
+    screen = look(MUG)
+    screen.app.send(c.ShowLayer("cloud", False))
+    screen.app.wait_until_idle()
+    screen.page.mouse.click(*on_screen(screen, arm=0))
+    screen.page.wait_for_timeout(1500)
+    screen.app.wait_until_idle()
+    assert screen.app.debugger.look.arm is not None
+    screen.app.send(c.ShowLayer("hypotheses", False))
+    screen.app.send(c.ShowLayer("cloud", True))
+    screen.app.wait_until_idle()
+    screen.page.mouse.click(*on_screen(screen))
+    screen.page.wait_for_timeout(1500)
+    screen.app.wait_until_idle()
+    assert screen.app.debugger.look.pixel is not None
+
+
+def test_what_if_makes_a_branch(look: Look) -> None:
+    screen = look(MUG)
+    screen.click("Run")
+    screen.text("Run finished")
+    screen.tab("Bandit")
+    screen.page.locator(".vz a", has_text="c = 0.4").first.click(timeout=SLOW_MS)
+    screen.text("exploration = 0.4, from iteration 0")
+    screen.app.wait_until_idle(60)
+    assert len(screen.app.debugger.workspace.work.branches) == 2
+    screen.shot("what_if")
+
+
+def test_settings_restart(look: Look) -> None:
+    screen = look(MUG)
+    screen.page.get_by_text("Settings", exact=True).click(timeout=SLOW_MS)
+    field = screen.page.get_by_label("K", exact=True)
+    field.fill("2")
+    field.press("Tab")
+    screen.page.wait_for_timeout(200)
+    screen.click("Restart with these")
+    screen.text("^iteration 0 / 10")
+    screen.shot("settings")
+    assert screen.app.debugger.workspace.session.method.iterations == 2
+
+
+def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
+    screen = look(MUG)
+    screen.tab("Physics")
+    screen.click("Edit pose")
+    screen.text("by hand scores")
+    before = screen.app.debugger.look.edited
+    assert before is not None
+    screen.page.wait_for_timeout(1500)
+    x, y = on_screen(screen, along=0)
+    screen.page.mouse.move(x, y)
+    screen.page.wait_for_timeout(300)
+    screen.page.mouse.down()
+    for k in range(1, 11):
+        screen.page.mouse.move(x + 4 * k, y + 2 * k)
+        screen.page.wait_for_timeout(60)
+    screen.page.mouse.up()
+    screen.page.wait_for_timeout(500)
+    screen.shot("gizmo")
+    after = screen.app.debugger.look.edited
+    assert after is not None
+    assert after != before
+    screen.click("Continue from here")
+    screen.text("moved by hand, from iteration 0")
+    screen.shot("continued")
+    assert screen.app.debugger.workspace.run.edits[0].T_cam_obj == pytest.approx(after)
+
+
+def test_two_browsers_show_the_same_run(look: Look, chromium: object) -> None:
+    screen = look(MUG)
+    other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
+    other.click("Step ▶")
+    other.at(1)
+    screen.at(1)
+    other.page.close()
+
+
+def on_screen(screen: Screen, arm: int | None = None, along: int | None = None) -> tuple[float, float]:
+    """Where something is on the page: the object's observed middle, an arm's middle, or an arrow of the gizmo."""
+    view = screen.app.debugger.view()
+    support = view.problem.observation.support
+    assert support is not None
+    if arm is not None:
+        T = view.state.arms[arm].current.T_cam_obj
+        point_cam = apply(T, view.target.model.points.mean(axis=0)[None])[0]
+    elif along is not None:
+        T = view.look.T_cam_obj_edited
+        assert T is not None
+        point_cam = T[:3, 3] + 0.9 * view.target.model.diameter_m * 0.75 * T[:3, along]
+    else:
+        point_cam = view.target.instance.points_cam.mean(axis=0)
+    point = apply(support.T_world_cam, point_cam[None])[0]
+    client = next(iter(screen.app.server.get_clients().values()))
+    eye, ahead = client.camera.position, client.camera.look_at - client.camera.position
+    forward = ahead / np.linalg.norm(ahead)
+    right = np.cross(forward, client.camera.up_direction)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    x, y, z = (point - eye) @ right, (point - eye) @ down, (point - eye) @ forward
+    canvas = screen.page.locator("canvas").first.bounding_box()
+    focal = canvas["height"] / 2 / math.tan(client.camera.fov / 2)
+    return canvas["x"] + canvas["width"] / 2 + focal * x / z, canvas["y"] + canvas["height"] / 2 + focal * y / z
