@@ -123,12 +123,14 @@ def reference(
     else:
         f_n = np.where((n_d == 0).all(-1), f_d, f_n)
 
-    explained = both_measured(d, r) & (np.abs(d - r) < tau)
-    protruding = both_measured(d, r) & (d >= r + tau)
-    in_front = both_measured(d, r) & (d <= r - tau)
+    judged, near = (d > 0) & (r > 0), np.abs(d - r) < tau
+    explained = judged & near & M
+    sees_through = judged & (d >= r + tau)
+    in_front = judged & (d <= r - tau)
     by_other = (q > 0) & (q < r) & (np.abs(d - q) < tau)
+    protruding = sees_through | (judged & near & ~M & ~by_other)
     missed = (M & (d > 0) & (r == 0)) | (in_front & M & ~by_other)
-    hidden = in_front & ~(M & ~by_other)
+    hidden = (in_front & ~(M & ~by_other)) | (judged & near & ~M & by_other)
     unknown = (r > 0) & (d == 0)
     if settings.pixels == "observed":
         N = (M & (d > 0)).sum()
@@ -140,10 +142,6 @@ def reference(
             score *= min(1.0, (1 - (hidden | unknown).sum() / (r > 0).sum()) / 0.1)
     counts = [int(c.sum()) for c in (explained, missed, protruding, hidden, unknown)]
     return {"score": float(score), "n": int(N), "counts": counts, "union": int(((r > 0) | (M & (d > 0))).sum())}
-
-
-def both_measured(d: np.ndarray, r: np.ndarray) -> np.ndarray:
-    return (d > 0) & (r > 0)
 
 
 def away_from_silhouettes(depth: np.ndarray, step_m: float = 0.004) -> np.ndarray:

@@ -12,9 +12,10 @@ from verefine_viz.core.arrays import Float, frozen
 PIXEL_CLASSES = ("explained", "missed", "protruding", "hidden", "unknown")
 """Column order of ``counts`` and value − 1 of ``ScoreMaps.classes`` (0 = not part of the score).
 
-explained: rendered and observed agree within τ. missed: the object's mask was observed, the pose leaves it empty or
-puts it behind. protruding: the pose puts surface where the sensor saw through. hidden: something nearer stands in
-front. unknown: rendered, but nothing was measured there.
+explained: in the object's mask, rendered and observed agree within τ. missed: the object's mask was observed, the pose
+leaves it empty or puts it behind what was observed. protruding: the pose puts surface where the sensor saw through, or
+outside the mask onto another surface. hidden: something nearer stands in front, outside the mask or known from placed
+objects. unknown: rendered, but nothing was measured there.
 """
 
 

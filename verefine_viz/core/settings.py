@@ -123,7 +123,7 @@ class ScoreSettings(Settings):
     pixels: Literal["classes", "published", "observed"] = "classes"
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
-    hides and what was not measured left out."""
+    hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py)."""
     tau_m: Positive = 0.020
     """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
     alpha: Annotated[float, Field(gt=0, le=1)] = 0.707

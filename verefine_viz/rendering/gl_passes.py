@@ -138,9 +138,10 @@ class GlPasses:
             judging: ``pixels``, ``tau_m`` and ``alpha``.
         """
         context, n, (columns, rows) = self.context, len(Ts), _tile(windows)
-        poses = context.texture(
-            (4, n), 4, np.concatenate([Ts[:, :3], windows[:, None]], axis=1).astype("f4"), dtype="f4"
-        )
+        # What is not drawn may hold numbers that no texture can.
+        drawn = np.where(windows[:, 2, None, None] > 0, Ts, np.eye(4))
+        pose_rows = np.concatenate([drawn[:, :3], windows[:, None]], axis=1).astype("f4")
+        poses = context.texture((4, n), 4, pose_rows.tobytes(), dtype="f4")
         by_row = [context.texture((rows, n), 4, dtype="f4") for _ in range(3)]
         by_pose = context.texture((n, 3), 4, dtype="f4")
         inputs = {

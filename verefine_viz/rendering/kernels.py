@@ -40,12 +40,17 @@ def classify(observed, rendered, other, is_own, tau):
     """
     if observed == 0.0:
         return UNKNOWN
-    if abs(observed - rendered) < tau:
+    near = abs(observed - rendered) < tau
+    if near and is_own:
         return EXPLAINED
-    if observed > rendered:
+    if not near and observed > rendered:
         return PROTRUDING
-    if is_own and not (0.0 < other < rendered and abs(observed - other) < tau):
+    if 0.0 < other < rendered and abs(observed - other) < tau:
+        return HIDDEN
+    if is_own:
         return MISSED
+    if near:
+        return PROTRUDING
     return HIDDEN
 
 

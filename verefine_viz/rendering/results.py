@@ -118,13 +118,16 @@ def _classes(difference, drawn, measured, own, observed, rendered_m, placed_m, t
     explained_by_other = np.zeros_like(drawn)
     if placed_m is not None:
         explained_by_other = (placed_m > 0) & (placed_m < rendered_m) & (np.abs(observed - placed_m) < tau)
-    in_front = drawn & measured & ~near & (difference < 0)
-    blocked = in_front & own & ~explained_by_other
+    judged = drawn & measured
+    free = judged & ~near & (difference > 0)
+    rest = judged & ~free & ~(near & own)
     out = np.zeros(drawn.shape, np.uint8)
     out[own & ~drawn] = MISSED + 1
     out[drawn & ~measured] = UNKNOWN + 1
-    out[drawn & measured & near] = EXPLAINED + 1
-    out[drawn & measured & ~near & (difference > 0)] = PROTRUDING + 1
-    out[in_front] = HIDDEN + 1
-    out[blocked] = MISSED + 1
+    out[judged & near & own] = EXPLAINED + 1
+    out[free] = PROTRUDING + 1
+    out[rest & ~near] = HIDDEN + 1
+    out[rest & near] = PROTRUDING + 1
+    out[rest & own] = MISSED + 1
+    out[rest & explained_by_other] = HIDDEN + 1
     return out

@@ -98,7 +98,7 @@ def _barycentric(points: Float, corners: Float) -> Float:
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     normal = np.cross(b - a, c - a)
     area = np.einsum("ij,ij->i", normal, normal)
-    wb = np.einsum("ij,ij->i", np.cross(c - a, a - points), normal) / area * -1.0
+    wb = np.einsum("ij,ij->i", np.cross(c - a, a - points), normal) / area
     wc = np.einsum("ij,ij->i", np.cross(b - a, points - a), normal) / area
     weights = np.clip(np.stack([1.0 - wb - wc, wb, wc], axis=1), 0.0, None)
     return weights / weights.sum(axis=1, keepdims=True)

@@ -145,11 +145,11 @@ def _joined(vertices_a: Float, faces_a: Faces, vertices_b: Float, faces_b: Faces
 
 def _read(file: Path) -> tuple[Float, Faces] | None:
     try:
-        with np.load(file, allow_pickle=False) as data:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             vertices, faces = data["vertices"], data["faces"]
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
         log.warning("the cached mesh %s is damaged and made again (%s)", file, error)
         return None
     sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0

@@ -44,19 +44,21 @@ void main() {
         uint flag = texelFetch(flags, pixel, 0).r;
         float d = measured.w;
         bool own = (flag & OWN) != 0u, objects = (flag & OBJECTS) != 0u;
-        bool explained = d > 0.0 && abs(d - z) < tau_m;
+        bool near = d > 0.0 && abs(d - z) < tau_m;
+        bool explained = near && own;
 
         fits.z += 1.0;
         if (!objects) fits.w += 1.0;
         if (own) rest.y += 1.0;
         if (d == 0.0) rest.x += 1.0;
         else if (explained) classes.x += 1.0;
-        else if (d > z) classes.z += 1.0;
+        else if (!near && d > z) classes.z += 1.0;
         else {
             float other = has_placed ? texelFetch(placed, pixel, 0).x : 0.0;
-            bool hidden = !own || (other > 0.0 && other < z && abs(d - other) < tau_m);
-            if (hidden) classes.w += 1.0;
-            else classes.y += 1.0;
+            if (other > 0.0 && other < z && abs(d - other) < tau_m) classes.w += 1.0;
+            else if (own) classes.y += 1.0;
+            else if (near) classes.z += 1.0;
+            else classes.w += 1.0;
         }
 
         if (!(pixels == PUBLISHED ? objects : pixels == OBSERVED ? own : explained)) continue;
