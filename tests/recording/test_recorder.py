@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder, journal_path, part_path
@@ -76,6 +79,23 @@ def test_initial_scores_and_errors_are_recorded(tmp_path: Path) -> None:
     assert recorded.rows[-1].errors[1] == pytest.approx(translation_mm)
 
 
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_recorded_errors_are_those_of_the_evaluation(tmp_path: Path, symmetric: bool) -> None:
+    problem = box_problem(3)
+    if symmetric:
+        half_turn = transform(axis_angle([0, 0, 1], np.pi), [0, 0, 0])
+        problem = replace(problem, models={1: replace(problem.models[1], symmetries=np.stack([np.eye(4), half_turn]))})
+        turned = tuple(replace(h, T_cam_obj=h.T_cam_obj @ half_turn) for h in problem.instances[0].hypotheses)
+        problem = replace(problem, instances=(replace(problem.instances[0], hypotheses=turned),))
+    run = recorded_run(tmp_path / "run.rrd", session("sir"), problem)
+    T_gt = problem.instances[0].T_cam_obj_gt
+    assert T_gt is not None
+    for row, iteration in zip(read_recording(tmp_path / "run.rrd").rows, run.iterations, strict=True):
+        kept = pose_errors(problem.models[1], iteration.accepted_stage.T_cam_obj, T_gt)
+        best = pose_errors(problem.models[1], iteration.best.T_cam_obj, T_gt)
+        assert row.errors == pytest.approx([kept.rotation_deg, kept.translation_mm, best.add_s_mm], abs=1e-5)
+
+
 def test_a_run_that_is_left_early_keeps_what_it_had(tmp_path: Path) -> None:
     s, problem = session(), box_problem(3)
     run = new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem),))
@@ -93,8 +113,6 @@ def test_unwritable_folder_is_one_line(tmp_path: Path) -> None:
 
 
 def test_hostile_names_stay_in_their_branch(tmp_path: Path) -> None:
-    from dataclasses import replace
-
     problem = box_problem(2)
     hostile = replace(problem.models[1], name="../<script>alert(1)</script> /a/b mug")
     problem = replace(problem, models={1: hostile}, title="<b>x</b>")

