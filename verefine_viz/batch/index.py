@@ -46,8 +46,9 @@ class BatchIndex:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Frames as "scene/image", the one with the worst object first."""
-        return tuple(dict.fromkeys(f"{row.scene_id}/{row.im_id}" for row in self.sorted_by("error")))
+        """Frames as "scene/image", the one with the worst object first; failed ones, which cannot be opened, last."""
+        rows = sorted(self.sorted_by("error"), key=lambda row: row.status == "failed")
+        return tuple(dict.fromkeys(f"{row.scene_id}/{row.im_id}" for row in rows))
 
 
 def is_batch_folder(path: Path) -> bool:

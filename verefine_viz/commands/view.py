@@ -32,16 +32,16 @@ class View:
     def run(self, arguments: Sequence[str]) -> int:
         overrides = given(self.settings, arguments)
         if self.session is not None and self.session.is_dir():
-            session, session_path = _batch_session(self.session, overrides), None
+            session = _batch_session(self.session, overrides)
         else:
             from verefine_viz.session.files import load_session
 
-            session, session_path = load_session(self.session, overrides), self.session
+            session = load_session(self.session, overrides)
         from verefine_viz.viewer.app import serve
 
         serve(
             session,
-            session_path=session_path,
+            session_path=self.session,
             host=self.host,
             port=self.port,
             open_browser=self.open_browser and has_desktop(),
