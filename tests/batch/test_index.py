@@ -1,0 +1,64 @@
+"""A batch folder read again: what comes first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.index import BatchIndex, Order, is_batch_folder, read_batch
+from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, frames_csv
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.session.files import resolve
+
+SESSION = resolve({"title": "t"})
+
+
+def row(im_id: int, **values: object) -> ObjectRow:
+    return ObjectRow.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
+
+
+ROWS = (
+    row(1, add_s_mm=5.0, score=0.9),
+    row(2, add_s_mm=30.0, score=0.8),
+    row(3, score=0.3),
+    row(4, status="no_answer"),
+    row(6, add_s_mm=30.0, diameter_mm=1000.0, score=0.1),
+)
+
+
+@pytest.fixture
+def index(tmp_path: Path) -> BatchIndex:
+    folder = RunFolder(tmp_path, SESSION)
+    results = [FrameResult(frame=f"1/{r.im_id}", failed=False, seconds=1.0, objects=(r,)) for r in ROWS]
+    folder.write("frames.csv", frames_csv([*results, failed_frame("1/5", "no depth")]))
+    folder.write_json("run.json", {"status": "finished"})
+    folder.close()
+    assert is_batch_folder(tmp_path)
+    return read_batch(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [("error", [5, 4, 2, 1, 6, 3]), ("score", [5, 4, 6, 3, 2, 1]), ("frame", [1, 2, 3, 4, 6, 5])],
+)
+def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[int]) -> None:
+    assert [r.im_id for r in index.sorted_by(order)] == expected
+
+
+def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) -> None:
+    assert index.frames == ("1/4", "1/2", "1/1", "1/6", "1/3", "1/5")
+    assert index.session == SESSION
+    assert index.run == {"status": "finished"}
+
+
+def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:
+    with pytest.raises(SettingsError, match="unknown order 'time'; available: error, score, frame"):
+        index.sorted_by("time")  # type: ignore[arg-type]
+
+
+def test_another_folder_is_no_batch(tmp_path: Path) -> None:
+    assert not is_batch_folder(tmp_path)
+    with pytest.raises(InputError, match=r"has no run\.json"):
+        read_batch(tmp_path)
