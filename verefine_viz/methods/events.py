@@ -16,6 +16,10 @@ STUCK_MM = 1e-6
 """A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""
 
 
+SCORE_FALL = 0.001
+"""A smaller fall of the score is not worth a mark [score]."""
+
+
 def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[Event, ...]:
     """The events of an iteration, given its draft and the object's state before it."""
     current = iteration.stages[0]
@@ -44,8 +48,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
             events.append(Event("empty_render", f"The {stage.name} pose renders to nothing: outside of the image."))
     if len(draft.candidates) > 1 and simulated is not None and refined is not None:
         events.append(_kept(kept, simulated, refined))
-    if kept.score is not None and current.score is not None and kept.score.score < current.score.score:
-        fall = current.score.score - kept.score.score
+    fall = current.score.score - kept.score.score if current.score and kept.score else 0.0
+    if current.score and kept.score and fall >= SCORE_FALL:
         events.append(
             Event("score_fell", f"The score fell by {fall:.3f}, {current.score.score:.3f} → {kept.score.score:.3f}.")
         )
