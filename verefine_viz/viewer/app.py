@@ -11,6 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
+from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
@@ -38,6 +39,7 @@ class App:
         host: address to listen on.
         port: port to listen on; 0 = any free one.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
+        batch: a batch run whose frames are listed; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
     """
 
@@ -49,11 +51,13 @@ class App:
         port: int = 8080,
         make_tools: Callable[[Session], Tools] | None = None,
         folder: Path | None = None,
+        batch: BatchIndex | None = None,
     ) -> None:
         self._session, self._path = session, session_path
         self._host, self._port = host, port
         self._make_tools = make_tools
         self._folder = folder if folder is not None else Path("sessions")
+        self._batch = batch
         self._queue: deque[c.Command] = deque()
         self._wake = threading.Condition()
         self._stopping = False
@@ -149,11 +153,18 @@ class App:
         if make_tools is None:
             make_tools, plausibility, demos = real_parts()
         self.debugger = Debugger(
-            self._session, self._path, make_tools, plausibility=plausibility, demos=demos, keep=keeping
+            self._session,
+            self._path,
+            make_tools,
+            plausibility=plausibility,
+            demos=demos,
+            keep=keeping,
+            sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
+            batch=self._batch,
         )
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
-        self.layout = Layout(self.server, self.send)
+        self.layout = Layout(self.server, self.send, with_batch=self._batch is not None)
         self.layout.on_link(self.send)
         self._shown_at = 0.0
         self._show()
@@ -242,10 +253,13 @@ def serve(
 ) -> None:
     """Serves the page until Ctrl-C; prints its address, one line.
 
+    A ``session_path`` that is the folder of a batch run lists the frames of the batch.
+
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
-    app = App(session, session_path, host, port).start()
+    batch = read_batch(session_path) if session_path is not None and session_path.is_dir() else None
+    app = App(session, None if batch else session_path, host, port, batch=batch).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         app.wait_until_ready()

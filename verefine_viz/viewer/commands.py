@@ -117,6 +117,14 @@ class OpenFrame(Command):
 
 
 @dataclass(frozen=True)
+class OpenAt(Command):
+    """A frame at one of its iterations, computed up to there if need be."""
+
+    frame: str
+    iteration: int
+
+
+@dataclass(frozen=True)
 class OpenDemo(Command):
     """Another built-in scene."""
 
@@ -236,6 +244,13 @@ class Animate(Command):
 
 
 @dataclass(frozen=True)
+class SortBatch(Command):
+    """The order in which a batch's frames are listed."""
+
+    order: Literal["error", "score", "frame"]
+
+
+@dataclass(frozen=True)
 class ScoreGroundTruth(Command):
     """Score the ground truth and put it beside the best pose."""
 
@@ -276,9 +291,9 @@ COMMANDS: dict[str, type[Command]] = {
     c.__name__: c
     for c in (
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
-        OpenFrame, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
+        OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        ScoreGroundTruth, EditPose, DragPose, SaveSession, Export,
+        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export,
     )
 }  # fmt: skip
 

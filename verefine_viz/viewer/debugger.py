@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.batch.index import BatchIndex
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.records import Iteration
@@ -42,6 +43,8 @@ class Debugger:
         make_tools: builds simulator, refiner, verifier, method and scene from a session.
         plausibility: judges a pose by physics without moving it; None = not known.
         demos: names of the built-in scenes.
+        sessions: lists the session files at hand.
+        batch: whose frames are listed; None = no batch.
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
     """
 
@@ -53,6 +56,8 @@ class Debugger:
         plausibility: Callable[..., Any] | None = None,
         demos: tuple[str, ...] = (),
         keep: Keeper | None = None,
+        sessions: Callable[[], tuple[str, ...]] = tuple,
+        batch: BatchIndex | None = None,
     ) -> None:
         self.workspace = Workspace(session, path, make_tools, plausibility)
         self.demos = demos
@@ -64,6 +69,9 @@ class Debugger:
         self.log: list[c.Command] = []
         """What was done, so that doing it again gives the same: runs appear as where they ended."""
         self._keep = keep
+        self._list_sessions = sessions
+        self.sessions = sessions()
+        self.batch = batch
         self._seconds: deque[float] = deque(maxlen=20)
 
     # Driving it
@@ -79,7 +87,7 @@ class Debugger:
             if not _may_wait(command):
                 self.pause()
             self._do(command)
-            self.log.append(command)
+            self.log.extend(_as_done(command, self.workspace.run.cursor))
             return
         if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and self.goal is not None):
             self.pause()
@@ -159,6 +167,12 @@ class Debugger:
             case c.OpenFrame(frame):
                 self.workspace.open_frame(frame)
                 self._reset_look()
+            case c.OpenAt(frame, iteration):
+                self.workspace.open_frame(frame)
+                self._reset_look()
+                run = self.workspace.run
+                run.seek(min(max(iteration, 0), run.length))
+                self.goal = iteration if iteration > run.length and not run.is_done else None
             case c.OpenDemo(name):
                 self._open_demo(name)
             case c.OpenSession(path):
@@ -189,6 +203,7 @@ class Debugger:
                 if self._keep is None:
                     raise InputError("nothing can be written here")
                 self.kept = (self._keep(self, command), *self.kept)[:4]
+                self.sessions = self._list_sessions()
                 self.message = f"Written: {self.kept[0]}"
             case _:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
@@ -266,7 +281,9 @@ class Debugger:
 
     def _reset_look(self) -> None:
         kept = self.look
-        self.look = Look(cloud=kept.cloud, layers=kept.layers, map=kept.map, animate=kept.animate)
+        self.look = Look(
+            cloud=kept.cloud, layers=kept.layers, map=kept.map, animate=kept.animate, batch_order=kept.batch_order
+        )
 
     def _open_demo(self, name: str) -> None:
         if name not in self.demos:
@@ -334,10 +351,19 @@ class Debugger:
                 raise InputError(f"pixel {look.pixel} is outside of the {w}×{h} image")
 
 
+def _as_done(command: c.Command, cursor: int) -> tuple[c.Command, ...]:
+    """What the log says of a command that may have begun a run: the run itself is noted when it ends."""
+    if isinstance(command, c.Fork):
+        return (replace(command, run=False),)
+    if isinstance(command, c.OpenAt):
+        return c.OpenFrame(command.frame), c.Seek(cursor)
+    return (command,)
+
+
 def _may_wait(command: c.Command) -> bool:
     """Whether a run may go on while this is done: looking does not disturb it."""
     return isinstance(
         command,
         c.Focus | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.Animate
-        | c.SetBreakpoints | c.ScoreGroundTruth | c.Export,
+        | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export,
     )  # fmt: skip

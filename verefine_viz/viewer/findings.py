@@ -28,12 +28,11 @@ class Finding:
 
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
-    found = [
-        *_support(view), *_no_hypothesis(view), *_far_start(view), *_starved(view), *_wrong_score(view), *_leak(view),
+    found = (
+        *_support(view), *_no_hypothesis(view), *_far_start(view), *_wrong_score(view), *_starved(view), *_leak(view),
         *_low(view),
-    ]  # fmt: skip
-    found += [Finding(note) for note in view.problem.notes]
-    return tuple(found)
+    )  # fmt: skip
+    return found
 
 
 def _support(view: View) -> list[Finding]:
@@ -89,9 +88,11 @@ def _starved(view: View) -> list[Finding]:
         return []
     error, j = min(known)
     fair = len(view.own_iterations) / len(pulls)
-    best = view.poses["best"].errors
-    if pulls[j] > max(1, 0.3 * fair) or best is None or best.relative < 0.1:
+    best = view.poses["best"]
+    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or best.errors.relative < 0.1:
         return []
+    if _prefers_wrong(view):
+        return []  # More turns would not have helped it.
     wider = max(2 * view.session.method.exploration, 0.05)
     text = (
         f"Hypothesis {j + 1} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} of "
@@ -99,6 +100,11 @@ def _starved(view: View) -> list[Finding]:
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
+
+
+def _prefers_wrong(view: View) -> bool:
+    best, truth = view.poses["best"].score, view.truth.score if view.truth else None
+    return best is not None and truth is not None and best.score >= truth.score
 
 
 def _wrong_score(view: View) -> list[Finding]:
@@ -109,7 +115,7 @@ def _wrong_score(view: View) -> list[Finding]:
         return []
     wrong, true = best.score, truth.score
     how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
-    if wrong.score >= true.score:
+    if _prefers_wrong(view):
         text = (
             f"The score prefers a wrong pose: best {wrong.score:.2f} ({how}) against {true.score:.2f} for the ground "
             f"truth ({true.shares['protruding']:.0%} of its pixels protrude, {true.shares['missed']:.0%} are missed)."

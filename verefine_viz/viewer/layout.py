@@ -10,6 +10,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
+from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.errors import ErrorsPanel
 from verefine_viz.viewer.panels.layers import LayersPanel
 from verefine_viz.viewer.panels.maps import MapsPanel
@@ -64,7 +65,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
 class Layout:
     """All panels, placed. One per server; every browser shows the same."""
 
-    def __init__(self, server: viser.ViserServer, send: Send) -> None:
+    def __init__(self, server: viser.ViserServer, send: Send, with_batch: bool = False) -> None:
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         gui.set_panel_label("verefine-viz")
@@ -76,6 +77,10 @@ class Layout:
         main.dock_right()
         main.set_width(RIGHT_PX)
         tabs = gui.add_panel()
+        self.batch: BatchPanel | None = None
+        if with_batch:
+            with tabs.add_tab("Batch"):
+                self.batch = BatchPanel(gui, send)
         with tabs.add_tab("Score"):
             self.score = ScorePanel(gui, send)
         with tabs.add_tab("Bandit"):
@@ -102,7 +107,7 @@ class Layout:
         layers = gui.add_panel()
         with layers.add_tab("View"):
             self.layers = LayersPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=204, height=388)
+        layers.float(x=GAP_PX, y=GAP_PX, width=220, height=388)
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda _, command=command: send(command))
@@ -130,6 +135,8 @@ class Layout:
         self.errors.show(view)
         self.session.show(view)
         self.layers.show(view)
+        if self.batch is not None:
+            self.batch.show(view)
         self.curves.show(view)
         self.maps.show(view)
 

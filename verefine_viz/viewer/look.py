@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Look:
     animate: bool = True
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
+    batch_order: Literal["error", "score", "frame"] = "error"
     judged_truth: bool = False
     """Whether the score of the ground truth was asked for."""
 
@@ -94,6 +95,8 @@ def changed(look: Look, command: c.Command) -> Look | None:
             return replace(look, path_pose=pose)
         case c.Animate(on):
             return replace(look, animate=on)
+        case c.SortBatch(order):
+            return replace(look, batch_order=order)
         case c.ScoreGroundTruth():
             layers = look.layers | {"ground truth", "best"}
             return replace(look, a="best", b="ground truth", judged_truth=True, layers=layers)

@@ -16,7 +16,7 @@ from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.maps import map_image
 from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
-from verefine_viz.viewer.standing import LIGHTS
+from verefine_viz.viewer.standing import LIGHTS, telling
 from verefine_viz.viewer.view import View
 
 IMAGE_PLANE_M = 0.12
@@ -166,14 +166,14 @@ class SceneView:
         points = _all_points(view)
         middle = points.mean(axis=0)
         extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
-        distance = max(0.36, 2.7 * extent)
+        distance = max(0.42, 2.5 * extent)
         towards_sensor = -middle / np.linalg.norm(middle)
         beside = np.array([0.75, -0.35, 0.0])
         direction = towards_sensor + beside
         eye_cam = middle + distance * direction / np.linalg.norm(direction)
         eye, target = apply(self._T_world_cam, np.array([eye_cam, middle]))
         # The free part is the upper half: look below the objects, so that they appear above the middle.
-        target = target - np.array([0.0, 0.0, 0.36 * distance])
+        target = target - np.array([0.0, 0.0, 0.38 * distance])
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
         camera.near = 0.005
@@ -231,7 +231,8 @@ class SceneView:
 
     def _show_polygon(self, view: View) -> None:
         """The support polygon on the plane, and a line down from the centre of mass."""
-        found = view.plausible
+        name = telling(view)
+        found = view.plausible[name] if name else None
         self._balance.visible = found is not None and "contacts" in view.look.layers
         if found is None:
             return

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from verefine_viz.core.arrays import Float
@@ -14,46 +17,63 @@ _SIZE = 92
 
 
 def standing_html(view: View) -> str:
-    """Plausibility of the kept pose; empty where it is not known."""
-    found = view.plausible
+    """Plausibility before the simulation and of the kept pose; empty where it is not known."""
     support = view.target.observation.support
-    if found is None or support is None:
+    if not view.plausible or support is None:
         return ""
-    color = LIGHTS[found.light]
-    margin = "nothing carries it" if np.isneginf(found.margin_mm) else f"{found.margin_mm:.1f} mm"
-    partner = "the table" if found.penetrates == -1 else "a neighbour"
-    sunk = "none" if found.penetrates is None else f"{found.penetration_mm:.1f} mm into {partner}"
-    facts = (
-        ("gap", f"{found.gap_mm:.1f} mm", "distance to the nearest surface below or beside it"),
-        ("penetration", sunk, "deepest overlap"),
-        ("balance", margin, "centre of mass to the edge of the support polygon; negative = outside, it tips over"),
-        ("stable", "yes" if found.is_stable else "no", "whether friction at the contacts can hold it still"),
-        ("plane", f"{support.inlier_share:.0%} of background", "share of the background's depth on the support plane"),
+    lights = "".join(
+        f'<p style="border-left:9px solid rgb{LIGHTS[p.light]};padding-left:6px">{text(_WHEN[name])}: '
+        f"{text(p.sentence)}</p>"
+        for name, p in view.plausible.items()
     )
-    rows = "".join(f'<tr title="{text(tip)}"><td>{name}</td><td>{text(value)}</td></tr>' for name, value, tip in facts)
-    pose = "accepted" if "accepted" in view.poses else "current"
-    light = f'<p style="border-left:9px solid rgb{color};padding-left:6px">{text(pose.capitalize())} pose: '
-    light += f"{text(found.sentence)}</p>"
-    return f'{light}<div style="display:flex;gap:8px"><table>{rows}</table>{_drawing(view)}</div>'
+    found = list(view.plausible.values())
+    rows = "".join(
+        f'<tr title="{text(tip)}"><td>{name}</td>{"".join(f"<td>{text(say(p))}</td>" for p in found)}</tr>'
+        for name, tip, say in _FACTS
+    )
+    share = f"{support.inlier_share:.0%} of the background lies on the support plane."
+    head = "".join(f"<th>{text(_WHEN[name]).lower()}</th>" for name in view.plausible)
+    table = f"<table><tr><th></th>{head}</tr>{rows}</table>"
+    return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div><p class="dim">{share}</p>'
 
 
-def polygon_and_centre(view: View) -> tuple[Float, Float]:
-    """The support polygon (m, 2) and the centre of mass (2,) from above, in the world frame [m]."""
-    assert view.plausible is not None
-    support = view.target.observation.support
-    assert support is not None
-    polygon = apply(support.T_world_cam, view.plausible.polygon_cam)[:, :2]
-    return polygon, apply(support.T_world_cam, view.plausible.com_on_plane_cam[None])[0, :2]
+_WHEN = {"current": "Before", "accepted": "Kept"}
+_FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
+    ("gap mm", "distance to the nearest surface", lambda p: f"{p.gap_mm:.1f}"),
+    ("overlap mm", "deepest penetration, and into what", lambda p: _overlap(p)),
+    (
+        "balance mm",
+        "centre of mass to the edge of the support polygon; negative = outside: it tips over",
+        lambda p: "no support" if np.isneginf(p.margin_mm) else f"{p.margin_mm:.1f}",
+    ),
+    ("stable", "whether friction at the contacts can hold it still", lambda p: "yes" if p.is_stable else "no"),
+)
+
+
+def _overlap(found: Any) -> str:
+    if found.penetrates is None:
+        return "none"
+    return f"{found.penetration_mm:.1f} {'table' if found.penetrates == -1 else 'object'}"
+
+
+def telling(view: View) -> str | None:
+    """The stage whose support is drawn: the kept pose, unless the one before the simulation could not stand."""
+    before = view.plausible.get("current")
+    if before is not None and (not before.is_stable or "accepted" not in view.plausible):
+        return "current"
+    return "accepted" if "accepted" in view.plausible else None
 
 
 def _drawing(view: View) -> str:
-    """Object outline points, support polygon and centre of mass from above, as an SVG."""
-    support = view.target.observation.support
+    """Object, support polygon and centre of mass from above, as an SVG."""
+    support, name = view.target.observation.support, telling(view)
     assert support is not None
-    assert view.plausible is not None
-    pose = view.poses.get("accepted") or view.poses["current"]
-    seen = apply(support.T_world_cam @ pose.T_cam_obj, view.target.model.points[::8])[:, :2]
-    polygon, centre = polygon_and_centre(view)
+    if name is None:
+        return ""
+    found, T_cam_obj = view.plausible[name], view.poses[name].T_cam_obj
+    seen = apply(support.T_world_cam @ T_cam_obj, view.target.model.points[::8])[:, :2]
+    polygon = apply(support.T_world_cam, found.polygon_cam)[:, :2]
+    centre = apply(support.T_world_cam, found.com_on_plane_cam[None])[0, :2]
     everything = np.concatenate([seen, polygon, centre[None]])
     low, high = everything.min(axis=0), everything.max(axis=0)
     scale = (_SIZE - 8) / max(float((high - low).max()), 1e-6)
@@ -65,10 +85,11 @@ def _drawing(view: View) -> str:
     dots = "".join(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="1"/>' for x, y in place(seen))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in place(polygon)) if len(polygon) else ""
     x, y = place(centre)[0]
-    color = LIGHTS[view.plausible.light]
+    color = LIGHTS[found.light]
+    title = f"{_WHEN[name].lower()}, from above: object (dots), support polygon, centre of mass (cross)"
     return (
-        f'<svg width="{_SIZE}" height="{_SIZE}" style="flex:none"><title>from above: object (dots), support polygon, '
-        f'centre of mass (cross)</title><g fill="currentColor" opacity="0.25">{dots}</g>'
+        f'<svg width="{_SIZE}" height="{_SIZE}" style="flex:none"><title>{text(title)}</title>'
+        f'<g fill="currentColor" opacity="0.25">{dots}</g>'
         f'<polygon points="{corners}" fill="rgb{color}" fill-opacity="0.25" stroke="rgb{color}" stroke-width="2"/>'
         f'<path d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10" stroke="currentColor" stroke-width="2"/></svg>'
     )

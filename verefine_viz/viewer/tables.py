@@ -30,6 +30,11 @@ def number(value: float | None, digits: int, unit: str = "") -> str:
     return _NONE if value is None else f"{value:.{digits}f}{unit}"
 
 
+def cut(name: str) -> str:
+    """A name that may be long: cut off on the screen, whole in its tooltip."""
+    return f'<span class="cut" title="{text(name)}">{text(name)}</span>'
+
+
 def score_table(poses: Sequence[Judged | None]) -> str:
     """The parts of the score of some poses, a column each."""
     known = [p for p in poses if p is not None]
@@ -259,7 +264,7 @@ def starts_table(view: View) -> str:
             return ""
         score = view.state.initial[j].score if view.state is not None else None
         cells = [
-            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}", text(h.source), f"{e.rotation_deg:.1f}°",
+            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}", cut(h.source), f"{e.rotation_deg:.1f}°",
             f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
         ]  # fmt: skip
         rows.append(Row(cells, c.SelectArm(j)))
@@ -280,7 +285,7 @@ def branches_table(view: View) -> str:
     for i, branch in enumerate(view.branches):
         best, errors = branch.best[k], branch.errors[k]
         cells = [
-            text(branch.name),
+            cut(branch.name),
             f"{branch.length}/{branch.n_iterations}",
             number(best.score.score if best else None, 3),
             number(errors.add_s_mm if errors else None, 1),

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.batch.index import BatchIndex
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
@@ -73,6 +74,10 @@ class View:
     frames: tuple[str, ...]
     frame: str
     demos: tuple[str, ...]
+    sessions: tuple[str, ...]
+    """Session files that lie at hand."""
+    batch: BatchIndex | None
+    """The batch whose frames are listed; None = no batch was opened."""
     problem: Problem
     branches: tuple[BranchSummary, ...]
     branch: int
@@ -94,8 +99,9 @@ class View:
     look: Look
     a: Side | None
     b: Side | None
-    plausible: Any | None
-    """Plausibility of the accepted (or only) pose; None where it is not known."""
+    plausible: dict[str, Any]
+    """Plausibility by stage: of the pose before the simulation ("current") and of the one that was kept ("accepted");
+    empty where it is not known."""
     initial_errors: tuple[PoseErrors | None, ...]
     """Per hypothesis of the object in focus."""
     error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]

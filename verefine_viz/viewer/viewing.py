@@ -37,7 +37,6 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
     running = debugger.goal is not None
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
-    judged = poses.get("accepted") or poses.get("current")
     progress = Progress(run.length, run.n_iterations, running, debugger.remaining_s)
     return View(
         session=branch.tools.session.model_copy(update={"breakpoints": space.breakpoints}),
@@ -45,6 +44,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         frames=space.frames,
         frame=space.frame,
         demos=debugger.demos,
+        sessions=debugger.sessions,
+        batch=debugger.batch,
         problem=work.problem,
         branches=tuple(_summary(b) for b in work.branches),
         branch=work.index,
@@ -60,7 +61,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         look=look,
         a=_side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep),
         b=_side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep),
-        plausible=judge.plausibility(target, judged.T_cam_obj) if judged and deep else None,
+        plausible=_plausible(judge, target, poses) if deep else {},
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, run.iterations),
         truth=truth,
@@ -148,6 +149,11 @@ def _poses(
 def _revealed(shown: Iteration, look: Look) -> tuple[str, ...]:
     names = [s.name for s in shown.stages]
     return tuple(names[: names.index(look.stage) + 1]) if look.stage in names else tuple(names)
+
+
+def _plausible(judge: Judge, target: Target, poses: dict[str, Judged]) -> dict[str, Any]:
+    found = {k: judge.plausibility(target, poses[k].T_cam_obj) for k in ("current", "accepted") if k in poses}
+    return {k: v for k, v in found.items() if v is not None}
 
 
 def _or_else(poses: dict[str, Judged], wanted: str, instead: tuple[str, ...]) -> Judged | None:

@@ -10,6 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.view import View
 
 _AXES = ("x", "y", "z")
@@ -107,7 +108,7 @@ def _iteration_sentence(view: View, iteration: Iteration) -> str:
     kept = iteration.accepted
     end = f"{kept.capitalize()} kept" if kept != "current" else "Neither was better: current pose kept"
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
-    if before is not None and after is not None and after.score < before.score:
+    if before is not None and after is not None and before.score - after.score >= FALL:
         end += f", although it scores less than before ({before.score:.2f})"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
 

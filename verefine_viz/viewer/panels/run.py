@@ -26,11 +26,10 @@ RUNS: dict[str, c.Command] = {
 
 
 class RunPanel:
-    """Headline, findings, buttons, progress, and the choice of frame and object."""
+    """Buttons first, where they never move; then headline, findings, and the choice of frame and object."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         gui.add_html(STYLE)
-        self._words = Block(gui)
         self.moves = gui.add_button_group(
             "Move", list(MOVES), hint="Step: one iteration (N). Stage: one stage. Back: one iteration (B)."
         )
@@ -39,6 +38,7 @@ class RunPanel:
             "Run", list(RUNS), hint="Run: to the end or a breakpoint (Space). To event: to the next mark (PageDown)."
         )
         self.runs.on_click(by_person(lambda label: send(RUNS[label])))
+        self._words = Block(gui)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
         self._below = Block(gui)
         self._frame = gui.add_dropdown("Frame", [""], visible=False, hint="scene/image of the session's data set")
@@ -61,6 +61,7 @@ class RunPanel:
         self._progress.visible = p.running
         self._progress.value = 100.0 * p.done / max(p.total, 1)
         below = "".join(_box(f) for f in findings(view))
+        below += "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
         if p.running:
             below = f'<p class="dim">{p.done} of {p.total} iterations, {text(remaining(p.remaining_s))}</p>' + below
         self._below.show(below)

@@ -26,6 +26,8 @@ class SessionPanel:
         self.name = gui.add_text("Name", "my_session", hint="written to sessions/NAME.toml")
         self.save = gui.add_button("Save session", hint="settings, breakpoints, changes and edited poses")
         self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value))))
+        self.at_hand = gui.add_dropdown("Open", [""], hint="session files in sessions/")
+        self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v else None))
         self.path = gui.add_text("File", "", hint="path of a session file (.toml)")
         self.load = gui.add_button("Open session file")
         self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
@@ -46,4 +48,8 @@ class SessionPanel:
         if moved:
             said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
         self._words.show(sentence(said))
+        options = ("", *view.sessions)
+        if tuple(self.at_hand.options) != options:
+            self.at_hand.options = options
+        self.at_hand.value = str(view.session_path) if str(view.session_path) in options else ""
         self._kept.show("".join(f"<p>Written: <code>{text(path)}</code></p>" for path in view.kept))
