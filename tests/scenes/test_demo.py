@@ -92,7 +92,8 @@ def test_the_truth_explains_the_depth() -> None:
         both = (rendered.labels == k) & target.instance.mask & (problem.observation.depth_m > 0)
         error_m = np.abs(rendered.depth_m - problem.observation.depth_m)[both]
         assert np.median(error_m) < 1.5e-3
-        np.testing.assert_array_equal(rendered.labels == k, target.instance.mask)
+        # But for a few pixels along the table, into which a resting object sinks by a hair.
+        assert ((rendered.labels == k) != target.instance.mask).sum() <= 0.005 * target.instance.mask.sum()
 
 
 def test_clutter_touches_and_hides() -> None:
