@@ -1,0 +1,62 @@
+"""``doctor`` and what it knows by heart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz import cli
+from verefine_viz.commands import checks
+from verefine_viz.commands.checks import Check
+
+
+@pytest.mark.parametrize(
+    "check", [checks.renderer_self_check, checks.score_self_check, checks.simulator_self_check, checks.packages]
+)
+def test_this_machine_computes_what_is_expected(check: object) -> None:
+    assert callable(check)
+    row = checks.run(check)
+    assert row.ok, row.found
+    assert row.needed
+
+
+def test_the_expected_fall_is_the_sum_of_the_substeps() -> None:
+    # Semi-implicit Euler: velocity first, then position.
+    velocity, fallen, dt = 0.0, 0.0, 1 / 240
+    for _ in range(12):
+        velocity += 9.81 * dt
+        fallen += velocity * dt
+    assert checks.FALL_MM == pytest.approx(1e3 * fallen, abs=0.01)
+
+
+def rows(monkeypatch: pytest.MonkeyPatch, *made: Check) -> int:
+    monkeypatch.setattr(checks, "all_checks", lambda: [lambda row=row: row for row in made])
+    return cli.main(["doctor"])
+
+
+def test_what_is_needed_and_fails_decides(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    good, missing = Check("Bullet", "found"), Check("Chromium", "not found", False, needed=False, advice="get it")
+    assert rows(monkeypatch, good, missing) == 0
+    assert "all that is needed is there" in capsys.readouterr().out
+    assert rows(monkeypatch, good, Check("renderer", "[red]off", False, advice="mend it")) == 1
+    out = capsys.readouterr().out
+    assert "does not work: renderer" in out
+    assert "→ mend it" in out
+    assert "[red]off" in out
+
+
+def test_a_check_that_raises_is_a_failed_row() -> None:
+    def gpu_lottery() -> Check:
+        raise OSError("libGL.so.1: cannot open\nshared object file")
+
+    row = checks.run(gpu_lottery)
+    assert not row.ok
+    assert (row.name, row.found) == ("gpu lottery", "OSError: libGL.so.1: cannot open shared object file")
+
+
+def test_a_folder_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "cwd", lambda: Path("/proc"))
+    row = checks.working_folder()
+    assert not row.ok
+    assert row.advice == "make /proc writable"
