@@ -51,7 +51,7 @@ class Variant:
     tau_m: float = TAU_M
     no_normal: str = "depth"
     """Where no normal was observed: "depth" lets f_d stand for f_n, "zero" gives 0."""
-    outside: str = "explained"
+    outside: str = "wrong"
     """A rendered pixel outside the mask on a surface within τ: explained, neutral or wrong."""
     in_front: str = "wrong"
     """A pixel of the mask that is nearer than the model by more than τ: wrong or neutral."""
@@ -64,17 +64,16 @@ VARIANTS = (
     Variant("published, α .293", "published", 0.293, no_normal="zero"),
     Variant("observed", "observed"),
     Variant("observed, α .293", "observed", 0.293),
-    Variant("classes"),
+    Variant("classes (default)"),
     Variant("classes, α .293", alpha=0.293),
     Variant("classes, no normal = 0", no_normal="zero"),
     Variant("classes, outside neutral", outside="neutral"),
-    Variant("classes, outside wrong", outside="wrong"),
-    Variant("classes, outside wrong, α .293", outside="wrong", alpha=0.293),
+    Variant("classes, outside explained", outside="explained"),
     Variant("classes, in front neutral", in_front="neutral"),
     Variant("classes, unknown wrong", unknown="wrong"),
+    Variant("classes, missed neutral", missed="neutral"),
     Variant("classes, τ 10 mm", tau_m=0.01),
-    Variant("classes, τ 10 mm, outside wrong", tau_m=0.01, outside="wrong"),
-    Variant("classes, outside wrong, unknown wrong", outside="wrong", unknown="wrong"),
+    Variant("classes, τ 40 mm", tau_m=0.04),
 )
 
 

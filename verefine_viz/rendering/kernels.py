@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import config, njit
 
-from verefine_viz.rendering.rasterizer import draw, window
+from verefine_viz.rendering.rasterizer import draw, eye_in_object, window
 
 # numba tries TBB first and warns where open3d has brought along an older one.
 config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # pyright: ignore[reportAttributeAccessIssue]
@@ -83,6 +83,8 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
     if columns > 0:
         draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0)
 
+    eye = eye_in_object(T)
+    per_tau, per_alpha = 1.0 / tau, 1.0 / alpha
     sum_d, sum_n, n_rendered, n_stray = 0.0, 0.0, 0, 0
     counts = np.zeros(5, np.int64)
     n_covered = 0
@@ -112,7 +114,7 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
             else:
                 fits = kind == EXPLAINED
             if fits:
-                f_d = max(0.0, 1.0 - abs(d - z) / tau)
+                f_d = max(0.0, 1.0 - abs(d - z) * per_tau)
                 sum_d += f_d
                 nx = np.float64(observed[v, u, 0])
                 ny = np.float64(observed[v, u, 1])
@@ -122,13 +124,14 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
                     continue
                 f = face_of[y, x]
                 a, b, c = normals[f, 0], normals[f, 1], normals[f, 2]
-                mx = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
-                my = T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
-                mz = T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-                dot = nx * mx + ny * my + nz * mz
-                if mx * (u - cx) / fx + my * (v - cy) / fy + mz > 0.0:
+                dot = (
+                    nx * (T[0, 0] * a + T[0, 1] * b + T[0, 2] * c)
+                    + ny * (T[1, 0] * a + T[1, 1] * b + T[1, 2] * c)
+                    + nz * (T[2, 0] * a + T[2, 1] * b + T[2, 2] * c)
+                )
+                if a * eye[0] + b * eye[1] + c * eye[2] < offsets[f]:
                     dot = -dot
-                sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) / alpha)
+                sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
     counts[MISSED] += n_own - n_covered
     sums[0], sums[1], sums[3] = sum_d, sum_n, n_rendered
     if pixels == PUBLISHED:

@@ -159,6 +159,15 @@ def window(T, vertices, fx, fy, cx, cy, height, width, projected):
 
 
 @njit(cache=True)
+def eye_in_object(T):
+    """The camera's centre in the object frame [m]: which side of a face is seen is a matter of the face's plane."""
+    x = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
+    y = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
+    z = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    return x, y, z
+
+
+@njit(cache=True)
 def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0):
     """Draws a model into a window, after :func:`window` filled ``projected``.
 
@@ -183,9 +192,7 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
         y0: first row.
     """
     all_in_front = n_front == len(vertices)
-    eye_x = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
-    eye_y = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
-    eye_z = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    eye_x, eye_y, eye_z = eye_in_object(T)
     n_later = 0
     later = np.empty(len(faces), np.int32)
     for f in range(len(faces)):
