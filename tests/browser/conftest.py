@@ -78,6 +78,14 @@ class Screen:
         self.text(rf"^iteration {cursor} / ")
         self.app.wait_until_idle(60)
 
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Waits until something holds in the app; a key's message takes a moment to arrive."""
+        for _ in range(SLOW_MS // 50):
+            if condition():
+                return self.app.wait_until_idle(60)
+            self.page.wait_for_timeout(50)
+        raise AssertionError("it never happened")
+
     def shot(self, name: str) -> None:
         """Keeps what is on the screen."""
         self.app.wait_until_idle(60)

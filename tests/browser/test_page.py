@@ -64,15 +64,13 @@ def test_keys_and_palette(look: Look) -> None:
     screen.key("Home")
     screen.at(0)
     screen.key("PageDown")
-    screen.app.wait_until_idle()
-    assert screen.app.debugger.workspace.run.cursor > 0
+    screen.until(lambda: screen.app.debugger.workspace.run.cursor > 0)
     screen.key("End")
     screen.at(length)
     screen.key("g")
     screen.key("c")
-    screen.app.wait_until_idle()
+    screen.until(lambda: screen.app.debugger.look.cloud == "residual")
     assert "ground truth" not in screen.app.debugger.look.layers
-    assert screen.app.debugger.look.cloud == "residual"
     screen.page.keyboard.press("Control+k")
     screen.page.get_by_placeholder("Search commands...").fill("first")
     screen.page.keyboard.press("Enter")
@@ -118,16 +116,12 @@ def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) 
     screen.app.send(c.ShowLayer("cloud", False))
     screen.app.wait_until_idle()
     screen.page.mouse.click(*on_screen(screen, arm=0))
-    screen.page.wait_for_timeout(1500)
-    screen.app.wait_until_idle()
-    assert screen.app.debugger.look.arm is not None
+    screen.until(lambda: screen.app.debugger.look.arm is not None)
     screen.app.send(c.ShowLayer("hypotheses", False))
     screen.app.send(c.ShowLayer("cloud", True))
     screen.app.wait_until_idle()
     screen.page.mouse.click(*on_screen(screen))
-    screen.page.wait_for_timeout(1500)
-    screen.app.wait_until_idle()
-    assert screen.app.debugger.look.pixel is not None
+    screen.until(lambda: screen.app.debugger.look.pixel is not None)
 
 
 def test_what_if_makes_a_branch(look: Look) -> None:

@@ -61,11 +61,13 @@ def _far_start(view: View) -> list[Finding]:
     if not known:
         return []
     _, j, errors = min(known, key=lambda k: k[0])
-    if errors.relative < FAR:
+    best = view.poses.get("best")
+    arrived = best is not None and best.errors is not None and best.errors.relative < 0.1
+    if errors.relative < FAR or arrived:
         return []
     text = (
         f"No hypothesis starts near: best initial error {errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm "
-        f"(hypothesis {j + 1}). Refinement can hardly get there; look at the estimator first."
+        f"(hypothesis {j + 1}). Refinement may not get there; look at the estimator first."
     )
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
 
@@ -130,7 +132,7 @@ def _wrong_score(view: View) -> list[Finding]:
 
 def _leak(view: View) -> list[Finding]:
     best = view.poses.get("best")
-    if not view.own_iterations or best is None or best.score is None:
+    if not _is_over(view) or best is None or best.score is None:
         return []
     missed = best.score.shares["missed"]
     if missed < LEAK_SHARE:

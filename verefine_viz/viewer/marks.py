@@ -13,7 +13,7 @@ QUIET = frozenset({"kept_refined", "no_physics"})
 
 RED = (220, 50, 47)
 FALL = 0.01
-"""A smaller fall of the score is the noise of a converged pose and gets no mark [score]."""
+"""A smaller difference of scores is the noise of a converged pose and gets no mark [score]."""
 GROWTH_MM = 3.0
 """A kept pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
 
@@ -35,11 +35,21 @@ class Mark:
 def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tuple[Mark, ...]:
     """The marks of one iteration; ``error_growth_mm``: by how much ADD(-S) of the kept pose grew, if known."""
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    simulated, refined = iteration.stage("simulated"), iteration.stage("refined")
+    hardly_better = (
+        simulated is not None
+        and refined is not None
+        and simulated.score is not None
+        and refined.score is not None
+        and simulated.score.score - refined.score.score < FALL
+    )
     hardly_fell = before is not None and after is not None and before.score - after.score < FALL
     found = [
         Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind])
         for e in iteration.events
-        if e.kind not in QUIET and not (e.kind == "score_fell" and hardly_fell)
+        if e.kind not in QUIET
+        and not (e.kind == "score_fell" and hardly_fell)
+        and not (e.kind == "kept_simulated" and hardly_better)
     ]
     score_rose = before is not None and after is not None and after.score >= before.score
     if error_growth_mm is not None and error_growth_mm > GROWTH_MM and score_rose:

@@ -155,11 +155,18 @@ class SceneView:
             side="double", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         place(self._plane, T)
-        tail = foot + np.array([0.0, 0.0, 0.30]) + R_world_plane @ np.array([side * 0.36, side * 0.36, 0.0])
-        self._gravity = scene.add_arrows(
-            "/world/gravity", np.array([[tail, tail - [0, 0, 0.12]]]), (60, 60, 60), shaft_radius=0.003,
-            head_radius=0.009, head_length=0.025,
-        )  # fmt: skip
+        radius = float(np.percentile(np.linalg.norm(_all_points(view) - _all_points(view).mean(axis=0), axis=1), 90))
+        away = apply(self._T_world_cam, np.zeros((1, 3)))[0] - centre
+        beside = np.cross(away, [0.0, 0.0, 1.0])
+        beside *= (1.6 * radius + 0.03) / max(float(np.linalg.norm(beside)), 1e-9)
+        tail = foot + np.array([0.0, 0.0, 0.16]) - beside
+        # Lines, since they keep their colour in the shade.
+        tip = tail - [0, 0, 0.10]
+        barbs = [tip + [dx, dy, 0.02] for dx, dy in ((0.008, 0), (-0.008, 0), (0, 0.008), (0, -0.008))]
+        strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
+        self._gravity = scene.add_line_segments(
+            "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"
+        )
 
     def _aim(self, view: View) -> None:
         """The first look: from beside the sensor, with the objects in the part that no panel covers."""

@@ -23,7 +23,7 @@ from verefine_viz.viewer.view import View
 OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "edited": 0.7}
 OUTLINED = ("accepted", "best", "ground truth")
 """Drawn as a coarse wireframe around the others."""
-_OUTLINE_FACES = 500
+_OUTLINE_FACES = 300
 _DISPLAY_MM = 0.2
 _SIMPLIFY_FROM = 3000
 
@@ -34,13 +34,13 @@ class StageNodes:
     def __init__(self, server: viser.ViserServer, model: ObjectModel, n_arms: int, send: Callable[[Command], None]):
         scene = server.scene
         vertices, faces = display_mesh(model)
-        coarse = coarse_mesh(vertices, faces)
+        outline = edges(*coarse_mesh(vertices, faces))
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
             color, node = STAGE_COLORS[name], f"/cam/stages/{name.replace(' ', '_')}"
             if name in OUTLINED:
-                self._nodes[name] = scene.add_mesh_simple(
-                    node, *coarse, color=color, wireframe=True, visible=False, cast_shadow=False
+                self._nodes[name] = scene.add_line_segments(
+                    node, outline, color, thickness=1.2, thickness_units="screen", visible=False
                 )
             else:
                 self._nodes[name] = scene.add_mesh_simple(
@@ -179,6 +179,12 @@ def display_mesh(model: ObjectModel) -> tuple[Float, NDArray[np.int32]]:
         return model.vertices, model.faces
     mesh = scoring_mesh(model, _DISPLAY_MM)
     return mesh.vertices, mesh.faces
+
+
+def edges(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Every edge of a mesh once, (E, 2, 3)."""
+    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    return vertices[np.unique(pairs, axis=0)].astype(np.float32)
 
 
 def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:

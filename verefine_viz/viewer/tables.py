@@ -74,7 +74,7 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
     """One pixel in numbers, for both stages."""
     sides = [(name, p) for name, p in (a, b) if p is not None]
     if not sides:
-        return '<p class="dim">Click a pixel: in a map below, on the camera image, or on the cloud in 3D.</p>'
+        return ""
     first = sides[0][1]
 
     def row(label: str, tip: str, pick: Any) -> Row:
@@ -292,7 +292,7 @@ def branches_table(view: View) -> str:
         ]
         rows.append(Row(cells, c.ShowBranch(i), marked=i == view.branch))
     head = [
-        ("branch", "click a row to switch to it"), ("iterations", ""), ("best", "best score of the object in focus"),
+        ("branch", "click a row to switch to it"), ("made", "iterations"), ("best", "best score of this object"),
         ("ADD(-S)", "error of that pose [mm]"),
     ]  # fmt: skip
     return table(head, rows)

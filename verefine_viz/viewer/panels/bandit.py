@@ -6,7 +6,7 @@ import viser
 
 from verefine_viz.core.palette import ARM_COLORS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.markup import link, sentence
+from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.tables import arm_history, arms_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Chart, Line, Send
@@ -46,21 +46,30 @@ class CurvesPanel:
     """Scores, UCB, pulls and errors over the iterations of the object in focus."""
 
     def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
-        self._charts: dict[str, Chart] = {}
+        self._charts: dict[str, tuple[Block, Chart]] = {}
         for name in ("Score", "UCB", "Pulls", "Error"):
             tab = panel.add_tab(name)
             with tab:
-                self._charts[name] = Chart(gui, 168, tab)
+                self._charts[name] = (Block(gui), Chart(gui, 148, tab))
 
     def show(self, view: View) -> None:
         """All curves; drawn again only if they changed."""
         own = view.own_iterations
         n = len(view.state.arms) if view.state is not None else 0
         x = [0.0, *(float(i.index) for i in own)]
-        self._charts["Score"].show(x, score_lines(view, n) if own else [])
-        self._charts["UCB"].show(x[1:], ucb_lines(view, n))
-        self._charts["Pulls"].show(x, pull_lines(view, n) if own else [])
-        self._charts["Error"].show(x, error_lines(view) if own else [])
+        self._draw("Score", x, score_lines(view, n) if own else [], "score by arm")
+        self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm")
+        self._draw("Pulls", x, pull_lines(view, n) if own else [], "times chosen, by arm")
+        self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm")
+
+    def _draw(self, name: str, x: list[float], lines: list[Line], caption: str) -> None:
+        words, chart = self._charts[name]
+        missing = "no ground truth" if name == "Error" else "no bandit"
+        if not lines:
+            caption = "Curves begin with the first iteration." if len(x) < 2 else f"There is {missing} here."
+        legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines)
+        words.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)} {legend}</div>')
+        chart.show(x, lines)
 
 
 def score_lines(view: View, n_arms: int) -> list[Line]:
@@ -109,4 +118,4 @@ def error_lines(view: View) -> list[Line]:
     start = first[view.own_iterations[0].arm] if first else 0.0
     kept = [start, *(e.add_s_mm for _, e, _ in view.error_series if e is not None)]
     best = [start, *(e.add_s_mm for _, _, e in view.error_series if e is not None)]
-    return [Line("kept, mm", (50, 110, 255), kept), Line("best, mm", (0, 170, 120), best, width=3.0)]
+    return [Line("kept", (50, 110, 255), kept), Line("best", (0, 170, 120), best, width=3.0)]

@@ -26,11 +26,11 @@ class ScorePanel:
         self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
         self.a.on_update(by_person(lambda v: send(c.Compare(a=v))))
         self.b.on_update(by_person(lambda v: send(c.Compare(b=v))))
+        self._probe = Block(gui)
         self._numbers = Block(gui)
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_person(lambda v: send(c.ShowMap(labels[v]))))
-        self._probe = Block(gui)
 
     def show(self, view: View) -> None:
         """Numbers of both stages and of the probed pixel."""
@@ -40,11 +40,14 @@ class ScorePanel:
         a, b = (side.pose if side else None for side in (view.a, view.b))
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
-        self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>')
+        self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>{_LEGEND}{_HINT}')
         if not view.deep:
             return
         sides = [(side.pose.name, side.probe) if side else ("", None) for side in (view.a, view.b)]
-        legend = " ".join(
-            f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
-        )
-        self._probe.show(probe_table(sides[0], sides[1]) + f'<p style="font-size:11px">{legend}</p>')
+        self._probe.show(probe_table(sides[0], sides[1]))
+
+
+_LEGEND = "<p style='font-size:11px'>" + " ".join(
+    f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
+)
+_HINT = "</p><p class='dim'>Click a pixel of a score map, the photo or the cloud to see its numbers here.</p>"
