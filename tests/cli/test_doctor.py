@@ -27,7 +27,7 @@ def test_the_expected_fall_is_the_sum_of_the_substeps() -> None:
     for _ in range(12):
         velocity += 9.81 * dt
         fallen += velocity * dt
-    assert checks.FALL_MM == pytest.approx(1e3 * fallen, abs=0.01)
+    assert pytest.approx(1e3 * fallen, abs=0.01) == checks.FALL_MM
 
 
 def rows(monkeypatch: pytest.MonkeyPatch, *made: Check) -> int:
