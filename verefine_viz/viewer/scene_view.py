@@ -162,7 +162,8 @@ class SceneView:
         tail = foot + np.array([0.0, 0.0, 0.16]) - beside
         # Lines, since they keep their colour in the shade.
         tip = tail - [0, 0, 0.10]
-        barbs = [tip + [dx, dy, 0.02] for dx, dy in ((0.008, 0), (-0.008, 0), (0, 0.008), (0, -0.008))]
+        back = np.array([[0.008, 0, 0.02], [-0.008, 0, 0.02], [0, 0.008, 0.02], [0, -0.008, 0.02]])
+        barbs = tip + back
         strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
         self._gravity = scene.add_line_segments(
             "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"

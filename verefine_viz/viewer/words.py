@@ -196,6 +196,8 @@ def physics(view: View) -> str:
     if view.target.observation.support is None:
         note = view.target.observation.support_note or "no support plane was found"
         return f"Physics is off for this frame: {note}"
+    if not view.session.physics.enabled:
+        return "Physics is switched off in the settings: nothing was simulated."
     if shown is None:
         return "No simulation yet: step once (N)."
     simulated, refined = shown.stage("simulated"), shown.stage("refined")

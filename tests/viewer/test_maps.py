@@ -1,0 +1,130 @@
+"""Score maps as pictures, the probe, and which pixel a click in 3D means."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fakes import FakeVerifier, box_problem
+from verefine_viz.core.colormaps import EMPTY
+from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.viewer.cloud import clicked_pixel, cloud_colors, cloud_of
+from verefine_viz.viewer.maps import MAP_NAMES, Crop, crop_around, map_image, png, probe, scale_of
+
+PROBLEM = box_problem()
+TARGET = PROBLEM.targets[0]
+MAPS = FakeVerifier().maps(TARGET, np.asarray(TARGET.instance.T_cam_obj_gt))
+TAU_M = 0.02
+V, U = (int(x) for x in np.argwhere(TARGET.instance.mask).mean(axis=0))
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_a_part_of_a_map_is_that_part_of_the_whole(name: str) -> None:
+    whole = map_image(name, MAPS, TARGET, TAU_M)  # type: ignore[arg-type]
+    crop = Crop(10, 5, 50, 45)
+    assert whole.shape == (60, 80, 3)
+    assert np.array_equal(map_image(name, MAPS, TARGET, TAU_M, crop), whole[5:45, 10:50])  # type: ignore[arg-type]
+
+
+def test_scales_depend_on_the_frame_only() -> None:
+    for name in MAP_NAMES:
+        assert scale_of(name, TARGET, TAU_M) == scale_of(name, TARGET, TAU_M)
+    difference = scale_of("difference", TARGET, TAU_M)
+    assert difference is not None
+    assert (difference.low, difference.high, difference.unit) == (-40.0, 40.0, "mm")
+
+
+def test_classes_have_their_own_colours_and_nothing_else() -> None:
+    image = map_image("classes", MAPS, TARGET, TAU_M)
+    assert tuple(image[V, U]) == CLASS_COLORS["explained"]
+    assert tuple(image[0, 0]) == EMPTY
+
+
+@given(
+    st.integers(0, 59), st.integers(0, 79), st.integers(1, 59), st.integers(1, 79), st.sampled_from([0.8, 0.95, 1.25])
+)
+def test_the_crop_holds_the_mask_and_keeps_its_shape(v: int, u: int, h: int, w: int, aspect: float) -> None:
+    mask = np.zeros((60, 80), bool)
+    mask[v : v + h, u : u + w] = True
+    rows, columns = np.nonzero(mask)
+    crop = crop_around(mask, aspect)
+    assert crop.u0 <= columns.min()
+    assert columns.max() < crop.u1
+    assert crop.v0 <= rows.min()
+    assert rows.max() < crop.v1
+    assert crop.width / crop.height == pytest.approx(aspect, rel=0.1)
+
+
+def test_an_empty_mask_shows_the_whole_image() -> None:
+    crop = crop_around(np.zeros((60, 80), bool), 1.0)
+    assert crop.u0 <= 0
+    assert crop.u1 >= 80
+    assert crop.v0 <= 0
+    assert crop.v1 >= 60
+
+
+def test_beyond_the_image_a_crop_is_filled() -> None:
+    crop = Crop(-10, -10, 10, 10)
+    out = crop.of(np.ones((60, 80, 3), np.uint8), 7)
+    assert (out[:10] == 7).all()
+    assert (out[10:, 10:] == 1).all()
+    assert (Crop(200, 200, 210, 210).of(np.ones((60, 80))) == 0).all()
+
+
+def test_png_is_a_png() -> None:
+    assert png(np.zeros((2, 3, 3), np.uint8)).startswith(b"\x89PNG")
+
+
+def test_the_probe_gives_the_numbers_of_the_pixel() -> None:
+    inside, outside = probe(MAPS, TARGET, U, V), probe(MAPS, TARGET, 0, 0)
+    assert inside.observed_m == pytest.approx(float(TARGET.observation.depth_m[V, U]))
+    assert inside.rendered_m == pytest.approx(inside.observed_m)
+    assert inside.difference_mm == pytest.approx(0.0)
+    assert inside.pixel_class == "explained"
+    assert inside.contribution == pytest.approx(1 / MAPS.counted.sum())
+    assert outside.rendered_m is None
+    assert outside.difference_mm is None
+    assert outside.pixel_class == "not part of the score"
+    assert outside.contribution == 0.0
+
+
+def test_the_contributions_of_all_pixels_are_the_score() -> None:
+    h, w = TARGET.observation.camera.shape
+    total = sum(probe(MAPS, TARGET, u, v).contribution for v in range(h) for u in range(w))
+    n = MAPS.counted.sum()
+    assert total == pytest.approx((MAPS.f_d[MAPS.counted].sum() + MAPS.f_n[MAPS.counted].sum()) / 2 / n)
+
+
+@given(st.integers(0, 79), st.integers(0, 59))
+def test_a_ray_of_the_sensor_means_its_own_pixel(u: int, v: int) -> None:
+    observation = PROBLEM.observation
+    camera = observation.camera
+    direction = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    pixel = clicked_pixel(observation, np.zeros(3), direction, None)
+    assert pixel == ((u, v) if observation.depth_m[v, u] > 0 else None)
+    assert clicked_pixel(observation, np.zeros(3), direction, 0.12) == (u, v)
+
+
+def test_a_click_from_behind_the_camera_image_still_meets_it() -> None:
+    pixel = clicked_pixel(PROBLEM.observation, np.array([0.0, 0, -1.0]), np.array([0.0, 0, 1.0]), 0.12)
+    assert pixel == (40, 30)
+    assert clicked_pixel(PROBLEM.observation, np.array([0.0, 0, -1.0]), np.array([0.0, 0, -1.0]), 0.12) is None
+
+
+def test_the_cloud_is_what_was_measured() -> None:
+    cloud = cloud_of(PROBLEM.observation)
+    depth = PROBLEM.observation.depth_m
+    assert len(cloud.points_cam) == (depth > 0).sum()
+    assert np.allclose(cloud.points_cam[:, 2], depth[cloud.rows, cloud.columns])
+
+
+def test_cloud_colours_by_class_only_where_there_is_one() -> None:
+    cloud = cloud_of(PROBLEM.observation)
+    colors = cloud_colors(cloud, "class", MAPS, TAU_M)
+    inside = TARGET.instance.mask[cloud.rows, cloud.columns]
+    assert (colors[inside] == CLASS_COLORS["explained"]).all()
+    assert not (colors[~inside] == CLASS_COLORS["explained"]).all(axis=1).any()
+    assert cloud_colors(cloud, "colour", MAPS, TAU_M) is cloud.natural
+    assert cloud_colors(cloud, "residual", None, TAU_M) is cloud.natural

@@ -1,0 +1,209 @@
+"""What the page says: sentences, findings and tables, from a view alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import tables, words
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.view import View
+
+
+def debugger(**method: Any) -> Debugger:
+    return Debugger(Session(method=MethodSettings(iterations=2, **method)), None, FakeTools)
+
+
+def after(*commands: c.Command, **method: Any) -> View:
+    return debugger(**method).carry_out(commands).view()
+
+
+def off(rotation_deg: float, translation_mm: float, relative: float) -> PoseErrors:
+    return PoseErrors(rotation_deg, translation_mm, relative * 100, relative * 100, relative * 100, relative)
+
+
+def test_before_the_first_iteration_it_says_what_to_press() -> None:
+    said = words.headline(after())
+    assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
+    assert "nearest to ground truth is 4.0° and" in said
+    assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
+
+
+def test_an_iteration_is_told_in_the_order_it_happened() -> None:
+    said = words.headline(after(c.Step()))
+    parts = [
+        "Iteration 1, box, hypothesis ",
+        " of 3 (best UCB: ",
+        "Simulation ",
+        "and scored ",
+        "; then ICP ",
+        " kept.",
+    ]
+    places = [said.index(p) for p in parts]
+    assert places == sorted(places)
+
+
+def test_the_end_names_the_answer_and_its_error() -> None:
+    said = words.headline(after(c.RunUntil("end")))
+    assert "Run finished: best " in said
+    assert said.endswith("mm off.")
+
+
+def test_stages_are_told_one_by_one() -> None:
+    said = [words.headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
+    assert "stage 1 of 4: current." in said[0]
+    assert "goes on from its current pose, which scores 0." in said[0]
+    assert "stage 2 of 4: simulated. Simulation " in said[1]
+    assert "where the refiner starts" in said[2]
+    assert "stage 4 of 4: refined. ICP " in said[3]
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle_deg", "shift", "said"),
+    [
+        ([1, 0, 0], 6.8, [0, 0, 0], "turned it 6.8° about x"),
+        ([0, 0, -1], 3.0, [0, 0.004, 0], "turned it 3.0° about z and moved it 4.0 mm"),
+        ([1, 1, 1], 10.0, [0, 0, 0], "turned it 10.0°"),
+        ([1, 0, 0], 0.0, [0, 0, 0.012], "moved it 12.0 mm"),
+        ([1, 0, 0], 0.0, [0, 0, 0], "left it where it was"),
+    ],
+)
+def test_movement_in_words(axis: list[float], angle_deg: float, shift: list[float], said: str) -> None:
+    points = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
+    T_to = transform(axis_angle(axis, np.deg2rad(angle_deg)), shift)
+    assert words.movement(np.eye(4), T_to, points) == said
+
+
+def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
+    points = np.array([[1.0, 0, 0]])
+    half_turn = transform(axis_angle([0, 0, 1], np.pi), [2.0, 0, 0])
+    assert words.shift_mm(np.eye(4), half_turn, points) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_comparison_says_which_part_made_the_difference() -> None:
+    view = after(c.Step())
+    assert view.a is not None
+    assert view.b is not None
+    assert view.a.pose.score is not None
+    better = replace(view.a.pose.score, score=0.9, depth_fit=0.95, normal_fit=0.85, counts=(90, 0, 5, 3, 2))
+    worse = replace(better, score=0.6, depth_fit=0.4, normal_fit=0.8, counts=(60, 30, 5, 3, 2))
+    view = replace(
+        view,
+        a=replace(view.a, pose=replace(view.a.pose, score=worse)),
+        b=replace(view.b, pose=replace(view.b.pose, score=better)),
+    )
+    assert words.compared(view) == (
+        "Refined 0.900 against simulated 0.600: 0.300 more, mostly from depth (depth +0.275, normals +0.025). "
+        "The share of explained pixels went up by 30%."
+    )
+
+
+def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
+    said = words.compared(after())
+    assert said.startswith("No simulated and no refined pose here yet. ")
+
+
+def test_physics_off_says_so() -> None:
+    session = Session(physics=PhysicsSettings(enabled=False))
+    view = Debugger(session, None, FakeTools).carry_out([c.Step()]).view()
+    assert words.physics(view) == "Physics is switched off in the settings: nothing was simulated."
+    assert "ICP" in words.headline(view)
+
+
+def test_methods_without_a_bandit_say_so() -> None:
+    assert words.chosen(after(c.Step(), name="pir")) == (
+        "pir does not choose between hypotheses: it works on hypothesis 1."
+    )
+    assert "took hypothesis" in words.chosen(after(c.Step()))
+
+
+def test_a_far_start_is_found_until_the_run_arrives() -> None:
+    view = replace(after(), initial_errors=(off(41, 80, 0.9), off(50, 90, 1.1), None))
+    view = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(41, 80, 0.9))})
+    assert findings(view)[0].text.startswith("No hypothesis starts near: best initial error 41° and 80 mm")
+    arrived = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(1, 1, 0.01))})
+    assert findings(arrived) == ()
+
+
+def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
+    view = after(c.RunUntil("end"))
+    best = view.poses["best"]
+    assert best.score is not None
+    assert view.truth is not None
+    view = replace(
+        view,
+        poses=view.poses | {"best": replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))},
+        truth=replace(view.truth, score=replace(best.score, score=0.82)),
+    )
+    texts = [f.text for f in findings(view)]
+    assert any(
+        t.startswith("The score prefers a wrong pose: best 0.94 (127° and 45 mm off) against 0.82") for t in texts
+    )
+    view = replace(view, truth=replace(view.truth, score=replace(best.score, score=0.99)))
+    assert any(f.text.startswith("The search missed it") for f in findings(view))
+
+
+def test_a_weak_plane_and_a_missing_one_are_found() -> None:
+    view = after()
+    observation = view.target.observation
+    assert observation.support is not None
+    weak = replace(observation, support=replace(observation.support, inlier_share=0.31))
+    found = findings(replace(view, target=replace(view.target, observation=weak)))
+    assert "explains only 31%" in found[0].text
+    none = replace(observation, support=None, support_note="no plane among 12 points")
+    found = findings(replace(view, target=replace(view.target, observation=none)))
+    assert found[0].text.startswith("No physics: no plane among 12 points.")
+
+
+def test_a_leaking_mask_is_found_after_the_run() -> None:
+    view = after(c.RunUntil("end"))
+    best = view.poses["best"]
+    assert best.score is not None
+    leaking = replace(best.score, counts=(45, 55, 0, 0, 0))
+    view = replace(view, poses=view.poses | {"best": replace(best, score=leaking)})
+    assert any(f.text.startswith("55% of the pixels are missed") for f in findings(view))
+
+
+def test_a_good_run_has_no_findings() -> None:
+    assert findings(after(c.RunUntil("end"))) == ()
+
+
+def test_the_arms_table_shows_the_numbers_that_chose() -> None:
+    view = after(c.Step(), c.Step())
+    assert view.shown is not None
+    choice = view.shown.choice
+    assert choice is not None
+    html = tables.arms_table(view)
+    for j in range(3):
+        assert f"<td>{choice.ucb[j]:.3f}</td>" in html
+    assert f"{choice.arm + 1} ◂" in html
+
+
+def test_the_timeline_says_where_it_is() -> None:
+    assert tables.where(after()) == "iteration 0 / 6"
+    assert tables.where(after(c.Step(), c.Step(), c.Back())).startswith("iteration 1 / 6 · box · hypothesis ")
+
+
+def test_names_from_data_are_text_everywhere() -> None:
+    view = after(c.RunUntil("end"), c.Fork())
+    evil = "<script>alert(1)</script>"
+    hypotheses = tuple(replace(h, source=evil) for h in view.target.instance.hypotheses)
+    target = replace(
+        view.target,
+        model=replace(view.target.model, name=evil),
+        instance=replace(view.target.instance, hypotheses=hypotheses),
+    )
+    branches = tuple(replace(b, name=evil) for b in view.branches)
+    view = replace(view, target=target, branches=branches)
+    html = tables.arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + tables.where(view)
+    assert "<script>" not in html
+    assert html.count("&lt;script&gt;") >= 4
