@@ -14,7 +14,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 
-MAX_POINTS = 90_000
+MAX_POINTS = 45_000
 MAX_DEPTH_M = 4.0
 _REACH_M = 5.0
 _RAY_STEP_M = 0.002
