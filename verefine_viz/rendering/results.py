@@ -58,7 +58,9 @@ def normals_image(
     """Unit face normals (H, W, 3) in the camera frame, towards the camera; 0 where ``depth_m`` is 0."""
     fx, fy, cx, cy = camera
     out = np.zeros((*depth_m.shape, 3), np.float32)
-    rows, columns = np.nonzero(depth_m)
+    box = _box(depth_m != 0)
+    rows, columns = np.nonzero(depth_m[box])
+    rows, columns = rows + box[0].start, columns + box[1].start
     normals = mesh.face_normals[face_of[rows, columns]] @ T_cam_obj[:3, :3].T
     rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(len(rows))], axis=1)
     away = np.einsum("ij,ij->i", normals, rays) > 0
@@ -82,10 +84,33 @@ def score_maps(
         placed_m: (H, W) z of the objects placed before; None = none [m].
         settings: how to judge.
     """
-    observed, normals = prepared.observed[:, :, 3], prepared.observed[:, :, :3]
+    shape = rendered_m.shape
+    own = (prepared.flags & OWN) != 0
+    counted = (prepared.flags & OBJECTS) != 0 if settings.pixels == "published" else own.copy()
+    difference_m, angle_rad = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
+    f_d, f_n = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    classes = np.zeros(shape, np.uint8)
+    # Away from the picture and the mask nothing is to be computed, and most of the image is away from both.
+    box = _box((rendered_m > 0) | own)
+    maps = _maps_within(
+        rendered_m[box],
+        rendered_normals[box],
+        prepared.observed[box],
+        prepared.flags[box],
+        None if placed_m is None else placed_m[box],
+        settings,
+    )
+    for whole, part in zip((difference_m, angle_rad, f_d, f_n, counted, classes), maps, strict=True):
+        whole[box] = part
+    return ScoreMaps(rendered_m, rendered_normals, difference_m, angle_rad, f_d, f_n, counted, classes)
+
+
+def _maps_within(rendered_m, rendered_normals, observed_and_normals, flags, placed_m, settings: ScoreSettings):
+    """Difference [m], angle [rad], f_d, f_n, counted and classes for a part of the image."""
+    observed, normals = observed_and_normals[:, :, 3], observed_and_normals[:, :, :3]
     drawn, measured = rendered_m > 0, observed > 0
     has_normal = (normals != 0).any(axis=2)
-    own, objects = (prepared.flags & OWN) != 0, (prepared.flags & OBJECTS) != 0
+    own, objects = (flags & OWN) != 0, (flags & OBJECTS) != 0
     difference = observed.astype(np.float64) - rendered_m
     dot = np.clip(np.einsum("hwk,hwk->hw", normals, rendered_normals, dtype=np.float64), 0.0, 1.0)
     classes = _classes(difference, drawn, measured, own, observed, rendered_m, placed_m, settings.tau_m)
@@ -101,16 +126,18 @@ def score_maps(
     f_n = np.where(fits, np.maximum(0.0, 1.0 - (1.0 - dot) / settings.alpha), 0.0)
     if settings.pixels != "published":
         f_n = np.where(has_normal, f_n, f_d)
-    return ScoreMaps(
-        rendered_m=rendered_m,
-        rendered_normals=rendered_normals,
-        depth_difference_m=np.where(drawn & measured, difference, np.nan).astype(np.float32),
-        angle_rad=np.where(drawn & has_normal, np.arccos(dot), np.nan).astype(np.float32),
-        f_d=f_d.astype(np.float32),
-        f_n=f_n.astype(np.float32),
-        counted=counted,
-        classes=classes,
-    )
+    shown_difference = np.where(drawn & measured, difference, np.nan)
+    angle = np.where(drawn & has_normal, np.arccos(dot), np.nan)
+    return shown_difference, angle, f_d, f_n, counted, classes
+
+
+def _box(here: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The smallest rectangle around what is True; an empty one where nothing is."""
+    rows = np.flatnonzero(here.any(axis=1))
+    if len(rows) == 0:
+        return slice(0, 0), slice(0, 0)
+    columns = np.flatnonzero(here[rows[0] : rows[-1] + 1].any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def _classes(difference, drawn, measured, own, observed, rendered_m, placed_m, tau) -> NDArray[np.uint8]:
