@@ -11,13 +11,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
+from rerun.chunk import Chunk
 
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.recording import entities
+from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import world_from_camera
 
 CLOUD_STRIDE = 3
@@ -60,19 +61,22 @@ def _log_camera(rec: rr.RecordingStream, observation: Observation) -> None:
         rec.log(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85), static=True)
     # Tenths of a millimetre as long as they fit 16 bits.
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
-    blob = png(np.round(observation.depth_m * units_per_m).clip(0, 65535).astype(np.uint16))
-    depth = rr.EncodedDepthImage(blob=blob, media_type="image/png", meter=float(units_per_m), colormap="viridis")
-    rec.log(entities.DEPTH, depth, static=True)
+    # Not as PNG: that takes 8 ms for 0.1 MB less.
+    depth = np.rint(observation.depth_m * np.float32(units_per_m)).clip(0, 65535).astype(np.uint16)
+    image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis")
+    rec.log(entities.DEPTH, image, static=True)
 
 
 def _log_cloud(rec: rr.RecordingStream, observation: Observation) -> None:
     step = CLOUD_STRIDE if observation.camera.width > 320 else 1
-    valid = observation.depth_m[::step, ::step] > 0
+    camera, depth = observation.camera, observation.depth_m[::step, ::step]
     # Far background would only shrink what matters when the view is fitted.
-    valid &= observation.depth_m[::step, ::step] < 2.5 * _typical_depth_m(observation)
-    camera, z = observation.camera, observation.depth_m[::step, ::step][valid].astype(np.float64)
+    valid = (depth > 0) & (depth < 2.5 * _typical_depth_m(observation))
     v, u = np.nonzero(valid)
-    points = np.stack([(u * step - camera.cx) / camera.fx * z, (v * step - camera.cy) / camera.fy * z, z], axis=-1)
+    z = depth[valid]
+    across = ((np.arange(depth.shape[1]) * step - camera.cx) / camera.fx).astype(np.float32)
+    down = ((np.arange(depth.shape[0]) * step - camera.cy) / camera.fy).astype(np.float32)
+    points = np.stack([across[u] * z, down[v] * z, z], axis=-1)
     colors = np.array([150, 150, 150]) if observation.rgb is None else observation.rgb[::step, ::step][valid]
     rec.log(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012), static=True)
 
@@ -114,23 +118,31 @@ def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray
 
 def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
     root = f"{entities.OBJECTS}/{branch}"
-    for stage in entities.DRAWN_STAGES:
-        rec.log(
-            f"{root}/stages/{stage}",
-            _mesh(target.model, DRAWN_FACES, STAGE_COLORS[stage], STAGE_ALPHA[stage]),
-            rr.CoordinateFrame(entities.stage_frame(branch, stage)),
-            static=True,
-        )
+    T_gt = target.instance.T_cam_obj_gt
+    rec.send_chunks(_meshes(target.model, branch, T_gt is not None))
     if target.instance.hypotheses:
         rec.log(f"{root}/hypotheses", _ghosts(target), static=True)
-    T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
-        rec.log(
-            f"{root}/ground_truth",
-            _mesh(target.model, DRAWN_FACES, STAGE_COLORS["ground truth"], TRUTH_ALPHA),
-            rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3]),
-            static=True,
+        place = rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3])
+        rec.log(f"{root}/ground_truth", place, static=True)
+
+
+@lru_cache(maxsize=64)
+def _meshes(model: ObjectModel, branch: str, has_truth: bool) -> tuple[Chunk, ...]:
+    """The object in the colour of each stage, made once for all frames that show it."""
+    root = f"{entities.OBJECTS}/{branch}"
+    stages = [
+        columns.fixed(
+            f"{root}/stages/{stage}",
+            _mesh(model, DRAWN_FACES, STAGE_COLORS[stage], STAGE_ALPHA[stage]),
+            rr.CoordinateFrame(entities.stage_frame(branch, stage)),
         )
+        for stage in entities.DRAWN_STAGES
+    ]
+    if has_truth:
+        truth = _mesh(model, DRAWN_FACES, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
+        stages.append(columns.fixed(f"{root}/ground_truth", truth))
+    return tuple(stages)
 
 
 def _ghosts(target: Target) -> rr.Mesh3D:

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
+from rerun.chunk import Chunk
 
 from verefine_viz.recording.entities import TIMELINE
 
@@ -37,6 +38,16 @@ class Column:
 def send(rec: rr.RecordingStream, entity: str, iterations: Sequence[int], columns: Sequence[Any]) -> None:
     """Rows of ``entity`` at ``iterations`` as one chunk."""
     rec.send_columns(entity, [rr.TimeColumn(TIMELINE, sequence=iterations)], columns)
+
+
+def fixed(entity: str, *archetypes: rr.AsComponents) -> Chunk:
+    """What does not change over time, as a chunk that can be sent to any number of recordings."""
+    batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
+    return Chunk.from_columns(entity, [], [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches])
+
+
+def _single(descriptor: rr.ComponentDescriptor, row: pa.Array) -> Column:
+    return Column(descriptor, pa.ListArray.from_arrays(pa.array([0, len(row)], pa.int32()), row))
 
 
 def numbers(descriptor: rr.ComponentDescriptor, rows: Rows, dtype: Any = np.float64) -> Column:

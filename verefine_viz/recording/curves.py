@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import rerun as rr
+from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
@@ -24,17 +26,18 @@ _PHYSICS = ["simulation moved [mm]", "simulation turned [°]", "refiner moved [m
 _PHYSICS += ["contacts", "deepest penetration [mm]"]
 
 
-def curve(name: str, branch: Branch) -> str:
+def curve(name: str, branch_name: str) -> str:
     """Entity of one group of curves."""
-    return f"{entities.CURVES}/{name}/{branch.name}"
+    return f"{entities.CURVES}/{name}/{branch_name}"
 
 
-def log_styles(rec: rr.RecordingStream, branch: Branch) -> None:
-    """Names and colours of all curves of an object."""
-    arms = [f"hypothesis {j + 1}" for j in range(branch.n_arms)]
-    colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(branch.n_arms)]
+@lru_cache(maxsize=64)
+def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Chunk, ...]:
+    """Names and colours of all curves of an object, made once for all frames that show it."""
+    arms = [f"hypothesis {j + 1}" for j in range(n_arms)]
+    colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)]
     simulated, refined = STAGE_COLORS["simulated"], STAGE_COLORS["refined"]
-    styles: dict[str, tuple[list[str], list[RGB]]] = {
+    looks: dict[str, tuple[list[str], list[RGB]]] = {
         "score": ([*arms, "best"], [*colors, STAGE_COLORS["best"]]),
         "ucb": (arms, colors),
         "pulls": (arms, colors),
@@ -47,18 +50,22 @@ def log_styles(rec: rr.RecordingStream, branch: Branch) -> None:
             [simulated, _darker(simulated), refined, _darker(refined), (150, 150, 150), (220, 50, 47)],
         ),
     }
-    if branch.has_truth:
+    if has_truth:
         names = ["rotation of the kept pose [°]", "translation of the kept pose [mm]", "ADD(-S) of the best pose [mm]"]
-        styles["error"] = (names, [_PURPLE, (150, 150, 150), STAGE_COLORS["best"]])
-    for name, (names, colours) in styles.items():
-        widths = [2.5 if n == "best" else 1.5 for n in names]
-        rec.log(curve(name, branch), rr.SeriesLines(names=names, colors=colours, widths=widths), static=True)
+        looks["error"] = (names, [_PURPLE, (150, 150, 150), STAGE_COLORS["best"]])
+    return tuple(
+        columns.fixed(
+            curve(name, branch_name),
+            rr.SeriesLines(names=names, colors=colours, widths=[2.5 if n == "best" else 1.5 for n in names]),
+        )
+        for name, (names, colours) in looks.items()
+    )
 
 
 def send_start(rec: rr.RecordingStream, branch: Branch, before: int) -> None:
     """The initial scores, at the iteration before the object's first."""
     first = [*branch.initial_scores, max(branch.initial_scores)]
-    columns.send(rec, curve("score", branch), [before], [columns.numbers(_SCALARS, [first])])
+    columns.send(rec, curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
 
 
 def send_curves(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row], held: Float) -> None:
@@ -83,7 +90,7 @@ def send_curves(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row], he
     if branch.has_truth:
         sent["error"] = np.array([r.errors for r in rows])
     for name, values in sent.items():
-        columns.send(rec, curve(name, branch), iterations, [columns.numbers(_SCALARS, values)])
+        columns.send(rec, curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
 
 
 def _fit(rows: Sequence[Row]) -> Float:

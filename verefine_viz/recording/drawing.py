@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import rerun as rr
+from rerun.chunk import Chunk
 
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
 from verefine_viz.recording import columns, entities
-from verefine_viz.recording.curves import log_styles, send_curves, send_start
+from verefine_viz.recording.curves import send_curves, send_start, styles
 from verefine_viz.recording.exact import send_exact
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.row import Row
@@ -37,12 +39,11 @@ class Drawing:
     def start(self, rec: rr.RecordingStream) -> None:
         """Styles of everything that follows."""
         for branch in self._layout.branches:
-            log_styles(rec, branch)
+            rec.send_chunks(styles(branch.name, branch.n_arms, branch.has_truth))
+            rec.send_chunks(_object_styles(branch.name))
             _hide_stages(rec, branch, 0, entities.DRAWN_STAGES)
-            root = f"{entities.OBJECTS}/{branch.name}"
-            rec.log(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008]), static=True)
-            rec.log(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008]), static=True)
-        _log_lane_styles(rec, self._layout)
+        n_arms = max((b.n_arms for b in self._layout.branches), default=0)
+        rec.send_chunks(_lane_styles(tuple(b.name for b in self._layout.branches), n_arms))
 
     def skip(self, rows: Sequence[Row]) -> None:
         """Takes rows as drawn already."""
@@ -68,6 +69,15 @@ class Drawing:
             send_curves(rec, branch, block, self._held[branch.instance_id])
             _send_events(rec, branch, block)
         send_exact(rec, rows)
+
+
+@lru_cache(maxsize=64)
+def _object_styles(branch_name: str) -> tuple[Chunk, ...]:
+    root = f"{entities.OBJECTS}/{branch_name}"
+    return (
+        columns.fixed(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])),
+        columns.fixed(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])),
+    )
 
 
 def _by_instance(rows: Sequence[Row]) -> list[list[Row]]:
@@ -183,11 +193,13 @@ def _notable(row: Row) -> str:
     return next((kind.replace("_", " ") for kind in _NOTABLE if kind in row.event_kinds), "")
 
 
-def _log_lane_styles(rec: rr.RecordingStream, layout: Layout) -> None:
-    colors: dict[str, tuple[int, int, int]] = {b.name: (110, 110, 110) for b in layout.branches}
-    n_arms = max((b.n_arms for b in layout.branches), default=0)
+@lru_cache(maxsize=64)
+def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Chunk, ...]:
+    colors: dict[str, tuple[int, int, int]] = {name: (110, 110, 110) for name in branch_names}
     colors |= {f"hypothesis {j + 1}": ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)}
     colors |= {s: STAGE_COLORS[s] for s in ("current", "simulated", "mixed", "refined", "edited")}
     colors |= {kind.replace("_", " "): EVENT_COLORS[kind] for kind in _NOTABLE}
-    rec.log(entities.LANE, rr.StateConfiguration(values=list(colors), colors=list(colors.values())), static=True)
-    rec.log(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown"), static=True)
+    return (
+        columns.fixed(entities.LANE, rr.StateConfiguration(values=list(colors), colors=list(colors.values()))),
+        columns.fixed(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown")),
+    )

@@ -55,7 +55,7 @@ def encode(row: Row) -> bytes:
             blocks.append(value.tobytes())
         else:
             head[name] = value
-    text = json.dumps(head, separators=(",", ":")).encode()
+    text = _to_json(head).encode()
     body = b"".join([text, *blocks])
     return _FRAME.pack(len(body), len(text), zlib.crc32(body)) + body
 
@@ -93,6 +93,7 @@ def _decode(body: bytes, text_length: int) -> Row:
     return Row(**values)  # type: ignore[arg-type]
 
 
+_to_json = json.JSONEncoder(separators=(",", ":")).encode
 _NAMES = tuple(f.name for f in fields(Row))
 _ARRAYS = {"Ts_cam_obj", "scores", "pixels", "T_best", "best_score", "best_pixels", "path", "contacts", "choice"}
 _ARRAYS |= {"errors", "ms"}

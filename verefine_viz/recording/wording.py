@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from verefine_viz.core.arrays import Float
@@ -52,4 +50,7 @@ def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
 
 def plain(text: str) -> str:
     """Text from data, so that markdown shows it as it is."""
-    return re.sub(r"([\\`*_{}\[\]<>|#!&~])", r"\\\1", " ".join(text.split()))
+    return " ".join(text.split()).translate(_ESCAPED)
+
+
+_ESCAPED = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>|#!&~"})
