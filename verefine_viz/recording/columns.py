@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import accumulate
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -43,7 +45,8 @@ def send(rec: rr.RecordingStream, entity: str, iterations: Sequence[int], column
 def fixed(entity: str, *archetypes: rr.AsComponents) -> Chunk:
     """What does not change over time, as a chunk that can be sent to any number of recordings."""
     batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
-    return Chunk.from_columns(entity, [], [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches])
+    parts: list[Any] = [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches]
+    return Chunk.from_columns(entity, [], parts)
 
 
 def _single(descriptor: rr.ComponentDescriptor, row: pa.Array) -> Column:
@@ -52,26 +55,29 @@ def _single(descriptor: rr.ComponentDescriptor, row: pa.Array) -> Column:
 
 def numbers(descriptor: rr.ComponentDescriptor, rows: Rows, dtype: Any = np.float64) -> Column:
     """Rows of numbers, each of any length."""
-    flat = [np.asarray(row, dtype).ravel() for row in rows]
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets(flat), pa.array(_joined(flat, dtype))))
+    lengths, values = _flat(rows, dtype, 1)
+    return Column(descriptor, pa.ListArray.from_arrays(_offsets(lengths), pa.array(values)))
 
 
 def vectors(descriptor: rr.ComponentDescriptor, rows: Rows, width: int) -> Column:
     """Rows of float32 vectors (n, width), each row of any n."""
-    flat = [np.asarray(row, np.float32).reshape(-1, width) for row in rows]
-    inner = pa.FixedSizeListArray.from_arrays(pa.array(_joined(flat, np.float32).ravel()), width)
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets(flat), _not_null(inner, width)))
+    lengths, values = _flat(rows, np.float32, width)
+    return Column(descriptor, pa.ListArray.from_arrays(_offsets(lengths), _fixed_width(values, width)))
 
 
 def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one line strip (n, 3) each; an empty strip is a row without one."""
-    flat = [np.asarray(row, np.float32).reshape(-1, 3) for row in rows]
-    points = _not_null(pa.FixedSizeListArray.from_arrays(pa.array(_joined(flat, np.float32).ravel()), 3), 3)
-    kept = [f for f in flat if len(f)]
+    lengths, values = _flat(rows, np.float32, 3)
+    points = _fixed_width(values, 3)
     field = pa.field("item", points.type, nullable=False)
-    strip = pa.ListArray.from_arrays(_offsets(kept), points, type=pa.list_(field))
-    outer = np.concatenate([[0], np.cumsum([min(len(f), 1) for f in flat])]).astype(np.int32)
-    return Column(descriptor, pa.ListArray.from_arrays(pa.array(outer), strip))
+    strip = pa.ListArray.from_arrays(_offsets([n for n in lengths if n]), points, type=pa.list_(field))
+    return Column(descriptor, pa.ListArray.from_arrays(_offsets([min(n, 1) for n in lengths]), strip))
+
+
+def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
+    """Rows of texts, each of any length."""
+    flat = pa.array([text for row in rows for text in row], pa.string())
+    return Column(descriptor, pa.ListArray.from_arrays(_offsets([len(row) for row in rows]), flat))
 
 
 def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
@@ -81,23 +87,28 @@ def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> 
 
 def bars(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one bar chart each: a tensor of one dimension."""
-    example = rr.BarChart(np.zeros(1)).values
-    assert example is not None
-    layout = example.as_arrow_array().type
-    flat = [np.asarray(row, np.float64).ravel() for row in rows]
+    layout = _tensor_type()
+    lengths, numbers_ = _flat(rows, np.float64, 1)
     shape_type, buffer_type = layout.field("shape").type, layout.field("buffer").type
-    shapes = pa.array([[len(f)] for f in flat], pa.list_(pa.uint64())).cast(shape_type)
-    names = pa.nulls(len(flat), layout.field("names").type)
+    shapes = pa.array([[n] for n in lengths], pa.list_(pa.uint64())).cast(shape_type)
+    names = pa.nulls(len(lengths), layout.field("names").type)
     codes = [buffer_type.field(i).name for i in range(buffer_type.num_fields)]
     children = [pa.array([], buffer_type.field(i).type) for i in range(len(codes))]
     at = codes.index("F64")
     item = buffer_type.field(at).type
-    children[at] = pa.ListArray.from_arrays(_offsets(flat), pa.array(_joined(flat, np.float64)), type=item)
-    kinds, places = np.full(len(flat), at, np.int8), np.arange(len(flat), dtype=np.int32)
+    children[at] = pa.ListArray.from_arrays(_offsets(lengths), pa.array(numbers_), type=item)
+    kinds, places = np.full(len(lengths), at, np.int8), np.arange(len(lengths), dtype=np.int32)
     parts = [None, pa.py_buffer(kinds.tobytes()), pa.py_buffer(places.tobytes())]
-    union = pa.Array.from_buffers(buffer_type, len(flat), parts, children=children)
+    union = pa.Array.from_buffers(buffer_type, len(lengths), parts, children=children)
     values = pa.StructArray.from_arrays([shapes, names, union], fields=list(layout))
-    return Column(descriptor, pa.ListArray.from_arrays(pa.array(np.arange(len(flat) + 1, dtype=np.int32)), values))
+    return Column(descriptor, pa.ListArray.from_arrays(pa.array(np.arange(len(lengths) + 1, dtype=np.int32)), values))
+
+
+@cache
+def _tensor_type() -> pa.StructType:
+    example = rr.BarChart(np.zeros(1)).values
+    assert example is not None
+    return example.as_arrow_array().type
 
 
 def named(name: str) -> rr.ComponentDescriptor:
@@ -105,14 +116,20 @@ def named(name: str) -> rr.ComponentDescriptor:
     return rr.ComponentDescriptor(name)
 
 
-def _offsets(rows: Sequence[NDArray[Any]]) -> pa.Array:
-    return pa.array(np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int32))
+def _flat(rows: Rows, dtype: Any, width: int) -> tuple[list[int], NDArray[Any]]:
+    """How many elements of ``width`` numbers each row has, and all numbers one after another."""
+    if isinstance(rows, np.ndarray):
+        n = rows[0].size // width if len(rows) else 0
+        return [n] * len(rows), np.ascontiguousarray(rows, dtype).ravel()
+    flat = [np.asarray(row, dtype).ravel() for row in rows]
+    return [len(f) // width for f in flat], np.concatenate(flat) if flat else np.zeros(0, dtype)
 
 
-def _joined(rows: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
-    return np.concatenate(rows).astype(dtype, copy=False) if rows else np.zeros(0, dtype)
+def _offsets(lengths: Sequence[int]) -> pa.Array:
+    return pa.array(list(accumulate(lengths, initial=0)), pa.int32())
 
 
-def _not_null(array: pa.FixedSizeListArray, width: int) -> pa.Array:
+def _fixed_width(values: NDArray[np.float32], width: int) -> pa.FixedSizeListArray:
     # rerun's own schema says that neither vectors nor their elements can be missing.
-    return array.cast(pa.list_(pa.field("item", pa.float32(), nullable=False), width))
+    layout = pa.list_(pa.field("item", pa.float32(), nullable=False), width)
+    return pa.FixedSizeListArray.from_arrays(pa.array(values), type=layout)

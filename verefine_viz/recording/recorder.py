@@ -156,7 +156,7 @@ class Recorder:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
 
     def _log_frame(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        """Everything that is known before the first iteration, none of it at a time of rerun's (those are per thread)."""
+        """Everything that is known before the first iteration, all of it outside time, which rerun has per thread."""
         rec.send_blueprint(make_blueprint(layout, has_maps=self._verifier is not None), make_active=False)
         self._drawing.start(rec)
         log_background(rec, self._problem)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from verefine_viz.core.arrays import Float
@@ -42,10 +44,14 @@ def describe(row: Row, branch: Branch) -> str:
 
 def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
     """How far each of the poses (n, 4, 4) is from the first: mm between origins, degrees."""
-    cosine = (np.einsum("ij,nij->n", Ts_cam_obj[0, :3, :3], Ts_cam_obj[:, :3, :3]) - 1) / 2
-    offset = Ts_cam_obj[:, :3, 3] - Ts_cam_obj[0, :3, 3]
-    moved_mm = 1e3 * np.sqrt((offset * offset).sum(axis=1))
-    return moved_mm.tolist(), np.degrees(np.arccos(cosine.clip(-1, 1))).tolist()
+    # A handful of poses: numbers one by one are faster than arrays here.
+    (*first, _), *_ = poses = Ts_cam_obj.tolist()
+    moved_mm, turned_deg = [], []
+    for pose in poses:
+        moved_mm.append(1e3 * math.dist([row[3] for row in first], [row[3] for row in pose[:3]]))
+        trace = sum(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] for a, b in zip(first, pose[:3], strict=True))
+        turned_deg.append(math.degrees(math.acos(min(1.0, max(-1.0, (trace - 1) / 2)))))
+    return moved_mm, turned_deg
 
 
 def plain(text: str) -> str:
