@@ -65,6 +65,7 @@ def test_arm_starved(look: Look) -> None:
     run_to_end(screen)
     screen.text("its exploration bonus never won")
     screen.tab("Pulls")
+    screen.page.locator(".u-over").last.wait_for(timeout=SLOW_MS)
     screen.shot("failure_arm_starved")
     screen.page.locator(".vz a", has_text="what if c =").first.click(timeout=SLOW_MS)
     screen.text("exploration = 0.2, from iteration 0")

@@ -30,6 +30,8 @@ class Cloud:
     """(N, 3) [m]."""
     natural: Image
     """(N, 3) RGB: the photo, or shades of grey by depth without one."""
+    spacing_px: int
+    """Distance of neighbours in the background [px]."""
 
 
 def cloud_of(observation: Observation) -> Cloud:
@@ -53,7 +55,7 @@ def cloud_of(observation: Observation) -> Cloud:
         low, high = np.percentile(z, [2, 98]) if len(z) else (0.0, 1.0)
         shade = 230 - 150 * np.clip((z - low) / max(float(high - low), 1e-6), 0, 1)
         natural = np.repeat(shade[:, None], 3, axis=1).astype(np.uint8)
-    return Cloud(rows, columns, points, natural)
+    return Cloud(rows, columns, points, natural, step)
 
 
 def cloud_colors(cloud: Cloud, by: CloudColors, maps: ScoreMaps | None, tau_m: float) -> Image:

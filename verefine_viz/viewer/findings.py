@@ -29,7 +29,7 @@ class Finding:
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     found = (
-        *_support(view), *_no_hypothesis(view), *_far_start(view), *_wrong_score(view), *_starved(view), *_leak(view),
+        *_support(view), *_no_hypothesis(view), *_far_start(view), *_starved(view), *_wrong_score(view), *_leak(view),
         *_low(view),
     )  # fmt: skip
     return found

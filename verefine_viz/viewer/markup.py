@@ -99,7 +99,7 @@ STYLE = """<style>
 .vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}
 .vz img{image-rendering:pixelated;display:block;width:100%}
 .vz img[data-cmd]{cursor:crosshair}
-.vz .cut{display:inline-block;max-width:150px;overflow:hidden;text-overflow:ellipsis;vertical-align:bottom}
+.vz .cut{display:inline-block;max-width:104px;overflow:hidden;text-overflow:ellipsis;vertical-align:bottom}
 .vz .map{position:relative}
 .vz .cb{height:7px;border-radius:2px;margin-top:3px}
 .vz .ticks{display:flex;justify-content:space-between;font-size:10px;opacity:.8;line-height:1.2}

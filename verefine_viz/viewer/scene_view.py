@@ -98,7 +98,8 @@ class SceneView:
         z = float(np.median(self._cloud.points_cam[:, 2])) if len(self._cloud.points_cam) else 1.0
         self._points = scene.add_point_cloud(
             "/cam/cloud", self._cloud.points_cam, self._cloud.natural, precision="float32",
-            point_size=1.6 * z / observation.camera.fx, point_shape="square", point_shading="flat",
+            point_size=(1.1 + 0.5 * self._cloud.spacing_px) * z / observation.camera.fx,
+            point_shape="square", point_shading="flat",
         )  # fmt: skip
         self._colors = self._cloud.natural
         self._add_camera(view)

@@ -24,6 +24,8 @@ OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "ref
 OUTLINED = ("accepted", "best", "ground truth")
 """Drawn as a coarse wireframe around the others."""
 _OUTLINE_FACES = 300
+_BEND_RAD = np.deg2rad(28)
+_FEWEST_EDGES = 12
 _DISPLAY_MM = 0.2
 _SIMPLIFY_FROM = 3000
 
@@ -40,7 +42,7 @@ class StageNodes:
             color, node = STAGE_COLORS[name], f"/cam/stages/{name.replace(' ', '_')}"
             if name in OUTLINED:
                 self._nodes[name] = scene.add_line_segments(
-                    node, outline, color, thickness=1.2, thickness_units="screen", visible=False
+                    node, outline, color, thickness=1.4, thickness_units="screen", visible=False
                 )
             else:
                 self._nodes[name] = scene.add_mesh_simple(
@@ -182,9 +184,19 @@ def display_mesh(model: ObjectModel) -> tuple[Float, NDArray[np.int32]]:
 
 
 def edges(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Every edge of a mesh once, (E, 2, 3)."""
+    """The edges of a mesh at which it bends or ends, (E, 2, 3); all of them where it is too round to have many."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-18)
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    return vertices[np.unique(pairs, axis=0)].astype(np.float32)
+    unique, which = np.unique(pairs, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    # The sum of the two unit normals beside an edge is shorter the more the surface bends there; at a border it is 1.
+    total = np.zeros((len(unique), 3))
+    np.add.at(total, which, np.tile(normals, (3, 1)))
+    bent = np.linalg.norm(total, axis=1) < 2 * np.cos(_BEND_RAD / 2)
+    chosen = unique[bent] if bent.sum() >= _FEWEST_EDGES else unique
+    return vertices[chosen].astype(np.float32)
 
 
 def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
