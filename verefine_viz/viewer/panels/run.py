@@ -30,12 +30,13 @@ class RunPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         gui.add_html(STYLE)
-        self.moves = gui.add_button_group(
-            "Move", list(MOVES), hint="Step: one iteration (N). Stage: one stage. Back: one iteration (B)."
-        )
+        # No hint here: it would cover the buttons below while Step is pressed again and again.
+        self.moves = gui.add_button_group("Move", list(MOVES))
         self.moves.on_click(by_person(lambda label: send(MOVES[label])))
         self.runs = gui.add_button_group(
-            "Run", list(RUNS), hint="Run: to the end or a breakpoint (Space). To event: to the next mark (PageDown)."
+            "Run",
+            list(RUNS),
+            hint="Step N, Stage M, Back B. Run: to the end or a breakpoint (Space). To event: to the next mark (PageDown).",
         )
         self.runs.on_click(by_person(lambda label: send(RUNS[label])))
         self._words = Block(gui)
