@@ -36,7 +36,7 @@ class RunPanel:
         self.runs = gui.add_button_group(
             "Run",
             list(RUNS),
-            hint="Step N, Stage M, Back B. Run: to the end or a breakpoint (Space). To event: to the next mark (PageDown).",
+            hint="Step N, Stage M, Back B. Run: to the end or a breakpoint (Space). To event: to the next mark.",
         )
         self.runs.on_click(by_person(lambda label: send(RUNS[label])))
         self._words = Block(gui)
