@@ -160,6 +160,7 @@ class Icp:
     def __init__(self, settings: IcpSettings) -> None:
         self.settings = settings
         self._targets: WeakKeyDictionary[ObjectModel, IcpTarget] = WeakKeyDictionary()
+        self._normals: WeakKeyDictionary[Target, Float] = WeakKeyDictionary()
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); the given one where the observed cloud is empty or nothing lies within the gate."""
@@ -169,7 +170,7 @@ class Icp:
         R_cam_obj, t_cam_obj = T_cam_obj[:3, :3], T_cam_obj[:3, 3]
         source_normals = None
         if self.settings.matches == "same_side":
-            source_normals = observed_normals(target.observation, points_cam) @ R_cam_obj
+            source_normals = self._observed_normals(target) @ R_cam_obj
         result = icp_align(
             (points_cam - t_cam_obj) @ R_cam_obj,
             self._target(target.model),
@@ -185,6 +186,12 @@ class Icp:
         R, t = result.T_target_source[:3, :3], result.T_target_source[:3, 3]
         R_new = R_cam_obj @ R.T
         return transform(R_new, t_cam_obj - R_new @ t)
+
+    def _observed_normals(self, target: Target) -> Float:
+        normals = self._normals.get(target)
+        if normals is None:
+            normals = self._normals[target] = observed_normals(target.observation, target.instance.points_cam)
+        return normals
 
     def _target(self, model: ObjectModel) -> IcpTarget:
         ready = self._targets.get(model)

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.protocols import Refiner, Simulator, Verifier, Watcher
+from verefine_viz.core.protocols import Refiner, Verifier, Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.per_object import PerObject
 from verefine_viz.methods.registry import make_method
@@ -34,7 +34,7 @@ class Toolbox:
         return make_verifier(self.session.score)
 
     @cached_property
-    def simulator(self) -> Simulator | None:
+    def simulator(self) -> BulletSimulator | None:
         """None where the session switches physics off."""
         return BulletSimulator(self.session.physics) if self.session.physics.enabled else None
 
@@ -66,8 +66,19 @@ class Toolbox:
             other.__dict__["simulator"] = self.simulator
         return other
 
+    def prepare(self, problem: Problem) -> None:
+        """Builds what is built once per model and kept on disk, so that no iteration waits for it (seconds each).
+
+        Raises:
+            ShapeError: a mesh from which no solid can be made.
+        """
+        if self.simulator is not None and problem.observation.support is not None:
+            for target in problem.targets:
+                self.simulator.collider(target.model)
+
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         """A run of the session's method on ``problem``, with the edits and changes that the session holds."""
+        self.prepare(problem)
         changes: dict[int, Any] = {}
         toolbox = self
         for change in sorted(self.session.changes, key=lambda c: c.after_iteration):
