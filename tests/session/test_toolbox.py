@@ -1,0 +1,53 @@
+"""The composition root: what changes is rebuilt, the rest is shared; edits and changes of a session are repeated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.settings import Change
+from verefine_viz.session.files import changed, resolve
+from verefine_viz.session.toolbox import Toolbox
+
+RAW = {"scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "method": {"iterations": 2}}
+
+
+def test_what_does_not_change_is_shared() -> None:
+    box = Toolbox(resolve(RAW))
+    other = box.changed({"method": {"exploration": 0.3}})
+    assert other.verifier is box.verifier
+    assert other.simulator is box.simulator
+    assert other.source is box.source
+    assert box.changed({"score": {"tau_m": 0.01}}).verifier is not box.verifier
+    assert box.changed({"physics": {"steps": 5}}).simulator is not box.simulator
+
+
+def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None:
+    box = Toolbox(resolve(RAW))
+    problem = box.problem(box.frames[0])
+    run = box.run(problem)
+    run.finish()
+    settings = {"method": {"exploration": 3.0}, "score": {"tau_m": 0.01}, "icp": {"max_iterations": 3}}
+    T = np.array(problem.instances[0].hypotheses[1].T_cam_obj)
+    fork = run.fork(2, method=box.changed(settings).method, edit=(problem.instances[0].instance_id, 1, T))
+    fork.finish()
+    change = Change(after_iteration=2, settings=settings)
+    session = box.session.model_copy(update={"edits": fork.edits, "changes": (change,)})
+    again = Toolbox(session).run(problem)
+    again.finish()
+    assert first_difference(fork.iterations, again.iterations) is None
+    assert first_difference(run.iterations, again.iterations) is not None
+
+
+def test_physics_can_be_switched_off() -> None:
+    box = Toolbox(resolve({**RAW, "physics": {"enabled": False}}))
+    assert box.simulator is None
+    run = box.run(box.problem(box.frames[0]))
+    assert run.step().path is None
+
+
+def test_the_scene_cannot_change_during_a_run() -> None:
+    with pytest.raises(SettingsError, match="unknown section that can change during a run 'scene'"):
+        changed(resolve(RAW), {"scene": {"seed": 3}})
