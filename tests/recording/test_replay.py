@@ -70,6 +70,36 @@ def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
     assert found.startswith("iteration 13: ")
 
 
+def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path) -> None:
+    s, problem = session(maps=False), box_problem(3, 2)
+    writer = recorder.Recorder(tmp_path / "run.rrd", s, problem)
+    run = new_run(s, problem, (writer,))
+    for _ in range(7):
+        run.step()
+    found = verify(tmp_path / "run.rrd", again)
+    run.close()
+    assert found is not None
+    assert "ends early, after 7 of 30 iterations" in found
+    assert "iterations 1 to 7 are the same" in found
+
+
+def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(maps=False), block=3)
+    content = (tmp_path / "run.rrd").read_bytes()
+    (tmp_path / "cut.rrd").write_bytes(content[: int(len(content) * 0.9)])
+    found = verify(tmp_path / "cut.rrd", again)
+    assert found is not None
+    assert "ends early" in found
+
+
+def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record_changed(tmp_path / "run.rrd", monkeypatch, 2, {"accepted": "mixed"})
+    (tmp_path / "run.rrd").rename(recorder.part_path(tmp_path / "run.rrd"))
+    found = verify(tmp_path / "run.rrd", again)
+    assert found is not None
+    assert found.startswith("iteration 2: accepted")
+
+
 def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder, "versions", lambda: {"numpy": "0.0.1"})
     record_changed(tmp_path / "run.rrd", monkeypatch, 3, {"accepted": "mixed"})

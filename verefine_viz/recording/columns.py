@@ -80,11 +80,6 @@ def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> 
     return Column(descriptor, pa.ListArray.from_arrays(_offsets([len(row) for row in rows]), flat))
 
 
-def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
-    """Rows of texts, each of any length."""
-    return Column(descriptor, pa.array([list(row) for row in rows], pa.list_(pa.string())))
-
-
 def bars(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one bar chart each: a tensor of one dimension."""
     layout = _tensor_type()
@@ -109,11 +104,6 @@ def _tensor_type() -> pa.StructType:
     example = rr.BarChart(np.zeros(1)).values
     assert example is not None
     return example.as_arrow_array().type
-
-
-def named(name: str) -> rr.ComponentDescriptor:
-    """A component that no viewer draws, under its own name."""
-    return rr.ComponentDescriptor(name)
 
 
 def _flat(rows: Rows, dtype: Any, width: int) -> tuple[list[int], NDArray[Any]]:

@@ -48,7 +48,7 @@ class Recorded:
     n_drawn: int
     """How many of them are drawn in the file; the others come from the journal of a killed run."""
     is_complete: bool
-    """Whether the writer finished the file."""
+    """Whether the writer finished the file, and nothing was cut off since."""
 
 
 def read_recording(path: Path) -> Recorded:
@@ -60,6 +60,7 @@ def read_recording(path: Path) -> Recorded:
     path = existing(path)
     with readable(path) as file:
         properties, rows = _content(file, path)
+        is_whole = file == path
     n_drawn = len(rows)
     if is_part(path):
         rows = _continued(rows, journal_path(final_path(path)))
@@ -81,7 +82,7 @@ def read_recording(path: Path) -> Recorded:
         layout,
         tuple(rows),
         n_drawn,
-        not is_part(path),
+        is_whole and not is_part(path),
     )
 
 

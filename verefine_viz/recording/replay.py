@@ -67,6 +67,8 @@ def completed(recorded: Recorded, folder: Path) -> Path:
 def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
     """Runs the recorded session again and says where the new run first differs, bit by bit; None = nowhere.
 
+    A recording whose end is missing is compared as far as it goes; that it ends early is said as well.
+
     Args:
         path: the recording.
         make_run: builds the run of a recording; None = from its session, with the real simulator, refiner and verifier.
@@ -82,7 +84,14 @@ def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
         difference = compare(row, run.step())
         if difference:
             return f"iteration {row.index}: {difference}{_other(recorded)}"
+    if not recorded.is_complete:
+        return _ends_early(len(recorded.rows), run.n_iterations)
     return None
+
+
+def _ends_early(n: int, n_planned: int) -> str:
+    same = "nothing in it can be compared" if n == 0 else f"iterations 1 to {n} are the same"
+    return f"the recording ends early, after {n} of {n_planned} iterations (it was stopped or cut off); {same}"
 
 
 def run_again(recorded: Recorded) -> Run:
