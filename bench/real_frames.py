@@ -116,6 +116,18 @@ def table(title: str, raw: dict[str, object], pool: int, seeds: int) -> None:
     show(title, rows)
 
 
+def one_by_one(raw: dict[str, object], files: list[str]) -> list[Row]:
+    """Single-hypothesis methods from each estimator's pose, with the budget that the pool has together."""
+    rows = []
+    for file in files:
+        toolbox = Toolbox(resolve({**raw, "hypotheses": {"source": "results", "files": [file]}}))
+        problems = [toolbox.problem(frame) for frame in toolbox.frames]
+        for name in ("refine", "pir", "sir"):
+            label = f"{Path(file).name.split('_')[0]}, {name}"
+            rows.append(solved(label, {"name": name, "iterations": 5 * len(files)}, problems, toolbox))
+    return rows
+
+
 def main() -> None:
     """Prints all tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -124,7 +136,7 @@ def main() -> None:
     arguments = parser.parse_args()
     folder: Path = arguments.dataset.resolve()
     scene = {"source": "bop", "dataset": str(folder)}
-    names = ("posecnn-rss2018_ycbv-test", "cosypose_ycbv-test", "sundermeyer_ycbv-test")
+    names = ("cosypose_ycbv-test", "posecnn-rss2018_ycbv-test", "sundermeyer_ycbv-test")
     files = [str(folder / "pose_estimates" / f"{name}.csv") for name in names]
     for preset in ("recommended", "published"):
         estimators = {
@@ -133,6 +145,7 @@ def main() -> None:
             "hypotheses": {"source": "results", "files": files},
         }
         table(f"Estimators' poses, key frames, {preset}", estimators, 3, 1)
+        show(f"One estimator, 15 refiner calls, {preset}", one_by_one(estimators, files))
         disturbed = {
             "preset": preset,
             "scene": scene,
