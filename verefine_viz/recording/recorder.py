@@ -160,6 +160,8 @@ class Recorder:
         rec.send_blueprint(make_blueprint(layout, has_maps=self._verifier is not None), make_active=False)
         self._drawing.start(rec)
         log_background(rec, self._problem)
+        # Otherwise rerun would wait with the compression until the run's own data come.
+        rec.flush()
 
     def _log_maps(self, rec: rr.RecordingStream, verifier: Verifier, row: Row) -> None:
         rec.set_time(entities.TIMELINE, sequence=row.index)
