@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,10 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 
@@ -210,3 +215,47 @@ def test_unknown_setting_names_what_exists() -> None:
         debugger().carry_out([c.Fork((("method.explore", 1.0),))])
     with pytest.raises((SettingsError, InputError), match="section"):
         debugger().carry_out([c.Fork((("scene.demo", "x"),))])
+
+
+def test_a_built_in_scene_opens_with_the_settings_of_its_session_file(tmp_path: Path) -> None:
+    own = tmp_path / "tower.toml"
+    own.write_text('[scene]\ndemo = "tower"\n[physics]\nsteps = 20\n')
+    other = tmp_path / "mug.toml"  # Of that name, but of another scene.
+    other.write_text('[scene]\ndemo = "tower"\n[physics]\nsteps = 9\n')
+    target = Debugger(
+        Session(method=MethodSettings(iterations=2)), None, FakeTools,
+        demos=("tower", "mug"), sessions=lambda: (str(own), str(other)),
+    )  # fmt: skip
+    target.carry_out([c.OpenDemo("mug")])
+    assert (target.workspace.session.scene.demo, target.workspace.session.physics.steps) == ("mug", 3)
+    assert target.workspace.session.method.iterations == 2
+    target.carry_out([c.OpenDemo("tower")])
+    assert (target.workspace.session.scene.demo, target.workspace.session.physics.steps) == ("tower", 20)
+    assert target.workspace.path == own
+    assert "with its settings" in target.message
+
+
+def test_new_first_poses_need_a_restart_and_a_seed() -> None:
+    target = debugger().carry_out([c.Step()])
+    with pytest.raises(SettingsError, match="section that can change during a run"):
+        target.carry_out([c.Fork((("hypotheses.seed", 3),))])
+    with pytest.raises(SettingsError, match="hypotheses cannot be"):
+        target.carry_out([c.Restart((("hypotheses.seed", -3),))])
+    assert target.workspace.run.cursor == 1
+    target.carry_out([c.Restart((("hypotheses.seed", 3),))])
+    assert target.workspace.session.hypotheses.seed == 3
+    assert target.workspace.run.length == 0
+
+
+def test_what_takes_seconds_is_said_before_it_begins() -> None:
+    said: list[str] = []
+
+    class Slow(FakeTools):
+        def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
+            said.append("run")
+            return super().run(problem, watchers)
+
+    Debugger(Session(), None, Slow, tell=said.append)
+    assert said[-1] == "run"
+    assert said[-2].startswith("Preparing: convex parts for physics")
+    assert "box" in said[-2]

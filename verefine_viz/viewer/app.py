@@ -63,6 +63,7 @@ class App:
         self._stopping = False
         self._idle = False
         self._is_shallow = False
+        self._layout: Layout | None = None
         self._animation: Iterator[None] | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -151,6 +152,7 @@ class App:
         keeping = Keeping(self.server, self._folder)
         make_tools, plausibility, demos = self._make_tools, None, ()
         if make_tools is None:
+            self._tell("Loading the simulator, the renderer and the refiner.")
             make_tools, plausibility, demos = real_parts()
         self.debugger = Debugger(
             self._session,
@@ -161,13 +163,22 @@ class App:
             keep=keeping,
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
+            tell=self._tell,
         )
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
-        self.layout = Layout(self.server, self.send, with_batch=self._batch is not None)
+        self.layout = self._layout = Layout(self.server, self.send, with_batch=self._batch is not None)
         self.layout.on_link(self.send)
         self._shown_at = 0.0
         self._show()
+
+    def _tell(self, doing: str) -> None:
+        """Says on the page what is being done, before something that may take seconds."""
+        if self._layout is None:
+            self._loading.content = block(f"<h3>Opening the session</h3><p>{text(doing)}</p>")
+        else:
+            self._layout.run.tell(doing)
+        self.server.flush()
 
     def _next(self) -> c.Command | object | None:
         """The next command; None = nothing waits, go on with what is under way; STOP = end."""

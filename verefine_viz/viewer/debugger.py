@@ -46,6 +46,7 @@ class Debugger:
         sessions: lists the session files at hand.
         batch: whose frames are listed; None = no batch.
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
+        tell: is told what is being done before anything that may take seconds.
     """
 
     def __init__(
@@ -58,8 +59,9 @@ class Debugger:
         keep: Keeper | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: BatchIndex | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility)
+        self.workspace = Workspace(session, path, make_tools, plausibility, tell)
         self.demos = demos
         self.look = Look()
         self.goal: c.Goal | int | None = None
@@ -202,7 +204,7 @@ class Debugger:
             case c.SaveSession() | c.Export():
                 if self._keep is None:
                     raise InputError("nothing can be written here")
-                self.kept = (self._keep(self, command), *self.kept)[:4]
+                self.kept = (self._keep(self, command).resolve(), *self.kept)[:4]
                 self.sessions = self._list_sessions()
                 self.message = f"Written: {self.kept[0]}"
             case _:
@@ -288,6 +290,14 @@ class Debugger:
     def _open_demo(self, name: str) -> None:
         if name not in self.demos:
             raise SettingsError(unknown("built-in scene", name, self.demos))
+        own = next((Path(p) for p in self._list_sessions() if Path(p).stem == name), None)
+        if own is not None:
+            session = load_session(own)
+            if (session.scene.source, session.scene.demo) == ("demo", name):
+                self.workspace.open(session, own)
+                self._reset_look()
+                self.message = f"Opened {own} with its settings."
+                return
         old = self.workspace.tools.session
         scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
         hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})

@@ -17,9 +17,9 @@ from verefine_viz.viewer.words import shift_mm, turn
 
 CLASS_MEANING = {
     "explained": "rendered and observed depth agree within τ",
-    "missed": "in the object's mask and measured, but the pose leaves it empty or puts it behind",
-    "protruding": "the pose puts surface where the sensor saw through: the strongest evidence against a pose",
-    "hidden": "something nearer stands in front; does not count",
+    "missed": "the object's mask was measured here, but the pose leaves it empty or puts it behind what was measured",
+    "protruding": "the pose puts surface where the sensor saw through, or outside the mask onto another surface",
+    "hidden": "something nearer stands in front, outside the mask or known from a placed object; does not count",
     "unknown": "rendered, but nothing was measured there; does not count",
 }
 _NONE = "–"

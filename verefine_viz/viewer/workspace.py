@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Verifier, Watcher
-from verefine_viz.core.settings import BreakpointSettings, Change, Session
+from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.judge import Judge
@@ -78,6 +78,7 @@ class Workspace:
         path: its file, if it has one.
         make_tools: builds the real or fake parts from a session.
         plausibility: see :class:`Judge`.
+        tell: is told what is being done before anything that may take seconds.
     """
 
     def __init__(
@@ -86,13 +87,16 @@ class Workspace:
         path: Path | None,
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._make_tools = make_tools
+        self._tell = tell
         self._plausibility = plausibility
         self.open(session, path)
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""
+        self._tell("Reading the scene: models, pictures, first poses.")
         tools = self._make_tools(session)
         frames = tools.frames
         if not frames:
@@ -130,7 +134,21 @@ class Workspace:
         return self.tools.session.model_copy(update=edits)
 
     def restart(self, changes: Changes) -> None:
-        """Back to before iteration 1, with settings changed if any; other branches go."""
+        """Back to before iteration 1, with settings changed if any; other branches go.
+
+        New first poses (``hypotheses.*``) open the session anew, without poses moved and settings changed on the way.
+        """
+        pool = nested(changes).pop("hypotheses", None)
+        if pool:
+            rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
+            tools = self.tools.changed(nested(rest)) if rest else self.tools
+            try:
+                hypotheses = HypothesesSettings.model_validate(tools.session.hypotheses.model_dump() | pool)
+            except ValueError:
+                raise SettingsError(f"hypotheses cannot be {pool}; see the session file's [hypotheses]") from None
+            update = {"hypotheses": hypotheses, "edits": (), "changes": (), "breakpoints": self.breakpoints}
+            self.open(tools.session.model_copy(update=update), self.path, self.frame)
+            return
         tools = self.tools.changed(nested(changes)) if changes else self.tools
         work = self._begin(tools, self.work.problem)
         if changes:  # The other frames were run with other settings.
@@ -138,19 +156,30 @@ class Workspace:
         self.tools, self._works[self.frame] = tools, work
 
     def fork(self, cursor: int, changes: Changes, edit: tuple[int, int, Float] | None = None) -> None:
-        """A new branch that leaves the open one after iteration ``cursor``."""
+        """A new branch that leaves the open one after iteration ``cursor``.
+
+        It goes on with the settings that the open branch ended up with, and ``changes``.
+        """
         old = self.branch
         tools = old.tools.changed(nested(changes)) if changes else old.tools
-        run = old.run.fork(cursor, tools.method if changes else None, edit)
         kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
-        if changes:
-            kept = (*kept, Change(after_iteration=cursor, settings=nested(changes)))
+        later = [c.settings for c in old.changes if c.after_iteration > cursor]
+        new = merged((*later, nested(changes)))
+        if new:
+            kept = (*kept, Change(after_iteration=cursor, settings=new))
+        if new and cursor == 0:  # The first poses are scored with the new settings as well.
+            edits = [e for e in old.run.edits if e.after_iteration == 0]
+            run = Run(tools.method, old.run.problem, (), edits)
+            run = run.fork(0, None, edit) if edit is not None else run
+        else:
+            run = old.run.fork(cursor, tools.method if new else None, edit)
         self.work.branches.append(Branch(_name(cursor, changes, edit), run, tools, kept, self._judge(tools)))
         self.work.index = len(self.work.branches) - 1
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
+        self._tell(preparing(problem, tools.session))
         return FrameWork(
             problem, [Branch("first run", tools.run(problem), tools, tools.session.changes, self._judge(tools))]
         )
@@ -166,6 +195,23 @@ def nested(changes: Changes) -> dict[str, dict[str, Any]]:
         section, _, key = name.partition(".")
         out.setdefault(section, {})[key] = value
     return out
+
+
+def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Several nested changes as one; later ones win."""
+    out: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        for section, values in part.items():
+            out.setdefault(section, {}).update(values)
+    return out
+
+
+def preparing(problem: Problem, session: Session) -> str:
+    """What is done before iteration 1, in words."""
+    names = sorted({problem.models[i.obj_id].name for i in problem.instances})
+    shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    parts = "convex parts for physics and " if session.physics.enabled else ""
+    return f"Preparing: {parts}meshes to score of {shown}. Done once per model, up to half a minute; then it is kept."
 
 
 def current_values(session: Session, names: Sequence[str]) -> Mapping[str, Any]:

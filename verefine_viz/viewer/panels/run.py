@@ -52,6 +52,10 @@ class RunPanel:
         self._object.on_update(by_person(lambda v: send(c.Focus(int(v.partition(":")[0])))))
         self._branches = Block(gui)
 
+    def tell(self, doing: str) -> None:
+        """What is being done, until the next picture."""
+        self._words.show(sentence(doing))
+
     def show(self, view: View) -> None:
         """Everything in place."""
         said = sentence(headline(view)) + event_lines(view)

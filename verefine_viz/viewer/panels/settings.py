@@ -8,6 +8,7 @@ import viser
 
 from verefine_viz.core.settings import BreakpointSettings
 from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person
@@ -35,6 +36,7 @@ class SettingsPanel:
         with gui.add_folder("Settings", expand_by_default=False):
             self._fields = {
                 "method.name": gui.add_dropdown("Method", METHOD_NAMES, hint="the algorithm"),
+                "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
                 "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
                 "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
                 "score.pixels": gui.add_dropdown(
@@ -47,6 +49,9 @@ class SettingsPanel:
                 "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
                 "physics.steps": gui.add_number("Sim steps", 3, min=1, step=1, hint="steps of 1/60 s per iteration"),
                 "icp.max_iterations": gui.add_number("ICP its.", 10, min=1, step=1, hint="inner iterations per call"),
+                "hypotheses.seed": gui.add_number(
+                    "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
+                ),
             }
             self.apply = gui.add_button_group(
                 "Apply", ["Restart with these", "Fork here"],
@@ -76,6 +81,7 @@ class SettingsPanel:
             self._known = values
             for name, handle in self._fields.items():
                 handle.value = values[name]
+        self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
         for name, handle in self._breaks.items():
             handle.value = getattr(view.session.breakpoints, name) not in (None, False)
 

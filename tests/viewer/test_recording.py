@@ -1,0 +1,101 @@
+"""Recordings exported from the page, made by the real parts: run again, they give the same, bit by bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.replay import verify
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.keeping import Keeping
+
+SESSION = Session(
+    title="box",
+    scene=SceneSettings(demo="failure_simulation_topples"),
+    hypotheses=HypothesesSettings(max_per_object=3),
+    method=MethodSettings(iterations=2),
+)
+
+
+class NoServer:
+    """Recordings need no page."""
+
+
+@pytest.fixture
+def debugger(tmp_path: Path) -> Debugger:
+    server: Any = NoServer()
+    return Debugger(SESSION, None, Toolbox, keep=Keeping(server, tmp_path))
+
+
+def exported(debugger: Debugger) -> Path:
+    debugger.carry_out([c.Export("recording")])
+    path = debugger.kept[0]
+    assert debugger.message == f"Written: {path}"
+    assert path.is_absolute()
+    recorded = read_recording(path)
+    assert recorded.is_complete
+    assert recorded.n_drawn == len(recorded.rows) == debugger.workspace.run.length
+    return path
+
+
+def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
+    debugger.carry_out([c.EditPose()])
+    T_cam_obj = debugger.look.T_cam_obj_edited
+    assert T_cam_obj is not None
+    T_cam_obj = np.array(T_cam_obj)
+    T_cam_obj[0, 3] += shift_m
+    return [c.DragPose(tuple(float(x) for x in T_cam_obj.ravel())), c.ForkFromPose()]
+
+
+def test_of_a_run_and_of_its_beginning(debugger: Debugger) -> None:
+    debugger.carry_out([c.RunTo(2)])
+    assert verify(exported(debugger)) is None
+    debugger.carry_out([c.RunUntil("end")])
+    assert verify(exported(debugger)) is None
+
+
+def test_of_a_fork_with_a_moved_pose_and_other_settings(debugger: Debugger) -> None:
+    debugger.carry_out([c.RunTo(2), c.Seek(1)])
+    debugger.carry_out([*moved(debugger, 0.004), c.RunTo(3)])
+    changes = (("method.exploration", 0.4), ("physics.steps", 6), ("icp.max_iterations", 4))
+    debugger.carry_out([c.Fork(changes, run=True)])
+    recorded = read_recording(exported(debugger))
+    assert len(recorded.session.edits) == 1
+    assert recorded.session.changes[0].after_iteration == 3
+    assert verify(recorded.path) is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [(("score.tau_m", 0.03),), (("method.name", "sir"),), (("physics.enabled", False), ("method.refiner", "identity"))],
+)
+def test_of_a_fork_before_the_first_iteration(debugger: Debugger, changes: c.Changes) -> None:
+    debugger.carry_out([c.RunUntil("end"), c.Fork(changes, 0, run=True)])
+    assert verify(exported(debugger)) is None
+    debugger.carry_out([c.Seek(1)])
+    debugger.carry_out([*moved(debugger, 0.003), c.RunUntil("end")])
+    assert verify(exported(debugger)) is None
+
+
+def test_of_a_fork_from_before_a_change_keeps_the_change(debugger: Debugger) -> None:
+    debugger.carry_out([c.RunTo(3), c.Fork((("physics.steps", 7),), 2, run=True), c.Fork((), 1, run=True)])
+    recorded = read_recording(exported(debugger))
+    assert [(k.after_iteration, k.settings) for k in recorded.session.changes] == [(1, {"physics": {"steps": 7}})]
+    assert verify(recorded.path) is None
+
+
+def test_of_other_first_poses(tmp_path: Path) -> None:
+    server: Any = NoServer()
+    mug = {"scene": SceneSettings(demo="mug"), "physics": PhysicsSettings(enabled=False)}
+    debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, keep=Keeping(server, tmp_path))
+    before = debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj
+    debugger.carry_out([c.Restart((("hypotheses.seed", 5), ("method.iterations", 1))), c.RunUntil("end")])
+    assert not np.array_equal(debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj, before)
+    assert verify(exported(debugger)) is None
