@@ -17,7 +17,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
-from verefine_viz.viewer.layout import Layout
+from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
@@ -76,7 +76,8 @@ class App:
             UnavailableError: the port is taken or the host cannot be bound.
         """
         self.server = Server(self._host, self._port)
-        self._loading = self.server.gui.add_html(block(LOADING))
+        set_theme(self.server.gui)
+        self._loading = self.server.gui.add_html(block(opening(LOADING)))
         self._worker = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
         self._worker.start()
         return self
@@ -175,7 +176,7 @@ class App:
     def _tell(self, doing: str) -> None:
         """Says on the page what is being done, before something that may take seconds."""
         if self._layout is None:
-            self._loading.content = block(f"<h3>Opening the session</h3><p>{text(doing)}</p>")
+            self._loading.content = block(opening(doing))
         else:
             self._layout.run.tell(doing)
         self.server.flush()
@@ -242,7 +243,12 @@ class App:
 
 
 STOP = object()
-LOADING = "<p>Opening the session: reading models, compiling, scoring the hypotheses. The first time takes longer.</p>"
+LOADING = "Loading the program."
+
+
+def opening(doing: str) -> str:
+    """What the page says until the session is open."""
+    return f'<div style="padding:0 12px"><h3>Opening the session</h3><p>{text(doing)}</p></div>'
 
 
 def real_parts() -> tuple[Callable[[Session], Tools], Callable[..., Any], tuple[str, ...]]:

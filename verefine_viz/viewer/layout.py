@@ -62,13 +62,18 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
 """Label in the palette (Ctrl+K), hotkey, command. W A S D Q E and the arrows move the camera and are left alone."""
 
 
+def set_theme(gui: viser.GuiApi) -> None:
+    """Dark, without what is not ours."""
+    gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+    gui.set_panel_label("verefine-viz")
+
+
 class Layout:
     """All panels, placed. One per server; every browser shows the same."""
 
     def __init__(self, server: viser.ViserServer, send: Send, with_batch: bool = False) -> None:
         gui = server.gui
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
-        gui.set_panel_label("verefine-viz")
+        set_theme(gui)
         self.run = RunPanel(gui, send)
         self.settings = SettingsPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")

@@ -65,7 +65,9 @@ def crop_around(mask: NDArray[np.bool_], aspect: float, margin: float = 0.25, st
     if len(rows) == 0:
         rows, columns = np.array([0, h - 1]), np.array([0, w - 1])
         margin = 0.0
-    height, width = (rows[-1] - rows[0] + 1) * (1 + 2 * margin), (columns[-1] - columns[0] + 1) * (1 + 2 * margin)
+    height, width = int(rows[-1] - rows[0] + 1), int(columns[-1] - columns[0] + 1)
+    moved = step // 2 + 3  # The middle is rounded below: a small object must still be inside.
+    height, width = max(height * (1 + 2 * margin), height + moved), max(width * (1 + 2 * margin), width + moved)
     height = max(height, width / aspect, step)
     height = int(np.ceil(height / step) * step)
     width = round(height * aspect)
