@@ -67,6 +67,7 @@ def test_overrides_win_field_by_field(tmp_path: Path) -> None:
         ("[method]\nnam = 'rir'", "unknown field 'method.nam'; available: .*exploration.*name"),
         ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
         ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
+        ("[score]\ntau_m = 20", r"score.tau_m = 20: input should be less than or equal to 1"),
         ("[score]\ntau_m = nan", r"score.tau_m = nan: input should be"),
         ("[score]\npixels = 'all'", "score.pixels = 'all': input should be 'classes', 'published' or 'observed'"),
         ("[method]\niterations = 0", "method.iterations = 0: input should be greater than or equal to 1"),

@@ -126,8 +126,8 @@ class ScoreSettings(Settings):
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
     hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py)."""
-    tau_m: Positive = 0.020
-    """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
+    tau_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.020
+    """τ, depth tolerance [m], at most 1 m. Paper Sec. V: 20 mm."""
     alpha: Annotated[float, Field(gt=0, le=1)] = 0.707
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
     0.293."""

@@ -16,8 +16,8 @@ STUCK_MM = 1e-6
 """A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""
 
 
-SCORE_FALL = 0.001
-"""A smaller fall of the score is not worth a mark [score]."""
+SCORE_STEP = 0.001
+"""A smaller rise or fall of the score is not worth a mark [score]."""
 
 
 def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[Event, ...]:
@@ -49,13 +49,15 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
     if len(draft.candidates) > 1 and simulated is not None and refined is not None:
         events.append(_kept(kept, simulated, refined))
     fall = current.score.score - kept.score.score if current.score and kept.score else 0.0
-    if current.score and kept.score and fall >= SCORE_FALL:
+    if current.score and kept.score and fall >= SCORE_STEP:
         events.append(
             Event("score_fell", f"The score fell by {fall:.3f}, {current.score.score:.3f} → {kept.score.score:.3f}.")
         )
-    if iteration.best.iteration == iteration.index and iteration.best.score.score > before.best.score.score:
-        was, now = before.best.score.score, iteration.best.score.score
-        events.append(Event("new_best", f"New best: {now:.3f}, was {was:.3f}."))
+    rise = iteration.best.score.score - before.best.score.score
+    if iteration.best.iteration == iteration.index and rise >= SCORE_STEP:
+        events.append(
+            Event("new_best", f"New best: {iteration.best.score.score:.3f}, was {before.best.score.score:.3f}.")
+        )
     return tuple(events)
 
 
