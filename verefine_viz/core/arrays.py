@@ -30,9 +30,12 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
         array = np.asarray(value, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name} is not an array of {np.dtype(dtype).name}: {error}") from None
-    matches = array.ndim == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
-    )
+    if array.shape == shape:
+        matches = True
+    else:
+        matches = array.ndim == len(shape) and all(
+            want is None or want == got for want, got in zip(shape, array.shape, strict=True)
+        )
     if not matches:
         wanted = "×".join("n" if n is None else str(n) for n in shape)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")

@@ -60,7 +60,8 @@ class Scores:
 
     def __post_init__(self) -> None:
         # A score that is not a number is worth nothing (METHODS 1.8 #6); the cause shows as an event.
-        object.__setattr__(self, "score", frozen(np.nan_to_num(self.score, nan=0.0), "score", (None,)))
+        score = self.score if np.isfinite(self.score).all() else np.nan_to_num(self.score, nan=0.0)
+        object.__setattr__(self, "score", frozen(score, "score", (None,)))
 
     def __len__(self) -> int:
         return len(self.score)

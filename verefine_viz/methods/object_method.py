@@ -96,7 +96,7 @@ class ObjectMethod:
         judged = [s for s in draft.stages if s.name != "mixed" or "mixed" in draft.candidates]
         scores = self.verifier.score(target, np.array([s.T_cam_obj for s in judged]), fixed)
         of_stage = {s.name: scores[i] for i, s in enumerate(judged)}
-        return tuple(replace(s, score=of_stage.get(s.name)) for s in draft.stages)
+        return tuple(Stage(s.name, s.T_cam_obj, of_stage.get(s.name), s.ms) for s in draft.stages)
 
     def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (METHODS 1.3)."""
