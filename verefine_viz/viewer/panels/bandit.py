@@ -56,7 +56,8 @@ class CurvesPanel:
         """All curves; drawn again only if they changed."""
         own = view.own_iterations
         n = len(view.state.arms) if view.state is not None else 0
-        x = [0.0, *(float(i.index) for i in own)]
+        # Iterations count over all objects; this one's curves begin where its turn did.
+        x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
         self._draw("Score", x, score_lines(view, n) if own else [], "score by arm")
         self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm")
         self._draw("Pulls", x, pull_lines(view, n) if own else [], "times chosen, by arm")
