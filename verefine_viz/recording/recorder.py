@@ -172,7 +172,7 @@ class Recorder:
         self._maps[1].log(rec, row)
 
     def _errors(self, target: Target, iteration: Iteration) -> Float:
-        """What ``Row.errors`` says. ADD(-S) is only computed when the best pose changed: it takes milliseconds."""
+        """What ``Row.errors`` says. ADD(-S) needs a search over all points, so only when the best pose changed."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return np.full(3, np.nan)
