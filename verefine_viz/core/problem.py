@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.model import ObjectModel
@@ -86,11 +87,31 @@ class Problem:
     """For people: data set or demo scene."""
     notes: tuple[str, ...] = ()
     """Things about the data a person should know: units guessed, masks missing, …"""
+    dependencies: DependencyGraph | None = None
+    """None: not looked at; every instance is then a cluster of its own, in the order of ``instances``."""
 
     @cached_property
     def targets(self) -> tuple[Target, ...]:
         """One per instance, in order; the same objects at each access."""
         return tuple(Target(self.observation, i, self.models[i.obj_id]) for i in self.instances)
+
+    @property
+    def clusters(self) -> tuple[tuple[int, ...], ...]:
+        """Instance ids of each cluster, in the order to solve them."""
+        if self.dependencies is None:
+            return tuple((i.instance_id,) for i in self.instances)
+        return self.dependencies.clusters
+
+    def target(self, instance_id: int) -> Target:
+        """The target of that instance.
+
+        Raises:
+            InputError: it is not in this frame.
+        """
+        for target in self.targets:
+            if target.instance.instance_id == instance_id:
+                return target
+        raise InputError(f"{unknown('instance', instance_id, [i.instance_id for i in self.instances])}")
 
     @property
     def frame(self) -> str:
@@ -108,4 +129,5 @@ class Problem:
             if wanted not in available:
                 raise InputError(f"{unknown('instance', wanted, available)} (frame {self.frame})")
         kept = tuple(i for i in self.instances if i.instance_id in instance_ids)
-        return replace(self, instances=kept)
+        dependencies = self.dependencies.only(instance_ids) if self.dependencies else None
+        return replace(self, instances=kept, dependencies=dependencies)

@@ -5,12 +5,12 @@ Every answer depends on the arguments only: the same call after any history give
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SimulatedPath
 from verefine_viz.core.scores import ScoreMaps, Scores
 
@@ -40,6 +40,32 @@ class Verifier(Protocol):
 
     def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
         """The same score of one pose, pixel by pixel, for the screen and for recordings."""
+        ...
+
+    def score_scene(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        """Scores of N combinations of poses (N, m, 4, 4) of m ≥ 1 targets of one frame, each combination drawn into
+        one depth buffer; ``placed`` objects may hide parts. With one target the same as :meth:`score`.
+        """
+        ...
+
+    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        """The scene's score of one combination (m, 4, 4), pixel by pixel."""
+        ...
+
+
+class Estimator(Protocol):
+    """Finds first poses of an object from its segment of the frame."""
+
+    def hypotheses(
+        self, target: Target, n: int, tell: Callable[[str], None] = lambda _: None
+    ) -> tuple[Hypothesis, ...]:
+        """At most ``n`` hypotheses, best first; none where the segment is too small to say anything.
+
+        Args:
+            target: the instance; its own hypotheses are not looked at.
+            n: how many are wanted.
+            tell: is told, in words, what is being done before anything that may take seconds.
+        """
         ...
 
 

@@ -29,6 +29,7 @@ EventKind = Literal[
     "refiner_stuck",
     "no_physics",
     "edited",
+    "new_best_scene",
 ]
 
 
@@ -135,6 +136,74 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedPose:
+    """An object that stood in the scene while another was worked on."""
+
+    instance_id: int
+    T_cam_obj: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"placed pose of instance {self.instance_id}"))
+
+
+@dataclass(frozen=True, eq=False)
+class SceneRecord:
+    """What closes a pass over the objects of a cluster: how well their poses explain the scene together."""
+
+    poses: tuple[PlacedPose, ...]
+    """Of this pass, in dependency order."""
+    score: PoseScore
+    """Scene score of this pass."""
+    best_known: PoseScore
+    """Scene score of each object's best pose so far, put together."""
+    reward: float
+    """What the arms that were chosen in this pass got."""
+    incumbent: tuple[PlacedPose, ...]
+    """The combination with the highest scene score ever seen."""
+    incumbent_score: float
+
+
+@dataclass(frozen=True, eq=False)
+class TreeNode:
+    """One node of a search tree: an object placed from one of its hypotheses, after those of the nodes above."""
+
+    node: int
+    """0 is the root, in which nothing is placed; numbered as they came about."""
+    parent: int
+    instance_id: int
+    arm: int
+    lcp: float
+    """Share of the model's points that the segment explains at the hypothesis, in [0, 1]: what was tried first."""
+    T_cam_obj: Float
+    """After refinement and simulation."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"pose of tree node {self.node}"))
+
+
+@dataclass(frozen=True, eq=False)
+class TreeStep:
+    """What one iteration did to the search tree. The tree is what all steps so far add up to."""
+
+    cluster: int
+    """Each cluster has a tree of its own, with nodes numbered from 0."""
+    branch: tuple[int, ...]
+    """Nodes from the root to the one visited, which is the new one unless the tree is complete there."""
+    node: TreeNode | None
+    """The node that was added; None where the branch was expanded to its end before."""
+    choices: tuple[str, ...]
+    """Why each node of the branch after the root was chosen, in words."""
+    rollout: tuple[PlacedPose, ...]
+    """The rest of the scene as it was completed, object by object."""
+    rollout_arms: tuple[int, ...]
+    cost_px: float
+    """Pixels of the complete scene that are not explained; added to every node of the branch, with one visit."""
+    incumbent: tuple[PlacedPose, ...]
+    """The complete scene with the lowest cost ever seen."""
+    incumbent_cost_px: float
+
+
+@dataclass(frozen=True, eq=False)
 class Iteration:
     """One step of a method."""
 
@@ -156,6 +225,14 @@ class Iteration:
     choice: Choice | None = None
     """None for methods that do not choose between hypotheses."""
     events: tuple[Event, ...] = ()
+    placed: tuple[PlacedPose, ...] = ()
+    """Other objects that stood in the simulation, and in the score as what may hide, in the order they were placed."""
+    scene_pass: int | None = None
+    """vf_depth: 1, 2, … of its cluster."""
+    scene: SceneRecord | None = None
+    """Closes a pass, on the iteration of its last object."""
+    tree: TreeStep | None = None
+    """physim_mcts."""
     score_ms: float = field(default=0.0, metadata=TIMING)
     """Time for all scores of this iteration [ms]."""
 

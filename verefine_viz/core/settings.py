@@ -63,8 +63,9 @@ class SceneSettings(Settings):
 class HypothesesSettings(Settings):
     """Where the first poses come from."""
 
-    source: Literal["results", "perturb"] = "perturb"
-    """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation."""
+    source: Literal["results", "perturb", "ppf", "pcs"] = "perturb"
+    """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
+    ppf: point pair features. pcs: congruent point sets (Super4PCS)."""
     files: tuple[str, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""
@@ -82,7 +83,7 @@ class MethodSettings(Settings):
     """Which algorithm, and its budget."""
 
     name: str = "rir"
-    """refine, phys_before, phys_after, even, expl, pir, sir, rir."""
+    """refine, phys_before, phys_after, even, expl, pir, sir, rir, vf_breadth, vf_depth, physim_mcts."""
     refiner: str = "icp"
     """Name of the refiner."""
     iterations: Count = 5
@@ -99,6 +100,25 @@ class MethodSettings(Settings):
     accept: Literal["latest", "never_worse"] = "latest"
     """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
     only if it did not fall."""
+    discount: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.99
+    """γ, vf_depth: what a play of the pass before still counts. Authors' code: 0.99."""
+    scene_reward: Literal["current_pass", "best_known"] = "current_pass"
+    """vf_depth: which poses the scene score that rewards the arms judges: those of this pass (authors' code), or the
+    best of each object so far (the paper's text)."""
+    scene_answer: Literal["incumbent", "per_object"] = "incumbent"
+    """vf_depth: the combination of poses whose scene score was the highest ever seen, or for each object its own best
+    score, whether or not they fit together (authors' code)."""
+    scene_prior: Literal["scene", "object"] = "scene"
+    """vf_depth: what an arm's first play is worth: the score of the scene with its initial pose and the other objects'
+    best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code)."""
+    scene_pixels: Literal["cluster", "frame"] = "cluster"
+    """vf_depth: whose masks a scene score looks at: those of the cluster, or of all objects (authors' code)."""
+    occluders: Literal["placed", "none"] = "placed"
+    """vf_breadth, vf_depth: whether objects placed before are rendered as what may hide the one being judged; the
+    authors' code does not."""
+    carry_clusters: bool = True
+    """vf_breadth, vf_depth: earlier clusters stay in simulation and rendering for later ones; the authors' code forgets
+    them."""
 
 
 class IcpSettings(Settings):
@@ -117,6 +137,95 @@ class IcpSettings(Settings):
     matches: Literal["same_side", "all"] = "same_side"
     """Which correspondences within the gate count. all: every one (published). same_side: those whose observed and
     model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
+
+
+class TricpSettings(Settings):
+    """Trimmed ICP. METHODS 4.2."""
+
+    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""
+    energy_ratio: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.99
+    """A pass that leaves more than this share of the energy before is the last."""
+    max_passes: Count = 50
+    """Most passes of a call."""
+    explained_m: NonNegative = 0.008
+    """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
+
+
+class MctsSettings(Settings):
+    """PHYSIM-MCTS, the system that the paper compares with. METHODS 3."""
+
+    expansions: Count = 50
+    """Budget in expansions per object."""
+    seconds: Positive | None = None
+    """Budget in computing time per cluster instead [s]; results then depend on the machine."""
+    exploration_px: NonNegative = 5000.0
+    """α, weight of the exploration term [px]."""
+    explained_m: Positive = 0.010
+    """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
+    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    """Trim of its trimmed ICP."""
+    physics: Literal["published", "session"] = "published"
+    """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
+
+
+class DependencySettings(Settings):
+    """Which objects touch, hide or carry which, and hence in which order they are solved. METHODS 2."""
+
+    rule: Literal["recommended", "published"] = "recommended"
+    """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
+    one pixel form a cluster, lower tops come first."""
+    order: tuple[tuple[int | str, ...], ...] = ()
+    """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
+    is there twice, as [[8, 2], [3]]."""
+    order_file: str = ""
+    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file."""
+    cut: tuple[tuple[int, int], ...] = ()
+    """Pairs of instances between which no edge is to count."""
+    contact_m: Positive = 0.015
+    """Visible clouds nearer than this may touch [m]."""
+    border_px: Count = 3
+    """Width of the common border of two masks [px]."""
+    occlusion_m: Positive = 0.010
+    """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
+    footprint_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
+    """An object lies over another if more than this share of its footprint does."""
+    base_m: Positive = 0.020
+    """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
+
+
+class PpfSettings(Settings):
+    """Point pair features. METHODS 6."""
+
+    step: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Grid of model and scene points as a share of the diameter."""
+    distance_bin: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Bin of distances as a share of the diameter."""
+    angle_bin_deg: Annotated[float, Field(gt=0, le=45, allow_inf_nan=False)] = 12.0
+    """Bin of angles [deg]."""
+    reference_every: Count = 5
+    """Every n-th scene point is a reference."""
+    cluster_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
+    """Poses nearer than this share of the diameter, and …"""
+    cluster_deg: Annotated[float, Field(gt=0, lt=180, allow_inf_nan=False)] = 18.0
+    """… turned by less than this are one hypothesis [deg]."""
+    seed: Seed = 0
+    """Seeds the choice within crowded bins."""
+
+
+class PcsSettings(Settings):
+    """Congruent point sets (Super4PCS). METHODS 3.2."""
+
+    delta_m: Positive = 0.0035
+    """Distance within which points correspond [m]."""
+    overlap: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.5
+    """Expected overlap of segment and model."""
+    samples: Count = 300
+    """Points of the model that bases are compared with."""
+    bases: Count = 100
+    """Bases tried; the published code stops after 1 s instead."""
+    seed: Seed = 0
+    """Seeds bases and clustering."""
 
 
 class ScoreSettings(Settings):
@@ -161,6 +270,10 @@ class PhysicsSettings(Settings):
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
     margin_m: NonNegative = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
+    gravity_m_s2: NonNegative = 9.81
+    """Strength of gravity [m/s²]."""
+    damping: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.04
+    """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["static", "dynamic"] = "static"
     """Objects already placed stay where they are, or are pushed (authors' code)."""
 
@@ -230,6 +343,11 @@ class Session(Settings):
     hypotheses: HypothesesSettings = HypothesesSettings()
     method: MethodSettings = MethodSettings()
     icp: IcpSettings = IcpSettings()
+    tricp: TricpSettings = TricpSettings()
+    mcts: MctsSettings = MctsSettings()
+    dependency: DependencySettings = DependencySettings()
+    ppf: PpfSettings = PpfSettings()
+    pcs: PcsSettings = PcsSettings()
     score: ScoreSettings = ScoreSettings()
     physics: PhysicsSettings = PhysicsSettings()
     breakpoints: BreakpointSettings = BreakpointSettings()
@@ -243,7 +361,20 @@ class Session(Settings):
 PUBLISHED: dict[str, dict[str, Any]] = {
     "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
     "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
-    "method": {"sim_candidate": "full", "accept": "latest", "exploration": 0.1},
+    "tricp": {"trim": 1.0},
+    "dependency": {"rule": "published"},
+    "method": {
+        "sim_candidate": "full",
+        "accept": "latest",
+        "exploration": 0.1,
+        "discount": 0.99,
+        "scene_reward": "current_pass",
+        "scene_answer": "per_object",
+        "scene_prior": "object",
+        "scene_pixels": "frame",
+        "occluders": "none",
+        "carry_clusters": False,
+    },
     "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
 }
 """What ``preset = "published"`` changes (METHODS 1.8 and 9)."""
