@@ -42,9 +42,14 @@ class Verifier(Protocol):
         """The same score of one pose, pixel by pixel, for the screen and for recordings."""
         ...
 
-    def score_scene(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+    def score_scene(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> Scores:
         """Scores of N combinations of poses (N, m, 4, 4) of m ≥ 1 targets of one frame, each combination drawn into
         one depth buffer; ``placed`` objects may hide parts. With one target the same as :meth:`score`.
+
+        ``whole_frame`` lets the ``published`` pixels count every object of the frame (authors' code, as :meth:`score`
+        does) instead of the masks of the targets; the other kinds of pixels look at the targets' masks in any case.
         """
         ...
 
