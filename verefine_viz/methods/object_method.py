@@ -11,8 +11,8 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
-from verefine_viz.core.records import Best, Iteration, Stage
-from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
+from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.methods.bandit import Policy
 from verefine_viz.methods.chain import Chain, Draft
@@ -33,18 +33,20 @@ class ObjectMethod:
     """Else the answer is the last pose, and scores are only shown."""
     never_worse: bool = False
     """Whether the current pose is kept when every candidate scores lower than it."""
+    placed_may_hide: bool = True
+    """Whether objects placed before are rendered as what may hide the one being judged (METHODS 1.8 #2)."""
 
-    def start(self, target: Target) -> ObjectState | None:
+    def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
         hypotheses = target.instance.hypotheses
         if not hypotheses:
             return None
-        initial = self.verifier.score(target, np.array([h.T_cam_obj for h in hypotheses]))
+        initial = self._score(target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
         entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(hypotheses)]
         arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
         if self.policy is None:
             arms = arms[:1]
-        first = int(np.argmax([arm.mean for arm in arms])) if self.answer_is_best_scored else 0
+        first = self._first(arms)
         return ObjectState(target, initial, arms, _best(entries[first], first))
 
     def n_iterations(self, state: ObjectState) -> int:
@@ -54,7 +56,20 @@ class ObjectMethod:
         return state.n_done >= self.n_iterations(state)
 
     def step(self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()) -> tuple[ObjectState, Iteration]:
-        """One iteration of the chosen hypothesis; ``index`` counts over the whole run."""
+        """One iteration of the chosen hypothesis, which is rewarded with its better candidate's score.
+
+        Args:
+            state: before it.
+            index: counts over the whole run.
+            fixed: objects already placed.
+        """
+        moved, iteration, reward = self.advance(state, index, fixed)
+        return moved.rewarded(iteration.arm, reward), iteration
+
+    def advance(
+        self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()
+    ) -> tuple[ObjectState, Iteration, float]:
+        """One iteration like :meth:`step` whose reward, the third value, is left to the caller to give."""
         choice = self.policy.choose(state) if self.policy else None
         j = choice.arm if choice else 0
         arm = state.arms[j]
@@ -80,23 +95,49 @@ class ObjectMethod:
             best,
             draft.path,
             choice,
+            placed=tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in fixed),
             score_ms=score_ms,
         )
         iteration = replace(iteration, events=events_of(iteration, draft, state))
-        return state.with_arm(j, arm.moved(entry, reward), best), iteration
+        return state.with_arm(j, arm.moved(entry), best), iteration, reward
 
-    def edit(self, state: ObjectState, arm: int, T_cam_obj: Float, index: int) -> ObjectState:
+    def judged_among(self, state: ObjectState, fixed: Sequence[Placed]) -> ObjectState:
+        """The state before the first iteration with its poses judged anew, now that others are placed."""
+        hypotheses = state.target.instance.hypotheses
+        initial = self._score(state.target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
+        arms: list[Arm] = []
+        for j, arm in enumerate(state.arms):
+            scores = self._score(state.target, np.array([e.T_cam_obj for e in arm.entries]), fixed)
+            entries = tuple(replace(e, score=scores[k]) for k, e in enumerate(arm.entries))
+            arms.append(replace(arm, entries=entries, mean=float(initial.score[j])))
+        first = self._first(arms)
+        best = _best(arms[first].entries[0], first)
+        for j, arm in enumerate(arms):
+            for entry in arm.entries[1:]:
+                best = self._better(best, entry, j)
+        return replace(state, initial=initial, arms=tuple(arms), best=best)
+
+    def edit(
+        self, state: ObjectState, arm: int, T_cam_obj: Float, index: int, fixed: Sequence[Placed] = ()
+    ) -> ObjectState:
         """The same state with the current pose of ``arm`` replaced, scored, and counted for the answer."""
-        score = self.verifier.score(state.target, np.asarray(T_cam_obj, dtype=np.float64)[None])[0]
+        score = self._score(state.target, np.asarray(T_cam_obj, dtype=np.float64)[None], fixed)[0]
         edited = state.with_edited(arm, T_cam_obj, score, index)
         return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm))
+
+    def _score(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed]) -> Scores:
+        return self.verifier.score(target, Ts_cam_obj, fixed if self.placed_may_hide else ())
 
     def _judged(self, target: Target, draft: Draft, fixed: Sequence[Placed]) -> tuple[Stage, ...]:
         """Scores in one call; the mixed pose only where it may be kept, since it only starts the refiner."""
         judged = [s for s in draft.stages if s.name != "mixed" or "mixed" in draft.candidates]
-        scores = self.verifier.score(target, np.array([s.T_cam_obj for s in judged]), fixed)
+        scores = self._score(target, np.array([s.T_cam_obj for s in judged]), fixed)
         of_stage = {s.name: scores[i] for i, s in enumerate(judged)}
         return tuple(Stage(s.name, s.T_cam_obj, of_stage.get(s.name), s.ms) for s in draft.stages)
+
+    def _first(self, arms: Sequence[Arm]) -> int:
+        """The arm whose initial pose is the answer before the first iteration."""
+        return int(np.argmax([arm.mean for arm in arms])) if self.answer_is_best_scored else 0
 
     def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (METHODS 1.3)."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import ObjectState
@@ -30,9 +32,15 @@ class FrameState:
     def best(self) -> tuple[Best | None, ...]:
         return tuple(o.best if o else None for o in self.objects)
 
-    def with_object(self, i: int, state: ObjectState) -> FrameState:
+    def with_object(self, i: int, state: ObjectState) -> Self:
         """The same with one object replaced."""
         return replace(self, objects=(*self.objects[:i], state, *self.objects[i + 1 :]))
+
+    def placed(self, i: int) -> Placed:
+        """The i-th instance where its answer so far puts it."""
+        target, best = self.problem.targets[i], self.best[i]
+        assert best is not None, f"instance {target.instance.instance_id} has no pose"
+        return Placed(target.instance.instance_id, target.model, best.T_cam_obj)
 
 
 @dataclass(frozen=True)
@@ -54,9 +62,11 @@ class PerObject:
         i = self._next(state)
         if i is None:
             raise InputError("the run is over: every object has used its budget")
-        before = state.objects[i]
+        fixed, before = self._fixed(state, i), state.objects[i]
         assert before is not None
-        after, iteration = self.method.step(before, state.n_done + 1)
+        if fixed and before.n_done == 0:
+            before = self.method.judged_among(before, fixed)
+        after, iteration = self.method.step(before, state.n_done + 1, fixed)
         return replace(state.with_object(i, after), n_done=state.n_done + 1), iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
@@ -67,7 +77,20 @@ class PerObject:
         before = state.objects[i]
         if before is None:
             raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
-        return state.with_object(i, self.method.edit(before, arm, T_cam_obj, state.n_done))
+        fixed = self._fixed(state, i)
+        return state.with_object(i, self.method.edit(before, arm, T_cam_obj, state.n_done, fixed))
+
+    def _order(self, problem: Problem) -> Sequence[int]:
+        """The instances, as indices, in the order to solve them."""
+        return range(len(problem.instances))
+
+    def _fixed(self, state: FrameState, i: int) -> tuple[Placed, ...]:
+        """What stands in the scene while the i-th instance is worked on."""
+        return ()
 
     def _next(self, state: FrameState) -> int | None:
-        return next((i for i, o in enumerate(state.objects) if o and not self.method.is_done(o)), None)
+        for i in self._order(state.problem):
+            o = state.objects[i]
+            if o and not self.method.is_done(o):
+                return i
+        return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.protocols import Refiner, Simulator, Verifier
@@ -15,6 +16,8 @@ from verefine_viz.methods.phys_before import PhysBefore
 from verefine_viz.methods.pir import Pir
 from verefine_viz.methods.refine import Refine
 from verefine_viz.methods.sir import Sir
+from verefine_viz.methods.vf_breadth import VfBreadth
+from verefine_viz.methods.vf_depth import VfDepth
 
 
 class _Parts:
@@ -49,22 +52,41 @@ class _Parts:
         bandit = Ucb(self.s.exploration)
         return ObjectMethod(self.sir, self.verifier, self.s.iterations, bandit, never_worse=self.never_worse)
 
+    def scene_rir(self) -> ObjectMethod:
+        return replace(self.rir(), placed_may_hide=self.s.occluders == "placed")
+
     def even(self) -> ObjectMethod:
         return ObjectMethod(self.pir, self.verifier, self.s.iterations, Turns())
 
     def expl(self) -> ObjectMethod:
         return ObjectMethod(self.pir, self.verifier, self.s.iterations, BestInitial())
 
+    def vf_breadth(self) -> VfBreadth:
+        return VfBreadth(self.scene_rir(), self.s.carry_clusters)
 
-_METHODS: dict[str, Callable[[_Parts], ObjectMethod]] = {
-    "refine": _Parts.refine,
-    "phys_before": _Parts.phys_before,
-    "phys_after": _Parts.phys_after,
-    "even": _Parts.even,
-    "expl": _Parts.expl,
-    "pir": _Parts.pir_alone,
-    "sir": _Parts.sir_alone,
-    "rir": _Parts.rir,
+    def vf_depth(self) -> VfDepth:
+        return VfDepth(
+            self.scene_rir(),
+            discount=self.s.discount,
+            reward=self.s.scene_reward,
+            answer=self.s.scene_answer,
+            prior=self.s.scene_prior,
+            whole_frame=self.s.scene_pixels == "frame",
+            carry_clusters=self.s.carry_clusters,
+        )
+
+
+_METHODS: dict[str, Callable[[_Parts], PerObject]] = {
+    "refine": lambda parts: PerObject(parts.refine()),
+    "phys_before": lambda parts: PerObject(parts.phys_before()),
+    "phys_after": lambda parts: PerObject(parts.phys_after()),
+    "even": lambda parts: PerObject(parts.even()),
+    "expl": lambda parts: PerObject(parts.expl()),
+    "pir": lambda parts: PerObject(parts.pir_alone()),
+    "sir": lambda parts: PerObject(parts.sir_alone()),
+    "rir": lambda parts: PerObject(parts.rir()),
+    "vf_breadth": _Parts.vf_breadth,
+    "vf_depth": _Parts.vf_depth,
 }
 
 METHOD_NAMES = tuple(_METHODS)
@@ -80,4 +102,4 @@ def make_method(
     """
     if settings.name not in _METHODS:
         raise SettingsError(unknown("method", settings.name, METHOD_NAMES))
-    return PerObject(_METHODS[settings.name](_Parts(settings, simulator, refiner, verifier, n_steps)))
+    return _METHODS[settings.name](_Parts(settings, simulator, refiner, verifier, n_steps))
