@@ -1,0 +1,278 @@
+"""VF_d: verification over the scene, depth first (paper Sec. III-D).
+
+In each pass every object of a cluster, in dependency order, spends one iteration on one of its hypotheses, among what
+the pass has placed so far. The poses of the pass are then rendered together, and their score as a scene rewards the
+hypotheses that were chosen; what earlier passes said counts a little less each time, because the company has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.records import Best, Event, Iteration, PlacedPose, SceneRecord
+from verefine_viz.core.scores import Scores
+from verefine_viz.methods.arms import ObjectState
+from verefine_viz.methods.events import SCORE_STEP
+from verefine_viz.methods.per_object import FrameState, PerObject
+from verefine_viz.methods.vf_breadth import clusters_of
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """Where VF_d stands with a cluster of several objects."""
+
+    members: tuple[int, ...]
+    """Indices of its instances that have a hypothesis, in dependency order."""
+    incumbent: tuple[Best, ...]
+    """Per member: the combination with the highest scene score ever seen."""
+    incumbent_score: float
+    n_passes: int = 0
+    """Passes that are closed."""
+    passing: tuple[Best, ...] = ()
+    """Poses of the pass under way, of the first so many members."""
+    played: tuple[int | None, ...] = ()
+    """Arms of the pass under way; None where a member has used its budget and stands at its best pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthState(FrameState):
+    """Where VF_d stands with a frame."""
+
+    scenes: tuple[SceneState | None, ...] = ()
+    """Per cluster; None where it has fewer than two objects to solve."""
+    answer_is_incumbent: bool = True
+
+    @property
+    def best(self) -> tuple[Best | None, ...]:
+        found = list(super().best)
+        if self.answer_is_incumbent:
+            for scene in filter(None, self.scenes):
+                for i, best in zip(scene.members, scene.incumbent, strict=True):
+                    found[i] = best
+        return tuple(found)
+
+    def with_scene(self, k: int, scene: SceneState) -> DepthState:
+        """The same with the k-th cluster's scene replaced."""
+        return replace(self, scenes=(*self.scenes[:k], scene, *self.scenes[k + 1 :]))
+
+
+@dataclass(frozen=True)
+class VfDepth(PerObject):
+    """Passes over the objects of a cluster, rewarded by the scene score; a cluster of one object is solved by RIR."""
+
+    discount: float = 0.99
+    """γ."""
+    reward: Literal["current_pass", "best_known"] = "current_pass"
+    """Whose scene score rewards a pass (METHODS 1.8 #11)."""
+    answer: Literal["incumbent", "per_object"] = "incumbent"
+    """What the result is (METHODS 1.8 #12)."""
+    prior: Literal["scene", "object"] = "scene"
+    """What an arm's first play is worth (METHODS 1.8 #13)."""
+    whole_frame: bool = False
+    """Whether the scene score of ``published`` pixels counts all objects of the frame (METHODS 1.8 #15)."""
+    carry_clusters: bool = True
+    """Whether earlier clusters stay in the scene of later ones (METHODS 1.8 #16)."""
+
+    def start(self, problem: Problem) -> DepthState:
+        objects = super().start(problem).objects
+        clusters = clusters_of(problem)
+        state = DepthState(problem, objects, 0, (None,) * len(clusters), self.answer == "incumbent")
+        for k in range(len(clusters)):
+            state = self._opened(state, k, ())
+        return state
+
+    def step(self, state: FrameState) -> tuple[FrameState, Iteration]:
+        assert isinstance(state, DepthState)
+        k = self._cluster(state)
+        if k is None:
+            raise InputError("the run is over: every object has used its budget")
+        carried = self._carried(state, k)
+        if carried and self._is_untouched(state, k):
+            state = self._opened(state, k, carried)
+        scene = state.scenes[k]
+        if scene is None:
+            return super().step(state)
+        return self._step_of_pass(state, k, scene, carried)
+
+    def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
+        edited = super().edit(state, instance_id, arm, T_cam_obj)
+        assert isinstance(edited, DepthState)
+        i = [t.instance.instance_id for t in edited.problem.targets].index(instance_id)
+        for k, scene in enumerate(edited.scenes):
+            if scene is None or i not in scene.members:
+                continue
+            # The pose that a person chose also counts in the company of the best scene.
+            o = edited.objects[i]
+            assert o is not None
+            entry = o.arms[arm].current
+            chosen = Best(entry.T_cam_obj, entry.score, arm, entry.iteration, entry.stage)
+            slot = scene.members.index(i)
+            combination = (*scene.incumbent[:slot], chosen, *scene.incumbent[slot + 1 :])
+            score = float(self._judge(edited, scene.members, [combination], self._carried(edited, k)).score[0])
+            if score > scene.incumbent_score:
+                scene = replace(scene, incumbent=combination, incumbent_score=score)
+            return edited.with_scene(k, scene)
+        return edited
+
+    def _step_of_pass(
+        self, state: DepthState, k: int, scene: SceneState, carried: tuple[Placed, ...]
+    ) -> tuple[DepthState, Iteration]:
+        """One object's turn in a pass; the last one's closes the pass."""
+        scene = self._without_spent(state, scene)
+        i = scene.members[len(scene.passing)]
+        before = state.objects[i]
+        assert before is not None
+        fixed = (*carried, *self._placed(state, scene.members, scene.passing))
+        after, iteration, _ = self.method.advance(before, state.n_done + 1, fixed)
+        entry = after.arms[iteration.arm].current
+        kept = Best(entry.T_cam_obj, entry.score, iteration.arm, entry.iteration, entry.stage)
+        scene = replace(scene, passing=(*scene.passing, kept), played=(*scene.played, iteration.arm))
+        state = replace(state.with_object(i, after), n_done=state.n_done + 1)
+        iteration = replace(iteration, scene_pass=scene.n_passes + 1)
+        scene = self._without_spent(state, scene)
+        if len(scene.passing) == len(scene.members):
+            state, scene, iteration = self._closed(state, scene, carried, iteration)
+        state = state.with_scene(k, scene)
+        best = state.best[i]
+        assert best is not None
+        return state, replace(iteration, best=best)
+
+    def _without_spent(self, state: DepthState, scene: SceneState) -> SceneState:
+        """Members next in turn whose budget is used stand at their best pose."""
+        passing, played = list(scene.passing), list(scene.played)
+        for i in scene.members[len(passing) :]:
+            o = state.objects[i]
+            assert o is not None
+            if not self.method.is_done(o):
+                break
+            passing.append(o.best)
+            played.append(None)
+        return replace(scene, passing=tuple(passing), played=tuple(played))
+
+    def _closed(
+        self, state: DepthState, scene: SceneState, carried: tuple[Placed, ...], iteration: Iteration
+    ) -> tuple[DepthState, SceneState, Iteration]:
+        """The end of a pass: its poses as a scene, the rewards, and the best scene so far."""
+        began = perf_counter()
+        best_known = tuple(self._object(state, i).best for i in scene.members)
+        scores = self._judge(state, scene.members, [scene.passing, best_known], carried)
+        reward = float(scores.score[0 if self.reward == "current_pass" else 1])
+        for i, arm in zip(scene.members, scene.played, strict=True):
+            if arm is not None:
+                rewarded = self._object(state, i).rewarded(arm, reward, self.discount)
+                state = state.with_object(i, rewarded)
+        incumbent, highest = scene.incumbent, scene.incumbent_score
+        for combination, score in zip((scene.passing, best_known), scores.score.tolist(), strict=True):
+            if score > highest:
+                incumbent, highest = combination, score
+        events = iteration.events
+        if highest >= scene.incumbent_score + SCORE_STEP:
+            text = f"New best scene: {highest:.3f}, was {scene.incumbent_score:.3f}."
+            events = (*events, Event("new_best_scene", text))
+        record = SceneRecord(
+            self._poses(state, scene.members, scene.passing),
+            scores[0],
+            scores[1],
+            reward,
+            self._poses(state, scene.members, incumbent),
+            highest,
+        )
+        score_ms = iteration.score_ms + (perf_counter() - began) * 1e3
+        iteration = replace(iteration, scene=record, events=events, score_ms=score_ms)
+        return state, SceneState(scene.members, incumbent, highest, scene.n_passes + 1), iteration
+
+    def _opened(self, state: DepthState, k: int, carried: tuple[Placed, ...]) -> DepthState:
+        """The k-th cluster before its first iteration: initial poses judged, alone and as a scene."""
+        members = tuple(i for i in clusters_of(state.problem)[k] if state.objects[i])
+        if len(members) < 2:
+            return state
+        if carried:
+            for i in members:
+                state = state.with_object(i, self.method.judged_among(self._object(state, i), carried))
+        first = tuple(self._object(state, i).best for i in members)
+        combinations = [first]
+        if self.prior == "scene":
+            for slot, i in enumerate(members):
+                combinations += _with_each_arm(self._object(state, i), first, slot)
+        scores = self._judge(state, members, combinations, carried).score.tolist()
+        if self.prior == "scene":
+            rest = iter(scores[1:])
+            for i in members:
+                o = self._object(state, i)
+                arms = tuple(replace(arm, mean=next(rest)) for arm in o.arms)
+                state = state.with_object(i, replace(o, arms=arms))
+        return state.with_scene(k, SceneState(members, first, scores[0]))
+
+    def _judge(
+        self,
+        state: DepthState,
+        members: Sequence[int],
+        combinations: Sequence[Sequence[Best]],
+        carried: tuple[Placed, ...],
+    ) -> Scores:
+        """Scene scores of combinations of poses of a cluster's members."""
+        targets = [state.problem.targets[i] for i in members]
+        Ts = np.array([[best.T_cam_obj for best in combination] for combination in combinations])
+        placed = carried if self.method.placed_may_hide else ()
+        return self.method.verifier.score_scene(targets, Ts, placed, self.whole_frame)
+
+    def _fixed(self, state: FrameState, i: int) -> tuple[Placed, ...]:
+        assert isinstance(state, DepthState)
+        k = next(k for k, cluster in enumerate(clusters_of(state.problem)) if i in cluster)
+        scene, carried = state.scenes[k], self._carried(state, k)
+        if scene is None:
+            return carried
+        before = scene.members.index(i) if i in scene.members else 0
+        return (*carried, *self._placed(state, scene.members, scene.passing[:before]))
+
+    def _order(self, problem: Problem) -> Sequence[int]:
+        return [i for cluster in clusters_of(problem) for i in cluster]
+
+    def _cluster(self, state: DepthState) -> int | None:
+        """The first cluster with an object whose budget is not used."""
+        for k, cluster in enumerate(clusters_of(state.problem)):
+            if any(o and not self.method.is_done(o) for o in (state.objects[i] for i in cluster)):
+                return k
+        return None
+
+    def _is_untouched(self, state: DepthState, k: int) -> bool:
+        return all(o is None or o.n_done == 0 for o in (state.objects[i] for i in clusters_of(state.problem)[k]))
+
+    def _carried(self, state: DepthState, k: int) -> tuple[Placed, ...]:
+        """What earlier clusters left in the scene."""
+        if not self.carry_clusters:
+            return ()
+        before = [i for cluster in clusters_of(state.problem)[:k] for i in cluster]
+        return tuple(state.placed(i) for i in before if state.objects[i])
+
+    def _placed(self, state: DepthState, members: Sequence[int], poses: Sequence[Best]) -> tuple[Placed, ...]:
+        targets = [state.problem.targets[i] for i in members[: len(poses)]]
+        return tuple(
+            Placed(t.instance.instance_id, t.model, best.T_cam_obj) for t, best in zip(targets, poses, strict=True)
+        )
+
+    def _poses(self, state: DepthState, members: Sequence[int], poses: Sequence[Best]) -> tuple[PlacedPose, ...]:
+        return tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in self._placed(state, members, poses))
+
+    def _object(self, state: DepthState, i: int) -> ObjectState:
+        o = state.objects[i]
+        assert o is not None, "members of a scene have a hypothesis"
+        return o
+
+
+def _with_each_arm(o: ObjectState, combination: tuple[Best, ...], slot: int) -> list[tuple[Best, ...]]:
+    """The combination with one member at the pose of each of its arms."""
+    found = []
+    for j, arm in enumerate(o.arms):
+        entry = arm.current
+        best = Best(entry.T_cam_obj, entry.score, j, entry.iteration, entry.stage)
+        found.append((*combination[:slot], best, *combination[slot + 1 :]))
+    return found
