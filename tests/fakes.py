@@ -107,6 +107,19 @@ class FakeVerifier:
         fit = mask.astype(np.float32)
         return ScoreMaps(rendered, o.normals_cam, zero, zero, fit, fit, mask, mask.astype(np.uint8))
 
+    def score_scene(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> Scores:
+        """Mean of the single scores."""
+        value = np.mean([self.score(t, Ts_cam_obj[:, k], placed).score for k, t in enumerate(targets)], axis=0)
+        n = len(value)
+        counts = np.tile([80, 10, 5, 3, 2], (n, 1)).astype(np.int64)
+        full = np.full(n, 100, np.int64)
+        return Scores(value, value, value, full, full, counts)
+
+    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        return self.maps(targets[0], Ts_cam_obj[0], placed)
+
 
 @dataclass(frozen=True)
 class FakeSimulator:
