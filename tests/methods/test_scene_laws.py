@@ -181,3 +181,16 @@ def test_a_pose_moved_by_hand_counts_in_the_company_of_the_best_scene(k: int) ->
     assert np.array_equal(fork.state.best[1].T_cam_obj, truth)
     fork.finish()
     assert fork.final_state.scenes[0].incumbent_score >= fork.state.scenes[0].incumbent_score
+
+
+@pytest.mark.parametrize("first", ["rir", "vf_breadth", "vf_depth"])
+@pytest.mark.parametrize("then", ["rir", "vf_breadth", "vf_depth"])
+def test_a_fork_may_go_on_with_another_method(first: str, then: str) -> None:
+    problem = clustered(box_problem(2, 3), (2, 0), (1,))
+    run = run_of(first, problem)
+    s = MethodSettings.model_validate({"name": then, "iterations": 3})
+    fork = run.fork(4, make_method(s, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3))
+    fork.finish()
+    assert fork.length == fork.n_iterations == 18
+    for best in fork.final_state.best:
+        assert best.score.score >= 0.5

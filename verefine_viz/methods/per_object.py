@@ -59,6 +59,7 @@ class PerObject:
         return sum(self.method.n_iterations(o) for o in state.objects if o)
 
     def step(self, state: FrameState) -> tuple[FrameState, Iteration]:
+        state = self._adopted(state)
         i = self._next(state)
         if i is None:
             raise InputError("the run is over: every object has used its budget")
@@ -70,6 +71,7 @@ class PerObject:
         return replace(state.with_object(i, after), n_done=state.n_done + 1), iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
+        state = self._adopted(state)
         ids = [t.instance.instance_id for t in state.problem.targets]
         if instance_id not in ids:
             raise InputError(unknown("instance", instance_id, ids))
@@ -79,6 +81,10 @@ class PerObject:
             raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
         fixed = self._fixed(state, i)
         return state.with_object(i, self.method.edit(before, arm, T_cam_obj, state.n_done, fixed))
+
+    def _adopted(self, state: FrameState) -> FrameState:
+        """The state as this method keeps it, where another method made it: a fork may change the method."""
+        return state if type(state) is FrameState else FrameState(state.problem, state.objects, state.n_done)
 
     def _order(self, problem: Problem) -> Sequence[int]:
         """The instances, as indices, in the order to solve them."""

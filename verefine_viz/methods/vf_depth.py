@@ -82,15 +82,10 @@ class VfDepth(PerObject):
     """Whether earlier clusters stay in the scene of later ones (METHODS 1.8 #16)."""
 
     def start(self, problem: Problem) -> DepthState:
-        objects = super().start(problem).objects
-        clusters = clusters_of(problem)
-        state = DepthState(problem, objects, 0, (None,) * len(clusters), self.answer == "incumbent")
-        for k in range(len(clusters)):
-            state = self._opened(state, k, ())
-        return state
+        return self._adopted(super().start(problem))
 
     def step(self, state: FrameState) -> tuple[FrameState, Iteration]:
-        assert isinstance(state, DepthState)
+        state = self._adopted(state)
         k = self._cluster(state)
         if k is None:
             raise InputError("the run is over: every object has used its budget")
@@ -103,8 +98,7 @@ class VfDepth(PerObject):
         return self._step_of_pass(state, k, scene, carried)
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
-        edited = super().edit(state, instance_id, arm, T_cam_obj)
-        assert isinstance(edited, DepthState)
+        edited = self._adopted(super().edit(state, instance_id, arm, T_cam_obj))
         i = [t.instance.instance_id for t in edited.problem.targets].index(instance_id)
         for k, scene in enumerate(edited.scenes):
             if scene is None or i not in scene.members:
@@ -121,6 +115,17 @@ class VfDepth(PerObject):
                 scene = replace(scene, incumbent=combination, incumbent_score=score)
             return edited.with_scene(k, scene)
         return edited
+
+    def _adopted(self, state: FrameState) -> DepthState:
+        if isinstance(state, DepthState):
+            return state
+        n_clusters = len(clusters_of(state.problem))
+        adopted = DepthState(
+            state.problem, state.objects, state.n_done, (None,) * n_clusters, self.answer == "incumbent"
+        )
+        for k in range(n_clusters):
+            adopted = self._opened(adopted, k, ())
+        return adopted
 
     def _step_of_pass(
         self, state: DepthState, k: int, scene: SceneState, carried: tuple[Placed, ...]
@@ -199,11 +204,12 @@ class VfDepth(PerObject):
                 state = state.with_object(i, self.method.judged_among(self._object(state, i), carried))
         first = tuple(self._object(state, i).best for i in members)
         combinations = [first]
-        if self.prior == "scene":
+        takes_prior = self.prior == "scene" and self._is_untouched(state, k)
+        if takes_prior:
             for slot, i in enumerate(members):
                 combinations += _with_each_arm(self._object(state, i), first, slot)
         scores = self._judge(state, members, combinations, carried).score.tolist()
-        if self.prior == "scene":
+        if takes_prior:
             rest = iter(scores[1:])
             for i in members:
                 o = self._object(state, i)
