@@ -117,8 +117,10 @@ class BopSource:
             if settings.source == "results":
                 found = pools_of_object(self._results, *ids, mine, model, camera, settings.max_per_object)
                 pools |= {s.instance_id: pool for s, pool in zip(mine, found, strict=True)}
-            else:
+            elif settings.source == "perturb":
                 pools |= {s.instance_id: self._perturbed(ids, s) for s in mine}
+            else:  # An estimator looks for them, once the frame is there.
+                pools |= {s.instance_id: () for s in mine}
         return pools
 
     def _perturbed(self, ids: FrameIds, segment: Segment) -> tuple[Hypothesis, ...]:
@@ -148,7 +150,7 @@ class BopSource:
             name = f"{models[instance.obj_id].name} (#{instance.instance_id})"
             if len(instance.points_cam) == 0:
                 notes.append(f"{name} has no depth inside its mask")
-            if not instance.hypotheses:
+            if not instance.hypotheses and self._hypotheses.source in ("results", "perturb"):
                 notes.append(f"{name} has no hypothesis: {self._why_no_pool(instance)}")
             if instance.T_cam_obj_gt is not None and len(instance.points_cam):
                 seen_m, true_m = float(np.median(instance.points_cam[:, 2])), float(instance.T_cam_obj_gt[2, 3])

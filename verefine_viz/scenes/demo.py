@@ -174,6 +174,8 @@ def _pools(
             found = pools_of_object(files, 0, view, mine, model, CAMERA, settings.max_per_object)
             pools |= {s.instance_id: pool for s, pool in zip(mine, found, strict=True)}
         return pools
+    if settings.source != "perturb":  # An estimator looks for them, once the frame is there.
+        return {s.instance_id: () for s in segments}
     return {s.instance_id: _first_poses(scene, placed[s.instance_id], T_world_cam, settings, view) for s in segments}
 
 

@@ -59,12 +59,12 @@ def resolve(raw: Raw, origin: str = "session") -> Session:
 
 
 def changed(session: Session, settings: Mapping[str, Mapping[str, Any]]) -> Session:
-    """``session`` with some fields of its method, icp, score or physics sections replaced.
+    """``session`` with some fields of what can change during a run replaced.
 
     Raises:
         SettingsError: another section, an unknown field, or a value out of range.
     """
-    allowed = ("method", "icp", "score", "physics")
+    allowed = ("method", "icp", "tricp", "mcts", "score", "physics")
     for section in settings:
         if section not in allowed:
             raise SettingsError(unknown("section that can change during a run", section, allowed))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.protocols import Refiner, Verifier, Watcher
+from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.per_object import PerObject
 from verefine_viz.methods.registry import make_method
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
@@ -22,8 +22,10 @@ from verefine_viz.session.files import changed
 class Toolbox:
     """Everything a session needs, built when it is first asked for. Belongs to one thread (OpenGL does)."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, tell: Callable[[str], None] = lambda _: None) -> None:
         self.session = session
+        self._tell = tell
+        """Is told, in words, what is being done before anything that may take seconds."""
 
     @cached_property
     def source(self) -> SceneSource:
@@ -43,7 +45,16 @@ class Toolbox:
         return make_refiner(self.session.method.refiner, self.session)
 
     @cached_property
-    def method(self) -> PerObject:
+    def estimators(self) -> Mapping[str, Estimator]:
+        """Those that the session's first poses come from, by name."""
+        h = self.session.hypotheses
+        names = {h.source} & {"ppf", "pcs"} | {name for _, name in h.estimate}
+        from verefine_viz.estimators.registry import make_estimator
+
+        return {name: make_estimator(name, self.session) for name in sorted(names)}
+
+    @cached_property
+    def method(self) -> Method[Any]:
         s = self.session
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps)
 
@@ -53,12 +64,29 @@ class Toolbox:
         return self.source.frames
 
     def problem(self, frame: str) -> Problem:
-        """The frame with its instances and hypotheses."""
-        return self.source.problem(frame)
+        """The frame with its instances, their hypotheses, and the order in which they depend on each other."""
+        return self._with_estimates(self.source.problem(frame))
+
+    def _with_estimates(self, problem: Problem) -> Problem:
+        """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted."""
+        h = self.session.hypotheses
+        wanted = dict(h.estimate)
+        instances, notes = list(problem.instances), list(problem.notes)
+        for k, target in enumerate(problem.targets):
+            instance = target.instance
+            name = wanted.get(instance.instance_id, h.source)
+            if name in self.estimators:
+                who = f"{target.model.name} (#{instance.instance_id})"
+                self._tell(f"Looking for first poses of {who} with {name}.")
+                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._tell)
+                instances[k] = replace(instance, hypotheses=pool)
+                if not pool:
+                    notes.append(f"{who} has no hypothesis: {name} found none in its {len(instance.points_cam)} points")
+        return replace(problem, instances=tuple(instances), notes=tuple(notes))
 
     def changed(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
         """A toolbox with some settings replaced; what did not change is shared."""
-        other = Toolbox(changed(self.session, settings))
+        other = Toolbox(changed(self.session, settings), self._tell)
         other.__dict__["source"] = self.source
         if other.session.score == self.session.score:
             other.__dict__["verifier"] = self.verifier
