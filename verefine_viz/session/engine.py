@@ -109,6 +109,10 @@ class Run:
         """The state at the cursor."""
         return self._states[self.cursor]
 
+    def state_at(self, k: int) -> Any:
+        """The state after iteration ``k``; 0 = before the first."""
+        return self._states[k]
+
     @property
     def final_state(self) -> Any:
         """The state after the last iteration made."""

@@ -1,0 +1,309 @@
+"""Two runs of one frame against each other: where they part, and who came nearer.
+
+Pure: two traces in, sentences and numbers out. "A" and "B" are the two runs; every sentence tells what B does
+otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import angle_between
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.session.alignment import Moment, Timeline
+from verefine_viz.session.trace import Trace, refiner_calls, rollout_calls
+
+Kind = Literal["start", "missing", "hypothesis", "placed", "stages", "pose", "kept", "score", "answer"]
+ErrorsOf = Callable[[Target, Float], PoseErrors | None]
+EVEN_MM = 0.1
+"""Answers whose ADD(-S) differ by less are even [mm]."""
+EVEN_SCORE = 0.001
+"""Without ground truth, answers whose scores differ by less are even [score]."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that B does otherwise than A."""
+
+    place: int
+    """On the timeline; 0 = before iteration 1."""
+    instance_id: int
+    kind: Kind
+    text: str
+    """What B does, after "B": "works on hypothesis 2 instead of 1"."""
+    a: int | None = None
+    """Index of A's iteration."""
+    b: int | None = None
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Where two runs part."""
+
+    deed: Difference | None
+    """First thing that is done otherwise: other object, hypothesis, pose, or kept stage."""
+    score: Difference | None
+    """First score that differs although the pose is the same."""
+
+    @property
+    def first(self) -> Difference | None:
+        """Whichever comes first on the timeline."""
+        found = [d for d in (self.deed, self.score) if d is not None]
+        return min(found, key=lambda d: d.place) if found else None
+
+
+def differences(a: Trace, b: Trace, timeline: Timeline) -> Differences:
+    """The first differences along the timeline.
+
+    A moment that only one of them has so far counts when the other is done with its run.
+    """
+    deed = score = None
+    for difference in _all(a, b, timeline):
+        if difference.kind == "score":
+            score = score or difference
+        else:
+            deed = deed or difference
+        if deed and (score or difference.place > deed.place):
+            break
+    return Differences(deed, score)
+
+
+def first_difference(a: Trace, b: Trace, timeline: Timeline) -> Difference | None:
+    """The first difference of any kind along the timeline; None where both did the same, bit for bit."""
+    return differences(a, b, timeline).first
+
+
+def _all(a: Trace, b: Trace, timeline: Timeline) -> Iterator[Difference]:
+    """Every difference, in the order of the timeline."""
+    yield from _starts(a, b)
+    for place, moment in enumerate(timeline.moments, 1):
+        yield from at_moment(a, b, moment, place)
+
+
+def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
+    """What differs before the first iteration."""
+    for own in sorted({*a.instance_ids, *b.instance_ids}):
+        if own not in a.instance_ids or own not in b.instance_ids:
+            who = "does not solve" if own in a.instance_ids else "also solves"
+            problem = a.problem if own in a.instance_ids else b.problem
+            yield Difference(0, own, "start", f"{who} {name_of(problem, own)}")
+            continue
+        ours = a.problem.target(own).instance.hypotheses
+        theirs = b.problem.target(own).instance.hypotheses
+        name = name_of(a.problem, own)
+        if len(ours) != len(theirs):
+            yield Difference(
+                0, own, "start", f"has {_n(len(theirs), 'hypothesis', 'hypotheses')} of {name}, A has {len(ours)}"
+            )
+            continue
+        for j, (one, other) in enumerate(zip(ours, theirs, strict=True)):
+            if not same_pose(one.T_cam_obj, other.T_cam_obj):
+                far = apart(one.T_cam_obj, other.T_cam_obj)
+                yield Difference(0, own, "start", f"starts hypothesis {j + 1} of {name} {far} away")
+        for j, (f_a, f_b) in enumerate(zip(a.initial.get(own, ()), b.initial.get(own, ()), strict=False)):
+            if f_a != f_b and same_pose(ours[j].T_cam_obj, theirs[j].T_cam_obj):
+                yield Difference(
+                    0, own, "score", f"scores the first pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
+                )
+
+
+def at_moment(a: Trace, b: Trace, moment: Moment, place: int) -> Iterator[Difference]:
+    """What differs in one moment, what is done before what it scores."""
+    one = a.iterations[moment.a - 1] if moment.a else None
+    other = b.iterations[moment.b - 1] if moment.b else None
+
+    def difference(kind: Kind, text: str) -> Difference:
+        return Difference(place, moment.instance_id, kind, text, moment.a, moment.b)
+
+    name = name_of(a.problem if moment.instance_id in a.instance_ids else b.problem, moment.instance_id)
+    if one is None or other is None:
+        if other is None and b.is_done:
+            yield difference("missing", f"has no refiner call {moment.calls} on {name}, A goes on")
+        if one is None and a.is_done:
+            yield difference("missing", f"goes on with refiner call {moment.calls} on {name}, A does not")
+        return
+    yield from (difference(kind, text) for kind, text in _deeds(one, other, name))
+    yield from (difference("score", text) for text in _scores(one, other, name))
+    best_a, best_b = one.best, other.best
+    if not same_pose(best_a.T_cam_obj, best_b.T_cam_obj):
+        far = apart(best_a.T_cam_obj, best_b.T_cam_obj)
+        yield difference("answer", f"has its best pose of {name} {far} away")
+
+
+def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, str]]:
+    if one.arm != other.arm:
+        yield "hypothesis", f"works on hypothesis {other.arm + 1} of {name} instead of {one.arm + 1}"
+    ours, theirs = [p.instance_id for p in one.placed], [p.instance_id for p in other.placed]
+    if ours != theirs:
+        yield "placed", f"has {_n(len(theirs), 'object', 'objects')} placed beside {name}, A has {len(ours)}"
+    for p, q in zip(one.placed, other.placed, strict=False):
+        if p.instance_id == q.instance_id and not same_pose(p.T_cam_obj, q.T_cam_obj):
+            yield "placed", f"has a neighbour of {name} placed {apart(p.T_cam_obj, q.T_cam_obj)} away"
+            break
+    names_a, names_b = [s.name for s in one.stages], [s.name for s in other.stages]
+    if names_a != names_b:
+        yield "stages", f"goes through {', '.join(names_b)} with {name} instead of {', '.join(names_a)}"
+    for stage in other.stages:
+        ours_of = one.stage(stage.name)
+        if ours_of is not None and not same_pose(ours_of.T_cam_obj, stage.T_cam_obj):
+            yield "pose", f"has its {stage.name} pose of {name} {apart(ours_of.T_cam_obj, stage.T_cam_obj)} away"
+    if one.accepted != other.accepted:
+        yield "kept", f"keeps the {other.accepted} pose of {name} instead of the {one.accepted} one"
+
+
+def _scores(one: Iteration, other: Iteration, name: str) -> Iterator[str]:
+    for stage in other.stages:
+        ours = one.stage(stage.name)
+        if ours is None or not same_pose(ours.T_cam_obj, stage.T_cam_obj):
+            continue
+        f_a = ours.score.score if ours.score else None
+        f_b = stage.score.score if stage.score else None
+        if f_a != f_b:
+            yield f"scores the {stage.name} pose of {name} {instead(f_b, f_a)}"
+
+
+def same_pose(T_a: Float, T_b: Float) -> bool:
+    """Whether two poses are the same, bit for bit."""
+    return np.array_equal(T_a, T_b)
+
+
+def apart(T_a: Float, T_b: Float) -> str:
+    """How far two poses are from each other, as "3.2 mm and 1.1°"."""
+    distance_mm = 1e3 * float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3]))
+    turn_deg = float(np.rad2deg(angle_between(T_a[:3, :3], T_b[:3, :3])))
+    if distance_mm < 5e-4 and turn_deg < 5e-4:
+        return "less than 0.001 mm and 0.001°"
+    digits = 1 if max(distance_mm, turn_deg) >= 0.1 else 3
+    return f"{distance_mm:.{digits}f} mm and {turn_deg:.{digits}f}°"
+
+
+def instead(f_b: float | None, f_a: float | None) -> str:
+    """Two scores, with as many digits as it takes to tell them apart: "0.712 instead of 0.705"."""
+    if f_a is None or f_b is None:
+        return "that A does not judge" if f_a is None else "not at all"
+    digits = next((d for d in range(3, 16) if f"{f_a:.{d}f}" != f"{f_b:.{d}f}"), 16)
+    return f"{f_b:.{digits}f} instead of {f_a:.{digits}f}"
+
+
+def name_of(problem: Problem, instance_id: int) -> str:
+    """An object for people: its model's name, with its number where there are several of them."""
+    target = problem.target(instance_id)
+    twins = sum(i.obj_id == target.instance.obj_id for i in problem.instances)
+    return f"{target.model.name} #{instance_id}" if twins > 1 else target.model.name
+
+
+def _n(n: int, one: str, many: str) -> str:
+    return f"{n} {one if n == 1 else many}"
+
+
+# Who came nearer
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Where one run has one object."""
+
+    best: Best
+    errors: PoseErrors | None
+    score: float
+    """By the rule of A, so that both can be compared."""
+
+
+Winner = Literal["A", "B", "even"]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One object in both runs."""
+
+    instance_id: int
+    name: str
+    a: Answer | None
+    """None where that run does not solve it."""
+    b: Answer | None
+    calls_a: int
+    """Refiner calls spent on it."""
+    calls_b: int
+
+    @property
+    def winner(self) -> Winner | None:
+        """Who has it nearer to ground truth, or scores higher where none is known; None where one has no answer."""
+        if self.a is None or self.b is None:
+            return None
+        if self.a.errors is not None and self.b.errors is not None:
+            gain, even = self.a.errors.add_s_mm - self.b.errors.add_s_mm, EVEN_MM
+        else:
+            gain, even = self.b.score - self.a.score, EVEN_SCORE
+        return "even" if abs(gain) < even else "B" if gain > 0 else "A"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a run has cost so far."""
+
+    iterations: int
+    planned: int
+    refiner_calls: int
+    rollout_calls: int
+    ms: float
+    """Computing time of its iterations [ms]."""
+
+
+def effort_of(trace: Trace) -> Effort:
+    """What a run has cost so far."""
+    done = trace.iterations
+    calls, rollouts = sum(map(refiner_calls, done)), sum(map(rollout_calls, done))
+    return Effort(len(done), trace.n_planned, calls, rollouts, sum(i.ms for i in done))
+
+
+def outcomes(
+    a: Trace,
+    b: Trace,
+    errors_of: ErrorsOf,
+    score_of: Callable[[Target, Best], float] | None = None,
+) -> tuple[Outcome, ...]:
+    """The answers of both runs so far, object by object.
+
+    Args:
+        a: one run.
+        b: the other.
+        errors_of: errors of a pose against ground truth, None where there is none.
+        score_of: score of B's answer by the rule of A; None = both score alike, B's own score will do.
+    """
+
+    def answer(trace: Trace, own: int, judge: bool) -> Answer | None:
+        best = trace.answers[-1].get(own)
+        if best is None:
+            return None
+        target = trace.problem.target(own)
+        score = score_of(target, best) if judge and score_of is not None else best.score.score
+        return Answer(best, errors_of(target, best.T_cam_obj), score)
+
+    def calls(trace: Trace, own: int) -> int:
+        return sum(map(refiner_calls, trace.own.get(own, ())))
+
+    ids = dict.fromkeys((*a.instance_ids, *b.instance_ids))
+    return tuple(
+        Outcome(
+            own,
+            name_of(a.problem if own in a.instance_ids else b.problem, own),
+            answer(a, own, False),
+            answer(b, own, True),
+            calls(a, own),
+            calls(b, own),
+        )
+        for own in ids
+    )
+
+
+def tally(found: Sequence[Outcome]) -> Mapping[Winner, int]:
+    """How many objects each has nearer."""
+    winners = [o.winner for o in found]
+    return {"A": winners.count("A"), "B": winners.count("B"), "even": winners.count("even")}
