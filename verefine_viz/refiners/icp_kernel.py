@@ -57,7 +57,7 @@ def icp_loop(
         gate_squared = gates_m[iteration] * gates_m[iteration]
         n_matches, total = 0, 0.0
         for i in range(n):
-            x, y, z = _apply(R, t, source[i])
+            x, y, z = apply(R, t, source[i])
             moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z
             match[i], squared = nearest(x, y, z, gate_squared, index)
             kept[i] = squared <= gate_squared
@@ -72,7 +72,7 @@ def icp_loop(
         step_R, step_t = (
             _plane_step(moved, points, normals, match, kept)
             if plane
-            else _point_step(moved, points, match, kept, n_matches)
+            else point_step(moved, points, match, kept, n_matches)
         )
         R = step_R @ R
         t = step_R @ t + step_t
@@ -91,7 +91,8 @@ def icp_loop(
 
 
 @njit(cache=True)
-def _apply(R: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[float, float, float]:
+def apply(R: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[float, float, float]:
+    """``R p + t``."""
     return (
         R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0],
         R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1],
@@ -110,7 +111,7 @@ def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _point_step(
+def point_step(
     moved: np.ndarray, points: np.ndarray, match: np.ndarray, kept: np.ndarray, n_matches: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step with the least sum of squared distances (Umeyama without scale)."""

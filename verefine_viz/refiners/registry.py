@@ -9,9 +9,11 @@ from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.identity import Identity
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 
 REFINERS: dict[str, Callable[[Session], Refiner]] = {
     "icp": lambda session: Icp(session.icp),
+    "trimmed_icp": lambda session: TrimmedIcp(session.tricp),
     "identity": lambda session: Identity(),
 }
 
