@@ -39,6 +39,9 @@ class SettingsPanel:
                 "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
                 "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
                 "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
+                "method.discount": gui.add_number(
+                    "γ", 0.99, min=0.0, max=1.0, step=0.01, hint="vf_depth: what a play of the pass before still counts"
+                ),
                 "score.pixels": gui.add_dropdown(
                     "Pixels", ("classes", "published", "observed"), hint="which pixels count in the score"
                 ),
@@ -49,6 +52,9 @@ class SettingsPanel:
                 "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
                 "physics.steps": gui.add_number("Sim steps", 3, min=1, step=1, hint="steps of 1/60 s per iteration"),
                 "icp.max_iterations": gui.add_number("ICP its.", 10, min=1, step=1, hint="inner iterations per call"),
+                "tricp.trim": gui.add_number(
+                    "Trim", 1.0, min=0.05, max=1.0, step=0.05, hint="share of the observed points that the fit uses"
+                ),
                 "hypotheses.seed": gui.add_number(
                     "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
                 ),
@@ -57,7 +63,21 @@ class SettingsPanel:
                 "Apply", ["Restart with these", "Fork here"],
                 hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
             )  # fmt: skip
+            self._estimator = gui.add_dropdown(
+                "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
+            )
+            self.estimate = gui.add_button(
+                "Estimate here", hint="new first poses for the object in focus; the run begins anew"
+            )
         self._known: dict[str, Any] = {}
+        self._focus = 0
+        self._estimated: dict[int, str] = {}
+
+        def estimate(_: bool) -> None:
+            pools = self._estimated | {self._focus: self._estimator.value}
+            send(c.Restart((("hypotheses.estimate", tuple(sorted(pools.items()))),)))
+
+        self.estimate.on_click(by_person(estimate))
 
         def apply(label: str) -> None:
             changes = tuple((k, f.value) for k, f in self._fields.items() if f.value != self._known.get(k))
@@ -81,6 +101,12 @@ class SettingsPanel:
             self._known = values
             for name, handle in self._fields.items():
                 handle.value = values[name]
+        self._focus = view.target.instance.instance_id
+        self._estimated = dict(view.session.hypotheses.estimate)
+        self.estimate.label = f"Estimate {view.name} here"
+        self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
+        self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
+        self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
         for name, handle in self._breaks.items():
             handle.value = getattr(view.session.breakpoints, name) not in (None, False)
