@@ -18,7 +18,6 @@ from verefine_viz.session.alignment import aligned, keys_of
 from verefine_viz.session.comparison import (
     Difference,
     apart,
-    at_moment,
     differences,
     effort_of,
     first_difference,

@@ -1,0 +1,77 @@
+"""A recording played back is the run that was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from tests.recording.runs import recorded_run, session
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import InputError
+from verefine_viz.recording.playback import iteration_of, played
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.row import row_of
+from verefine_viz.session import comparison
+from verefine_viz.session.alignment import aligned
+from verefine_viz.session.trace import trace_of
+
+METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_it_is_the_run_that_was_recorded(tmp_path: Path, name: str) -> None:
+    problem = box_problem(3, 2)
+    run = recorded_run(tmp_path / "run.rrd", session(name, 2, maps=False), problem)
+    recorded = read_recording(tmp_path / "run.rrd")
+    again = played(recorded, problem)
+    assert (again.cursor, again.length, again.is_done) == (0, run.length, True)
+    a, b = trace_of(run), trace_of(again)
+    assert a.initial == b.initial
+    assert comparison.first_difference(a, b, aligned(a, b)) is None
+    for before, after in zip(a.answers, b.answers, strict=True):
+        assert (
+            first_difference([best.T_cam_obj for best in before.values()], [best.T_cam_obj for best in after.values()])
+            is None
+        )
+    for row, iteration in zip(recorded.rows, again.iterations, strict=True):
+        assert first_difference(row, row_of(iteration, row.errors)) is None
+    for k in range(run.length + 1):
+        ours, theirs = run.state_at(k).objects, again.state_at(k).objects
+        for one, other in zip(ours, theirs, strict=True):
+            assert [len(arm.entries) for arm in one.arms] == [len(arm.entries) for arm in other.arms]
+            assert [arm.plays for arm in one.arms] == [arm.plays for arm in other.arms]
+            np.testing.assert_allclose([a.mean for a in one.arms], [a.mean for a in other.arms], atol=1e-12)
+
+
+def test_every_record_survives(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd", session("rir", 2, maps=False))
+    for row, iteration in zip(read_recording(tmp_path / "run.rrd").rows, run.iterations, strict=True):
+        back: Any = iteration_of(row)
+        assert first_difference(replace(back, path=None), replace(iteration, path=None)) is None
+        assert iteration.path is not None
+        np.testing.assert_allclose(back.path.Ts_cam_obj, iteration.path.Ts_cam_obj, atol=1e-6)
+        np.testing.assert_allclose(back.path.contacts[-1].points_cam, iteration.path.contacts[-1].points_cam, atol=1e-6)
+
+
+def test_a_recording_cannot_be_edited_or_continued(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session("sir", 2, maps=False))
+    again = played(read_recording(tmp_path / "run.rrd"), box_problem(3, 2))
+    again.seek(again.length)
+    with pytest.raises(InputError, match=r"run\.rrd ends here"):
+        again.step()
+    with pytest.raises(InputError, match=r"run\.rrd is a recording and stays as it is"):
+        again.fork(1, None, (0, 0, np.eye(4)))
+
+
+def test_data_that_changed_since_are_told(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session("sir", 2, maps=False))
+    recorded = read_recording(tmp_path / "run.rrd")
+    with pytest.raises(InputError, match="made from 3 first poses of 0_box, its session now gives 2"):
+        played(recorded, box_problem(2, 2))
+    with pytest.raises(InputError, match="made of 1_box, which frame 0/1 does not hold"):
+        played(recorded, box_problem(3, 1))

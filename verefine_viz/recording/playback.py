@@ -1,0 +1,186 @@
+"""A recording as a run: every iteration as it was written, nothing computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Best, Choice, Contacts, Event, Iteration, SimulatedPath, Stage
+from verefine_viz.core.scores import PoseScore, Scores
+from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.recording.reader import Recorded
+from verefine_viz.recording.row import Row
+from verefine_viz.session.engine import Run
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedState:
+    """Where a recording is after some of its iterations."""
+
+    problem: Problem
+    objects: tuple[ObjectState | None, ...]
+    """Per instance; None where it had no hypothesis."""
+    n_done: int = 0
+
+    @property
+    def initial(self) -> tuple[Scores | None, ...]:
+        return tuple(o.initial if o else None for o in self.objects)
+
+    @property
+    def best(self) -> tuple[Best | None, ...]:
+        return tuple(o.best if o else None for o in self.objects)
+
+
+class Playback:
+    """Steps through the rows of a recording as a method steps through a run."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._recorded = recorded
+        self._iterations = tuple(iteration_of(row) for row in recorded.rows)
+
+    def start(self, problem: Problem) -> PlayedState:
+        return PlayedState(problem, tuple(self._start(target) for target in problem.targets))
+
+    def step(self, state: PlayedState) -> tuple[PlayedState, Iteration]:
+        if self.is_done(state):
+            raise InputError(f"{self._recorded.path.name} ends here")
+        iteration = self._iterations[state.n_done]
+        ids = [i.instance_id for i in state.problem.instances]
+        k = ids.index(iteration.instance_id)
+        before = state.objects[k]
+        assert before is not None
+        objects = (*state.objects[:k], _after(before, iteration), *state.objects[k + 1 :])
+        return replace(state, objects=objects, n_done=state.n_done + 1), iteration
+
+    def is_done(self, state: PlayedState) -> bool:
+        return state.n_done >= len(self._iterations)
+
+    def n_iterations(self, state: PlayedState) -> int:
+        return len(self._iterations)
+
+    def edit(self, state: PlayedState, instance_id: int, arm: int, T_cam_obj: Float) -> PlayedState:
+        raise InputError(
+            f"{self._recorded.path.name} is a recording and stays as it is; open its session to go on from a pose"
+        )
+
+    def _start(self, target: Target) -> ObjectState | None:
+        hypotheses, scores = target.instance.hypotheses, self._initial(target)
+        if not hypotheses:
+            return None
+        entries = [Entry(h.T_cam_obj, scores[j], "initial", 0) for j, h in enumerate(hypotheses)]
+        arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
+        own = [i for i in self._iterations if i.instance_id == target.instance.instance_id]
+        if not any(i.choice for i in own):  # A method without a choice uses the first only.
+            arms = arms[:1]
+        first = int(np.argmax([arm.mean for arm in arms]))
+        entry = entries[first]
+        return ObjectState(target, scores, arms, Best(entry.T_cam_obj, entry.score, first, 0, "initial"))
+
+    def _initial(self, target: Target) -> Scores:
+        """Only f̄ of the first poses is in a recording; what it is made of was not kept."""
+        branch = self._recorded.layout.branch(target.instance.instance_id)
+        value = np.array(branch.initial_scores, np.float64)
+        none = np.zeros(len(value), np.int64)
+        return Scores(value, value, value, none, none + 1, np.zeros((len(value), 5), np.int64))
+
+
+def played(recorded: Recorded, problem: Problem) -> Run:
+    """The recorded run, complete, with the cursor before its first iteration.
+
+    Args:
+        recorded: what was read.
+        problem: the recorded frame.
+
+    Raises:
+        InputError: the frame does not hold what was recorded.
+    """
+    problem = problem.only(_recorded_instances(recorded, problem))
+    run = Run(cast(Any, Playback(recorded)), problem)
+    run.finish()
+    run.seek(0)
+    return run
+
+
+def _recorded_instances(recorded: Recorded, problem: Problem) -> Sequence[int]:
+    """The instances that were recorded, all of them as the frame has them now."""
+    name = recorded.path.name
+    here = {i.instance_id: i for i in problem.instances}
+    for branch in recorded.layout.branches:
+        instance = here.get(branch.instance_id)
+        if instance is None or instance.obj_id != branch.obj_id:
+            raise InputError(f"{name} was made of {branch.name}, which frame {problem.frame} does not hold (any more)")
+        if len(instance.hypotheses) != branch.n_arms:
+            raise InputError(
+                f"{name} was made from {branch.n_arms} first poses of {branch.name}, its session now gives "
+                f"{len(instance.hypotheses)}: the results files or the data set have changed since"
+            )
+    return [b.instance_id for b in recorded.layout.branches]
+
+
+def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
+    """An object's state after one more of its iterations."""
+    kept, choice, j = iteration.accepted_stage, iteration.choice, iteration.arm
+    arms = list(before.arms)
+    if choice is not None and len(choice.plays) == len(arms):
+        known = zip(arms, choice.plays.tolist(), choice.mean.tolist(), strict=True)
+        arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in known]
+    if j < len(arms):
+        score = kept.score or arms[j].current.score
+        arm = arms[j].moved(Entry(kept.T_cam_obj, score, kept.name, iteration.index))
+        judged = [s.score.score for s in iteration.stages[1:] if s.score is not None]
+        arms[j] = arm.rewarded(max(judged)) if judged else arm
+    return replace(
+        before, arms=tuple(arms), best=iteration.best, n_done=before.n_done + 1, last_arm=min(j, len(arms) - 1)
+    )
+
+
+def iteration_of(row: Row) -> Iteration:
+    """The record of a row; of the contacts only those at the end of the simulation were kept."""
+    stages = tuple(
+        Stage(cast(Any, name), T, _score(row.scores[k], row.pixels[k]), float(row.ms[k]))
+        for k, (name, T) in enumerate(zip(row.stages, row.Ts_cam_obj, strict=True))
+    )
+    best = _score(row.best_score, row.best_pixels)
+    assert best is not None, f"iteration {row.index} has no score of its best pose"
+    choice = Choice(row.arm, *row.choice, reason=row.reason) if row.choice.size else None
+    events = zip(row.event_kinds, row.event_texts, strict=True)
+    return Iteration(
+        index=row.index,
+        instance_id=row.instance_id,
+        obj_id=row.obj_id,
+        arm=row.arm,
+        arm_iteration=row.arm_iteration,
+        stages=stages,
+        accepted=cast(Any, row.accepted),
+        best=Best(row.T_best, best, row.best_arm, row.best_iteration, cast(Any, row.best_stage)),
+        path=_path(row),
+        choice=choice,
+        events=tuple(Event(cast(Any, kind), text) for kind, text in events),
+        score_ms=float(row.ms[-1]),
+    )
+
+
+def _score(values: Float, pixels: Any) -> PoseScore | None:
+    if np.isnan(values[0]):
+        return None
+    f, depth_fit, normal_fit = (float(v) for v in values)
+    n, n_rendered, *counts = (int(p) for p in pixels)
+    a, b, c, d, e = counts
+    return PoseScore(f, depth_fit, normal_fit, n, n_rendered, (a, b, c, d, e))
+
+
+def _path(row: Row) -> SimulatedPath | None:
+    if len(row.path) == 0:
+        return None
+    k = row.contacts.astype(np.float64)
+    last = Contacts(k[:, :3], k[:, 3:6], k[:, 6], k[:, 7], k[:, 8].astype(np.int64))
+    none = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+    n_steps = len(row.path) - 1
+    contacts = (*(none,) * (n_steps - 1), last) if n_steps else ()
+    return SimulatedPath(row.path.astype(np.float64), contacts)
