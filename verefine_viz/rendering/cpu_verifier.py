@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -20,7 +20,15 @@ from verefine_viz.rendering import kernels
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_frame
-from verefine_viz.rendering.results import PIXELS, as_poses, normals_image, score_maps, scores_from_sums
+from verefine_viz.rendering.results import (
+    PIXELS,
+    as_combinations,
+    as_poses,
+    in_order,
+    normals_image,
+    score_maps,
+    scores_from_sums,
+)
 
 NOTHING_PLACED = np.zeros((0, 0), np.float32)
 
@@ -51,18 +59,48 @@ class CpuVerifier:
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``)."""
-        Ts = as_poses(Ts_cam_obj)
-        prepared = self._targets.get(target)
-        settings = self.settings
+        return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
+
+    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+        """The score of one pose, pixel by pixel."""
+        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True)
+
+    def score_scene(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> Scores:
+        """Scores of N combinations of poses (N, m, 4, 4) of m targets, each combination in one depth buffer.
+
+        Args:
+            targets: of one frame; their order does not matter.
+            Ts_cam_obj: a pose that is not finite, or shows nothing, leaves its object's mask empty.
+            placed: objects other than the targets that may hide parts (``classes``).
+            whole_frame: ``published`` counts the pixels of all objects in the frame, as :meth:`score` does.
+
+        Raises:
+            ShapeError: another shape of poses, no targets, or targets of several frames.
+        """
+        targets, Ts = in_order(targets, as_combinations(Ts_cam_obj, len(targets)))
+        return self._score(targets, Ts, placed, whole_frame)
+
+    def scene_maps(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> ScoreMaps:
+        """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
+        targets, Ts = in_order(targets, as_combinations(np.asarray(Ts_cam_obj)[None], len(targets)))
+        return self._maps(targets, Ts[0], placed, whole_frame)
+
+    def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
+        prepared, settings = self._targets.scene(targets, whole_frame), self.settings
         sums = np.empty((len(Ts), kernels.N_SUMS))
         arguments = (
             Ts,
-            _arrays(self._meshes.get(target.model)),
-            intrinsics(target.observation.camera, settings),
+            self._meshes.together([target.model for target in targets]).arrays,
+            intrinsics(targets[0].observation.camera, settings),
             far_m(settings),
             prepared.observed,
             prepared.flags,
-            self._placed_depth(target, placed),
+            prepared.own,
+            self._placed_depth(targets, placed),
             prepared.n_objects,
             prepared.n_own,
             PIXELS[settings.pixels],
@@ -77,42 +115,44 @@ class CpuVerifier:
             other.result()
         return scores_from_sums(sums, settings)
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
-        """The score of one pose, pixel by pixel."""
-        T = as_poses(np.asarray(T_cam_obj)[None])[0]
-        camera = target.observation.camera
-        mesh = self._meshes.get(target.model)
-        depth, face_of = self._frame(T, mesh, camera)
-        normals = normals_image(mesh, T, depth, face_of, intrinsics(camera, self.settings))
-        placed_m = self._placed_depth(target, placed)
-        return score_maps(
-            depth, normals, self._targets.get(target), placed_m if placed_m.size else None, self.settings
-        )  # fmt: skip
-
-    def _frame(self, T: Float, mesh: RenderMesh, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        inv_z, face_of = np.zeros(camera.shape, np.float32), np.zeros(camera.shape, np.int32)
-        draw_frame(T, *_arrays(mesh), *intrinsics(camera, self.settings), inv_z, face_of)
-        depth = np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
+    def _maps(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> ScoreMaps:
+        camera = targets[0].observation.camera
+        pinhole = intrinsics(camera, self.settings)
+        meshes = self._meshes.together([target.model for target in targets])
+        depth, face_of = self._frame(zip(meshes.meshes, Ts, strict=True), camera)
         depth[depth > far_m(self.settings)] = 0
-        return depth, face_of
+        normals = normals_image(meshes, Ts, depth, face_of, pinhole)
+        placed_m = self._placed_depth(targets, placed)
+        return score_maps(
+            depth,
+            normals,
+            meshes.model_of(face_of),
+            self._targets.scene(targets, whole_frame),
+            placed_m if placed_m.size else None,
+            self.settings,
+        )
 
-    def _placed_depth(self, target: Target, placed: Sequence[Placed]) -> NDArray[np.float32]:
+    def _frame(
+        self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """The whole picture of models at their poses: z (H, W) [m] and the face that is seen, counted through all."""
+        inv_z, face_of = np.zeros(camera.shape, np.float32), np.zeros(camera.shape, np.int32)
+        first_face = 0
+        for mesh, T_cam_obj in items:
+            T = np.ascontiguousarray(T_cam_obj, dtype=np.float64)
+            draw_frame(T, *mesh.arrays, *intrinsics(camera, self.settings), inv_z, face_of, first_face)
+            first_face += len(mesh.faces)
+        return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), face_of
+
+    def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
         """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""
-        others = [p for p in placed if p.instance_id != target.instance.instance_id]
+        judged = [target.instance.instance_id for target in targets]
+        others = [p for p in placed if p.instance_id not in judged]
         if not others:
             return NOTHING_PLACED
-        camera = target.observation.camera
+        camera = targets[0].observation.camera
         key = (camera.K.tobytes(), camera.shape, *((p.model.mesh_hash, p.T_cam_obj.tobytes()) for p in others))
         if key != self._placed_key:
-            inv_z, face_of = np.zeros(camera.shape, np.float32), np.zeros(camera.shape, np.int32)
-            for p in others:
-                mesh = _arrays(self._meshes.get(p.model))
-                T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
-                draw_frame(T, *mesh, *intrinsics(camera, self.settings), inv_z, face_of)
-            self._placed_m = np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
+            self._placed_m = self._frame(((self._meshes.get(p.model), p.T_cam_obj) for p in others), camera)[0]
             self._placed_key = key
         return self._placed_m
-
-
-def _arrays(mesh: RenderMesh) -> tuple[Float, NDArray[np.int32], Float, Float]:
-    return mesh.vertices, mesh.faces, mesh.face_normals, mesh.face_offsets

@@ -6,7 +6,7 @@ centres at integers of the camera's image.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from weakref import WeakKeyDictionary
 
@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.rendering.mesh import RenderMesh
+from verefine_viz.rendering.kernels import OWN
+from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes
 from verefine_viz.rendering.prepared import PreparedTarget
 from verefine_viz.rendering.rasterizer import NEAR_M
 
 Intrinsics = tuple[float, float, float, float]
 Windows = NDArray[np.int64]
+"""(N, m, 4) the window x0, y0, columns, rows of each model of N combinations of poses [px]; 0 columns for none."""
 
 ATLAS_PIXELS = 1 << 23
 """Largest atlas [px]; more poses are scored in several batches."""
@@ -72,9 +74,9 @@ class GlPasses:
         self._reduce = context.program(_shader("whole.vert"), _shader("reduce.frag"))
         self._score_all = context.vertex_array(self._score, [])
         self._reduce_all = context.vertex_array(self._reduce, [])
-        self._meshes: WeakKeyDictionary[RenderMesh, tuple[moderngl.VertexArray, moderngl.Texture]]
-        self._meshes = WeakKeyDictionary()
-        self._targets: WeakKeyDictionary[PreparedTarget, tuple[moderngl.Texture, moderngl.Texture]]
+        self._meshes: WeakKeyDictionary[RenderMesh, moderngl.VertexArray] = WeakKeyDictionary()
+        self._normals: WeakKeyDictionary[RenderMeshes, moderngl.Texture] = WeakKeyDictionary()
+        self._targets: WeakKeyDictionary[PreparedTarget, dict[str, moderngl.Texture | moderngl.TextureArray]]
         self._targets = WeakKeyDictionary()
         self._max_side = int(context.info["GL_MAX_TEXTURE_SIZE"])
 
@@ -83,25 +85,26 @@ class GlPasses:
         self.context.gc()
 
     def batches(self, windows: Windows) -> Iterator[tuple[int, int]]:
-        """Ranges of poses whose tiles fit into one atlas."""
-        columns, rows = _tile(windows)
+        """Ranges of combinations whose tiles fit into one atlas."""
+        columns, rows = _tile(_joint(windows))
         per_atlas = min(
             (self._max_side // columns) * (self._max_side // rows), max(1, ATLAS_PIXELS // (columns * rows))
         )
         for first in range(0, len(windows), per_atlas):
             yield first, min(first + per_atlas, len(windows))
 
-    def draw_tiles(self, mesh: RenderMesh, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> None:
-        """Pass 1: each pose's window (x0, y0, columns, rows) of the image into its tile of the atlas."""
-        columns, rows = _tile(windows)
-        per_row = self._tiles_per_row(windows)
+    def draw_tiles(self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> None:
+        """Pass 1: the window of the image that holds each combination (N, m, 4, 4) into its tile of the atlas."""
+        joint = _joint(windows)
+        columns, rows = _tile(joint)
+        per_row = self._tiles_per_row(joint)
         self.atlas.clear(min(per_row, len(Ts)) * columns, -(-len(Ts) // per_row) * rows)
         for i in range(len(Ts)):
-            if windows[i, 2] > 0:
-                corner = (i % per_row) * columns, (i // per_row) * rows
-                z = Ts[i, 2, 3]
-                depth_range = z - mesh.radius_m, z + mesh.radius_m
-                self._draw_one(self.atlas, corner, mesh, Ts[i], windows[i], camera, depth_range, far)
+            corner = (i % per_row) * columns, (i // per_row) * rows
+            shown = [k for k in range(len(meshes.meshes)) if windows[i, k, 2] > 0]
+            items = [(meshes.meshes[k], Ts[i, k]) for k in shown]
+            first_faces = [int(meshes.face_starts[k]) for k in shown]
+            self._draw_together(self.atlas, corner, items, first_faces, joint[i], camera, far)
 
     def draw_scene(
         self, items: list[tuple[RenderMesh, Float]], shape: tuple[int, int], camera: Intrinsics, far: float
@@ -111,49 +114,46 @@ class GlPasses:
         self.placed.clear(width, height)
         whole = np.array([0, 0, width, height])
         drawn = [(mesh, T) for mesh, T in items if np.isfinite(T).all()]
-        nearest = min((T[2, 3] - mesh.radius_m for mesh, T in drawn), default=0.0)
-        farthest = max((T[2, 3] + mesh.radius_m for mesh, T in drawn), default=0.0)
-        for mesh, T in drawn:
-            self._draw_one(self.placed, (0, 0), mesh, T, whole, camera, (nearest, farthest), far)
+        self._draw_together(self.placed, (0, 0), drawn, [0] * len(drawn), whole, camera, far)
 
     def sums(
         self,
         prepared: PreparedTarget,
-        mesh: RenderMesh,
+        meshes: RenderMeshes,
         Ts: Float,
         windows: Windows,
         camera: Intrinsics,
         has_placed: bool,
         judging: dict[str, float | int],
     ) -> NDArray[np.float32]:
-        """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each pose's tile.
+        """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each combination's tile.
 
         Args:
             prepared: what was observed.
-            mesh: as in :meth:`draw_tiles`.
+            meshes: as in :meth:`draw_tiles`.
             Ts: as there.
             windows: as there.
             camera: (fx, fy, cx, cy) [px].
             has_placed: whether ``placed`` holds objects that may hide others.
             judging: ``pixels``, ``tau_m`` and ``alpha``.
         """
-        context, n, (columns, rows) = self.context, len(Ts), _tile(windows)
+        joint = _joint(windows)
+        context, n, m, (columns, rows) = self.context, *Ts.shape[:2], _tile(joint)
         # What is not drawn may hold numbers that no texture can.
-        drawn = np.where(windows[:, 2, None, None] > 0, Ts, np.eye(4))
-        pose_rows = np.concatenate([drawn[:, :3], windows[:, None]], axis=1).astype("f4")
-        poses = context.texture((4, n), 4, pose_rows.tobytes(), dtype="f4")
+        drawn = np.where(windows[:, :, 2, None, None] > 0, Ts, np.eye(4))
+        pose_rows = np.concatenate([drawn[:, :, :3].reshape(n, 3 * m, 4), joint[:, None]], axis=1).astype("f4")
+        poses = context.texture((3 * m + 1, n), 4, pose_rows.tobytes(), dtype="f4")
         by_row = [context.texture((rows, n), 4, dtype="f4") for _ in range(3)]
         by_pose = context.texture((n, 3), 4, dtype="f4")
         inputs = {
             "atlas": self.atlas.texture,
             "poses": poses,
-            "face_normals": self._mesh(mesh)[1],
-            "observed": self._target(prepared)[0],
-            "flags": self._target(prepared)[1],
+            "face_normals": self._face_normals(meshes),
+            **self._target(prepared),
             "placed": self.placed.texture if has_placed else self.atlas.texture,
         }
-        values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(windows), **judging}
-        _bind(self._score, inputs, {**values, "has_placed": has_placed})
+        values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(joint), "n_models": m}
+        _bind(self._score, inputs, {**values, **judging, "has_placed": has_placed})
         row_target = context.framebuffer(by_row)
         row_target.use()
         self._score_all.render(vertices=3)
@@ -164,58 +164,83 @@ class GlPasses:
         result = np.frombuffer(pose_target.read(components=4, dtype="f4"), np.float32).reshape(3, n, 4)
         return result.transpose(1, 0, 2)
 
-    def _draw_one(
+    def _draw_together(
         self,
         surface: Surface,
         corner: tuple[int, int],
-        mesh: RenderMesh,
-        T: Float,
+        items: list[tuple[RenderMesh, Float]],
+        first_faces: list[int],
         window: NDArray[np.int64],
         camera: Intrinsics,
-        depth_range: tuple[float, float],
         far: float,
     ) -> None:
+        """Models at their poses into one window, which lies at ``corner`` of the surface."""
+        if not items:
+            return
         x0, y0, columns, rows = (int(k) for k in window)
+        nearest = min(T[2, 3] - mesh.radius_m for mesh, T in items)
+        farthest = max(T[2, 3] + mesh.radius_m for mesh, T in items)
         surface.framebuffer.use()
         self.context.viewport = (*corner, columns, rows)
         self.context.enable_only(moderngl.DEPTH_TEST)
         # OpenGL takes matrices column by column.
-        self._draw["T_cam_obj"] = tuple(T.T.ravel())
-        self._draw["projection"] = tuple(_projection(camera, (x0, y0, columns, rows), *depth_range).T.ravel())
+        self._draw["projection"] = tuple(_projection(camera, (x0, y0, columns, rows), nearest, farthest).T.ravel())
         self._draw["far_m"] = min(far, VERY_FAR_M)
-        self._mesh(mesh)[0].render(moderngl.TRIANGLES)
+        for (mesh, T), first_face in zip(items, first_faces, strict=True):
+            self._draw["T_cam_obj"] = tuple(T.T.ravel())
+            self._draw["first_face"] = first_face
+            self._mesh(mesh).render(moderngl.TRIANGLES)
         self.context.enable_only(moderngl.NOTHING)
 
-    def _tiles_per_row(self, windows: Windows) -> int:
-        columns, rows = _tile(windows)
-        square = int(np.ceil(np.sqrt(len(windows) * rows / columns)))
+    def _tiles_per_row(self, joint: NDArray[np.int64]) -> int:
+        columns, rows = _tile(joint)
+        square = int(np.ceil(np.sqrt(len(joint) * rows / columns)))
         return max(1, min(square, self._max_side // columns))
 
-    def _mesh(self, mesh: RenderMesh) -> tuple[moderngl.VertexArray, moderngl.Texture]:
+    def _mesh(self, mesh: RenderMesh) -> moderngl.VertexArray:
         if mesh not in self._meshes:
             vertices = self.context.buffer(mesh.vertices.astype("f4").tobytes())
             indices = self.context.buffer(mesh.faces.astype("i4").tobytes())
-            array = self.context.vertex_array(self._draw, [(vertices, "3f", "in_position")], indices)
-            height = -(-len(mesh.faces) // NORMALS_WIDTH)
-            normals = np.zeros((height * NORMALS_WIDTH, 4), "f4")
-            normals[: len(mesh.faces), :3] = mesh.face_normals
-            self._meshes[mesh] = array, self.context.texture((NORMALS_WIDTH, height), 4, normals.tobytes(), dtype="f4")
+            self._meshes[mesh] = self.context.vertex_array(self._draw, [(vertices, "3f", "in_position")], indices)
         return self._meshes[mesh]
 
-    def _target(self, prepared: PreparedTarget) -> tuple[moderngl.Texture, moderngl.Texture]:
+    def _face_normals(self, meshes: RenderMeshes) -> moderngl.Texture:
+        """Normal and number of the model of every face."""
+        if meshes not in self._normals:
+            n_faces = len(meshes.faces)
+            height = -(-n_faces // NORMALS_WIDTH)
+            normals = np.zeros((height * NORMALS_WIDTH, 4), "f4")
+            normals[:n_faces, :3] = meshes.face_normals
+            normals[:n_faces, 3] = meshes.model_of(np.arange(n_faces))
+            texture = self.context.texture((NORMALS_WIDTH, height), 4, normals.tobytes(), dtype="f4")
+            self._normals[meshes] = texture
+        return self._normals[meshes]
+
+    def _target(self, prepared: PreparedTarget) -> dict[str, moderngl.Texture | moderngl.TextureArray]:
         if prepared not in self._targets:
-            height, width = prepared.flags.shape
-            observed = self.context.texture((width, height), 4, prepared.observed.tobytes(), dtype="f4")
-            flags = self.context.texture((width, height), 1, prepared.flags.tobytes(), alignment=1, dtype="u1")
-            self._targets[prepared] = observed, flags
+            m, height, width = prepared.own.shape
+            size, own = (width, height), prepared.own & OWN
+            self._targets[prepared] = {
+                "observed": self.context.texture(size, 4, prepared.observed.tobytes(), dtype="f4"),
+                "flags": self.context.texture(size, 1, prepared.flags.tobytes(), alignment=1, dtype="u1"),
+                "own": self.context.texture_array((*size, m), 1, own.tobytes(), alignment=1, dtype="u1"),
+            }
         return self._targets[prepared]
 
 
-def _tile(windows: Windows) -> tuple[int, int]:
+def _joint(windows: Windows) -> NDArray[np.int64]:
+    """(N, 4) the window that holds all models of a combination [px]; 0 columns where none shows."""
+    shows = windows[:, :, 2:3] > 0
+    first = np.where(shows, windows[:, :, :2], np.iinfo(np.int64).max).min(axis=1)
+    last = np.where(shows, windows[:, :, :2] + windows[:, :, 2:], 0).max(axis=1)
+    return np.where(shows.any(axis=1), np.concatenate([first, last - first], axis=1), 0)
+
+
+def _tile(joint: NDArray[np.int64]) -> tuple[int, int]:
     """(columns, rows) that hold every window [px]."""
-    if len(windows) == 0:
+    if len(joint) == 0:
         return 1, 1
-    return max(1, int(windows[:, 2].max())), max(1, int(windows[:, 3].max()))
+    return max(1, int(joint[:, 2].max())), max(1, int(joint[:, 3].max()))
 
 
 def _projection(camera: Intrinsics, window: tuple[int, int, int, int], nearest: float, farthest: float) -> Float:
@@ -235,7 +260,11 @@ def _projection(camera: Intrinsics, window: tuple[int, int, int, int], nearest: 
     )
 
 
-def _bind(program: moderngl.Program, textures: dict[str, moderngl.Texture], values: dict[str, object]) -> None:
+def _bind(
+    program: moderngl.Program,
+    textures: Mapping[str, moderngl.Texture | moderngl.TextureArray],
+    values: Mapping[str, object],
+) -> None:
     for unit, (name, texture) in enumerate(textures.items()):
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.use(unit)

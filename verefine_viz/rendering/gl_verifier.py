@@ -18,7 +18,15 @@ from verefine_viz.rendering import kernels
 from verefine_viz.rendering.gl_context import create_context
 from verefine_viz.rendering.gl_passes import GlPasses
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
-from verefine_viz.rendering.results import PIXELS, as_poses, normals_image, score_maps, scores_from_sums
+from verefine_viz.rendering.results import (
+    PIXELS,
+    as_combinations,
+    as_poses,
+    in_order,
+    normals_image,
+    score_maps,
+    scores_from_sums,
+)
 
 
 class GlVerifier:
@@ -40,20 +48,7 @@ class GlVerifier:
         Raises:
             UnavailableError: no OpenGL, or called from another thread than before.
         """
-        Ts = as_poses(Ts_cam_obj)
-        passes, settings = self._gl(), self.settings
-        prepared, mesh = self._targets.get(target), self._meshes.get(target.model)
-        frame = target.observation.camera
-        camera = intrinsics(frame, settings)
-        has_placed = self._draw_placed(passes, target, placed)
-        windows = kernels.windows(Ts, mesh.vertices, camera, frame.height, frame.width)
-        judging = {"pixels": PIXELS[settings.pixels], "tau_m": settings.tau_m, "alpha": settings.alpha}
-        raw = np.zeros((len(Ts), 3, 4))
-        for first, last in passes.batches(windows):
-            part = Ts[first:last], windows[first:last], camera
-            passes.draw_tiles(mesh, *part, far_m(settings))
-            raw[first:last] = passes.sums(prepared, mesh, *part, has_placed, judging)
-        return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
+        return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
     def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
         """The score of one pose, pixel by pixel.
@@ -61,19 +56,59 @@ class GlVerifier:
         Raises:
             UnavailableError: no OpenGL, or called from another thread than before.
         """
-        T = as_poses(np.asarray(T_cam_obj)[None])
+        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True)
+
+    def score_scene(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> Scores:
+        """Scores of N combinations of poses (N, m, 4, 4) of m targets; see :meth:`CpuVerifier.score_scene`.
+
+        Raises:
+            ShapeError: another shape of poses, no targets, or targets of several frames.
+            UnavailableError: no OpenGL, or called from another thread than before.
+        """
+        targets, Ts = in_order(targets, as_combinations(Ts_cam_obj, len(targets)))
+        return self._score(targets, Ts, placed, whole_frame)
+
+    def scene_maps(
+        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+    ) -> ScoreMaps:
+        """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
+        targets, Ts = in_order(targets, as_combinations(np.asarray(Ts_cam_obj)[None], len(targets)))
+        return self._maps(targets, Ts[0], placed, whole_frame)
+
+    def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         passes, settings = self._gl(), self.settings
-        prepared, mesh = self._targets.get(target), self._meshes.get(target.model)
-        frame = target.observation.camera
+        prepared = self._targets.scene(targets, whole_frame)
+        meshes = self._meshes.together([target.model for target in targets])
+        frame = targets[0].observation.camera
         camera = intrinsics(frame, settings)
-        has_placed = self._draw_placed(passes, target, placed)
+        has_placed = self._draw_placed(passes, targets, placed)
+        windows = kernels.windows(Ts, meshes.arrays, camera, frame.height, frame.width)
+        judging = {"pixels": PIXELS[settings.pixels], "tau_m": settings.tau_m, "alpha": settings.alpha}
+        raw = np.zeros((len(Ts), 3, 4))
+        for first, last in passes.batches(windows):
+            part = Ts[first:last], windows[first:last], camera
+            passes.draw_tiles(meshes, *part, far_m(settings))
+            raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, judging)
+        return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
+
+    def _maps(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> ScoreMaps:
+        passes, settings = self._gl(), self.settings
+        meshes = self._meshes.together([target.model for target in targets])
+        frame = targets[0].observation.camera
+        camera = intrinsics(frame, settings)
+        has_placed = self._draw_placed(passes, targets, placed)
         placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else None
-        windows = kernels.windows(T, mesh.vertices, camera, frame.height, frame.width)
+        shows = kernels.windows(Ts[None], meshes.arrays, camera, frame.height, frame.width)[0, :, 2] > 0
         depth, face_of = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.int64)
-        if windows[0, 2] > 0:
-            passes.draw_tiles(mesh, T, np.array([[0, 0, frame.width, frame.height]]), camera, far_m(settings))
+        if shows.any():
+            whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
+            passes.draw_tiles(meshes, Ts[None], whole[None], camera, far_m(settings))
             depth, face_of = passes.atlas.read(frame.width, frame.height)
-        return score_maps(depth, normals_image(mesh, T[0], depth, face_of, camera), prepared, placed_m, settings)
+        normals = normals_image(meshes, Ts, depth, face_of, camera)
+        prepared = self._targets.scene(targets, whole_frame)
+        return score_maps(depth, normals, meshes.model_of(face_of), prepared, placed_m, settings)
 
     def close(self) -> None:
         """Gives the context back; the next call makes a new one."""
@@ -95,12 +130,13 @@ class GlVerifier:
         self._passes.collect()
         return self._passes
 
-    def _draw_placed(self, passes: GlPasses, target: Target, placed: Sequence[Placed]) -> bool:
+    def _draw_placed(self, passes: GlPasses, targets: Sequence[Target], placed: Sequence[Placed]) -> bool:
         """Draws the other objects, once as long as they stay where they are; False where there are none."""
-        others = [p for p in placed if p.instance_id != target.instance.instance_id]
+        judged = [target.instance.instance_id for target in targets]
+        others = [p for p in placed if p.instance_id not in judged]
         if not others:
             return False
-        frame = target.observation.camera
+        frame = targets[0].observation.camera
         key = (frame.K.tobytes(), frame.shape, *((p.model.mesh_hash, p.T_cam_obj.tobytes()) for p in others))
         if key != self._placed_key:
             items = [(self._meshes.get(p.model), p.T_cam_obj) for p in others]

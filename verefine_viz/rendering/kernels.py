@@ -1,6 +1,7 @@
 """Scores of poses on the CPU: each pose is drawn into its own small window and summed in the same pass.
 
-Only pixels on which the model shows are visited: what the rest of the image adds (missed pixels of the mask, other
+What is scored is a combination of poses, one of each of m models that share one depth buffer; a lone object is m = 1.
+Only pixels on which a model shows are visited: what the rest of the image adds (missed pixels of the mask, other
 objects' pixels in N) is known beforehand, so the sums are those of the whole image. A pose's sum runs in one order in
 one thread, hence the same bits with any number of threads.
 """
@@ -16,7 +17,8 @@ from verefine_viz.rendering.rasterizer import draw, eye_in_object, window
 config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # pyright: ignore[reportAttributeAccessIssue]
 
 OWN, OBJECTS = 1, 2
-"""Bits of a pixel's flags; both stand for a valid depth: in the instance's own mask, in any instance's."""
+"""Bits of a pixel's flags; both stand for a valid depth: in a mask of the instances that are scored, in any mask whose
+pixels count when they are ``PUBLISHED``."""
 
 PUBLISHED, OBSERVED, CLASSES = 0, 1, 2
 """How pixels are counted (``ScoreSettings.pixels``)."""
@@ -28,14 +30,15 @@ N_SUMS = 9
 
 
 @njit(cache=True)
-def classify(observed, rendered, other, is_own, tau):
-    """The class of a pixel on which the model shows.
+def classify(observed, rendered, other, is_own, is_any, tau):
+    """The class of a pixel on which a model shows.
 
     Args:
         observed: measured z [m]; 0 where nothing was measured.
         rendered: z of the model > 0 [m].
         other: z of the objects placed before, 0 = none [m].
-        is_own: the pixel is in the instance's mask.
+        is_own: the pixel is in the mask of the instance whose model shows.
+        is_any: the pixel is in the mask of any instance that is scored.
         tau: depth tolerance [m].
     """
     if observed == 0.0:
@@ -47,24 +50,25 @@ def classify(observed, rendered, other, is_own, tau):
         return PROTRUDING
     if 0.0 < other < rendered and abs(observed - other) < tau:
         return HIDDEN
-    if is_own:
-        return MISSED
     if near:
         return PROTRUDING
+    if is_any:
+        return MISSED
     return HIDDEN
 
 
 @njit(cache=True)
-def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, sums):
-    """Fills ``sums`` (``N_SUMS``,) for one pose.
+def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, sums):
+    """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
     Args:
-        T: (4, 4) T_cam_obj.
-        mesh: vertices, faces, face normals, face offsets; see :func:`rasterizer.draw`.
+        Ts: (m, 4, 4) T_cam_obj of each model.
+        meshes: ``RenderMeshes.arrays``.
         camera: (fx, fy, cx, cy) [px].
         far: farthest surface that is drawn [m].
         observed: (H, W, 4) normal and depth; 0 where missing.
         flags: (H, W) bits ``OWN``, ``OBJECTS``.
+        own: (m, H, W) the bit ``OWN`` of each instance by itself.
         placed: (H, W) z of the objects placed before, or (0, 0) for none [m].
         n_objects: how many pixels have the flag ``OBJECTS``.
         n_own: how many have ``OWN``.
@@ -73,17 +77,12 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
         alpha: tolerance of 1 − n·n̂.
         sums: (9,) result.
     """
-    vertices, faces, normals, offsets = mesh
-    fx, fy, cx, cy = camera
-    height, width = flags.shape
-    projected = np.empty((len(vertices), 3))
-    x0, y0, columns, rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
-    inv_z = np.zeros((rows, columns), np.float32)
-    face_of = np.empty((rows, columns), np.int32)
-    if columns > 0:
-        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0)
-
-    eye = eye_in_object(T)
+    normals, offsets, face_starts = meshes[2], meshes[3], meshes[5]
+    x0, y0, inv_z, face_of = _draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
+    rows, columns = inv_z.shape
+    eyes = np.empty((len(Ts), 3))
+    for k in range(len(Ts)):
+        eyes[k, 0], eyes[k, 1], eyes[k, 2] = eye_in_object(Ts[k])
     per_tau, per_alpha = 1.0 / tau, 1.0 / alpha
     sum_d, sum_n, n_rendered, n_stray = 0.0, 0.0, 0, 0
     counts = np.zeros(5, np.int64)
@@ -98,19 +97,22 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
             n_rendered += 1
             v, u = y + y0, x + x0
             flag = flags[v, u]
+            f, k = face_of[y, x], 0
+            while f >= face_starts[k + 1]:
+                k += 1
             d = np.float64(observed[v, u, 3])
-            is_own = (flag & OWN) != 0
+            is_any = (flag & OWN) != 0
             other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
-            kind = classify(d, z, other, is_own, tau)
+            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, is_any, tau)
             counts[kind] += 1
-            if is_own:
+            if is_any:
                 n_covered += 1
             if (flag & OBJECTS) == 0:
                 n_stray += 1
             if pixels == PUBLISHED:
                 fits = (flag & OBJECTS) != 0
             elif pixels == OBSERVED:
-                fits = is_own
+                fits = is_any
             else:
                 fits = kind == EXPLAINED
             if fits:
@@ -122,14 +124,14 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
                 if pixels != PUBLISHED and nx == 0.0 and ny == 0.0 and nz == 0.0:
                     sum_n += f_d
                     continue
-                f = face_of[y, x]
+                T = Ts[k]
                 a, b, c = normals[f, 0], normals[f, 1], normals[f, 2]
                 dot = (
                     nx * (T[0, 0] * a + T[0, 1] * b + T[0, 2] * c)
                     + ny * (T[1, 0] * a + T[1, 1] * b + T[1, 2] * c)
                     + nz * (T[2, 0] * a + T[2, 1] * b + T[2, 2] * c)
                 )
-                if a * eye[0] + b * eye[1] + c * eye[2] < offsets[f]:
+                if a * eyes[k, 0] + b * eyes[k, 1] + c * eyes[k, 2] < offsets[f]:
                     dot = -dot
                 sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
     counts[MISSED] += n_own - n_covered
@@ -144,20 +146,59 @@ def score_pose(T, mesh, camera, far, observed, flags, placed, n_objects, n_own, 
         sums[4 + k] = counts[k]
 
 
+@njit(cache=True)
+def _draw_window(Ts, meshes, camera, height, width):
+    """Draws the models into the window of the image that holds them all.
+
+    Returns:
+        Its first column and row, 1/z (rows, columns) [1/m] and the face that is seen, counted through all models.
+    """
+    vertices, faces, normals, offsets, vertex_starts, face_starts = meshes
+    fx, fy, cx, cy = camera
+    projected = np.empty((len(vertices), 3))
+    n_front, shows = np.empty(len(Ts), np.int64), np.zeros(len(Ts), np.bool_)
+    left, top, right, bottom = width, height, 0, 0
+    for k in range(len(Ts)):
+        a, b = vertex_starts[k], vertex_starts[k + 1]
+        x0, y0, columns, rows, n_front[k] = window(Ts[k], vertices[a:b], fx, fy, cx, cy, height, width, projected[a:b])
+        if columns > 0:
+            shows[k] = True
+            left, top, right, bottom = min(left, x0), min(top, y0), max(right, x0 + columns), max(bottom, y0 + rows)
+    inv_z = np.zeros((max(bottom - top, 0), max(right - left, 0)), np.float32)
+    face_of = np.empty(inv_z.shape, np.int32)
+    for k in range(len(Ts)):
+        if shows[k]:
+            a, b, c, d = vertex_starts[k], vertex_starts[k + 1], face_starts[k], face_starts[k + 1]
+            draw(
+                Ts[k], vertices[a:b], faces[c:d], normals[c:d], offsets[c:d], projected[a:b], n_front[k],
+                fx, fy, cx, cy, inv_z, face_of, left, top, c,
+            )  # fmt: skip
+    return left, top, inv_z, face_of
+
+
 @njit(cache=True, nogil=True)
-def score_every(first, step, Ts, mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, out):
-    """:func:`score_pose` of poses first, first + step, …; several threads may each take their share."""
+def score_every(
+    first, step, Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out
+):
+    """:func:`score_scene` of combinations first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
-        score_pose(Ts[i], mesh, camera, far, observed, flags, placed, n_objects, n_own, pixels, tau, alpha, out[i])
+        score_scene(
+            Ts[i], meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out[i]
+        )
 
 
 @njit(cache=True)
-def windows(Ts, vertices, camera, height, width):
-    """The window of the image, (N, 4) x0, y0, columns, rows [px], that holds each of N poses; 0 columns for none."""
+def windows(Ts, meshes, camera, height, width):
+    """The windows of the image, (N, m, 4) x0, y0, columns, rows [px], that hold each model of N combinations of poses
+    (N, m, 4, 4); 0 columns for none.
+    """
+    vertices, _, _, _, starts, _ = meshes
     fx, fy, cx, cy = camera
-    out = np.zeros((len(Ts), 4), np.int64)
+    out = np.zeros((Ts.shape[0], Ts.shape[1], 4), np.int64)
     projected = np.empty((len(vertices), 3))
-    for i in range(len(Ts)):
-        x0, y0, columns, rows, _ = window(Ts[i], vertices, fx, fy, cx, cy, height, width, projected)
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x0, y0, columns, rows
+    for i in range(Ts.shape[0]):
+        for k in range(Ts.shape[1]):
+            some = vertices[starts[k] : starts[k + 1]]
+            x0, y0, columns, rows, _ = window(Ts[i, k], some, fx, fy, cx, cy, height, width, projected)
+            out[i, k, 0], out[i, k, 1], out[i, k, 2], out[i, k, 3] = x0, y0, columns, rows
     return out

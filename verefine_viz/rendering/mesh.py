@@ -25,6 +25,53 @@ class RenderMesh:
     radius_m: float
     """Of the sphere around the origin that holds all vertices [m]."""
 
+    @property
+    def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float]:
+        """What the rasteriser takes."""
+        return self.vertices, self.faces, self.face_normals, self.face_offsets
+
+
+@dataclass(frozen=True, eq=False)
+class RenderMeshes:
+    """Models that are drawn into one picture, their arrays end to end; a lone model's arrays are not copied."""
+
+    meshes: tuple[RenderMesh, ...]
+    vertices: Float
+    """(ΣV, 3) [m], each model's in its own object frame."""
+    faces: NDArray[np.int32]
+    """(ΣF, 3), each model's counted from its own first vertex."""
+    face_normals: Float
+    """(ΣF, 3)."""
+    face_offsets: Float
+    """(ΣF,) [m]."""
+    vertex_starts: NDArray[np.int64]
+    """(m + 1,) where each model's vertices begin."""
+    face_starts: NDArray[np.int64]
+    """(m + 1,)."""
+
+    @property
+    def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float, NDArray[np.int64], NDArray[np.int64]]:
+        """What the kernels take."""
+        planes = self.face_normals, self.face_offsets
+        return self.vertices, self.faces, *planes, self.vertex_starts, self.face_starts
+
+    def model_of(self, face_of: NDArray[np.integer]) -> NDArray[np.intp]:
+        """Which model each of some faces belongs to."""
+        if len(self.meshes) == 1:
+            return np.zeros(face_of.shape, np.intp)
+        return np.searchsorted(self.face_starts, face_of, side="right") - 1
+
+
+def render_meshes(meshes: tuple[RenderMesh, ...]) -> RenderMeshes:
+    """Puts m ≥ 1 meshes end to end."""
+    fields = ("vertices", "faces", "face_normals", "face_offsets")
+    if len(meshes) == 1:
+        joined = [getattr(meshes[0], name) for name in fields]
+    else:
+        joined = [np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in fields]
+    starts = (np.cumsum([0, *(len(getattr(mesh, name)) for mesh in meshes)]) for name in ("vertices", "faces"))
+    return RenderMeshes(meshes, *joined, *starts)
+
 
 def render_mesh(vertices: Float, faces: NDArray[np.int32]) -> RenderMesh:
     """Prepares a mesh (V, 3), (F, 3) for drawing; triangles without area are left out."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -16,16 +17,19 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.kernels import OBJECTS, OWN
-from verefine_viz.rendering.mesh import RenderMesh
+from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes, render_meshes
 from verefine_viz.rendering.simplify import scoring_mesh
 
 PUBLISHED_FAR_M = 5.0
 """Farthest surface that the authors' renderer draws [m]."""
 
+KEPT_SCENES = 16
+"""How many choices of targets are kept for a frame."""
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedTarget:
-    """One instance in one frame, as the renderers read it."""
+    """One instance, or several that are judged together, in one frame, as the renderers read it."""
 
     observed: NDArray[np.float32]
     """(H, W, 4) unit normal and z [m]; 0 where missing."""
@@ -35,6 +39,11 @@ class PreparedTarget:
     """Pixels with ``OWN``."""
     n_objects: int
     """Pixels with ``OBJECTS``."""
+    own: NDArray[np.uint8]
+    """(m, H, W) the flags of each instance by itself."""
+
+
+_Scene = tuple[tuple[PreparedTarget, ...], PreparedTarget]
 
 
 class TargetStore:
@@ -44,6 +53,7 @@ class TargetStore:
         self._frames: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
         self._targets: WeakKeyDictionary[Instance, WeakKeyDictionary[Observation, PreparedTarget]]
         self._targets = WeakKeyDictionary()
+        self._scenes: WeakKeyDictionary[Observation, dict[tuple[int, ...], _Scene]] = WeakKeyDictionary()
 
     def get(self, target: Target) -> PreparedTarget:
         """The arrays of a target, made at the first call.
@@ -56,6 +66,31 @@ class TargetStore:
         if prepared is None:
             prepared = per_frame[target.observation] = self._prepare(target)
         return prepared
+
+    def scene(self, targets: Sequence[Target], whole_frame: bool) -> PreparedTarget:
+        """The arrays of m ≥ 1 targets that are judged together.
+
+        Args:
+            targets: of one frame.
+            whole_frame: whether ``OBJECTS`` stands for all masks of the frame, or for those of the targets.
+
+        Raises:
+            ShapeError: an instance's mask and the frame differ in size, or the targets are not of one frame.
+        """
+        frame = targets[0].observation
+        if any(target.observation is not frame for target in targets):
+            raise ShapeError("the targets of a scene are of different frames, expected one frame")
+        parts = tuple(self.get(target) for target in targets)
+        if len(parts) == 1 and whole_frame:
+            return parts[0]
+        scenes = self._scenes.setdefault(frame, {})
+        key = (whole_frame, *(id(part) for part in parts))
+        if key not in scenes:
+            if len(scenes) >= KEPT_SCENES:
+                del scenes[next(iter(scenes))]
+            # The parts are kept so that their ids stay theirs.
+            scenes[key] = parts, _together(parts, whole_frame)
+        return scenes[key][1]
 
     def _prepare(self, target: Target) -> PreparedTarget:
         observation, mask = target.observation, target.instance.mask
@@ -72,12 +107,21 @@ class TargetStore:
             self._frames[observation] = observed
         measured = observed[:, :, 3] > 0
         own, objects = mask & measured, observation.object_mask & measured
-        return PreparedTarget(
-            observed=observed,
-            flags=(own * OWN | objects * OBJECTS).astype(np.uint8),
-            n_own=int(own.sum()),
-            n_objects=int(objects.sum()),
-        )
+        return _prepared(observed, (own * OWN | objects * OBJECTS).astype(np.uint8))
+
+
+def _prepared(
+    observed: NDArray[np.float32], flags: NDArray[np.uint8], own: NDArray[np.uint8] | None = None
+) -> PreparedTarget:
+    n_own, n_objects = (int(np.count_nonzero(flags & bit)) for bit in (OWN, OBJECTS))
+    return PreparedTarget(observed, flags, n_own, n_objects, flags[None] if own is None else own)
+
+
+def _together(parts: tuple[PreparedTarget, ...], whole_frame: bool) -> PreparedTarget:
+    own = np.stack([part.flags for part in parts])
+    any_own = np.bitwise_or.reduce(own) & OWN
+    counted = parts[0].flags & OBJECTS if whole_frame else any_own * np.uint8(OBJECTS // OWN)
+    return _prepared(parts[0].observed, any_own | counted, own)
 
 
 class MeshStore:
@@ -87,12 +131,20 @@ class MeshStore:
         self._simplify_mm = simplify_mm
         self._folder = folder
         self._meshes: dict[str, RenderMesh] = {}
+        self._joined: dict[tuple[str, ...], RenderMeshes] = {}
 
     def get(self, model: ObjectModel) -> RenderMesh:
         mesh = self._meshes.get(model.mesh_hash)
         if mesh is None:
             mesh = self._meshes[model.mesh_hash] = scoring_mesh(model, self._simplify_mm, self._folder)
         return mesh
+
+    def together(self, models: Sequence[ObjectModel]) -> RenderMeshes:
+        """Several models as one; kept like the meshes themselves."""
+        key = tuple(model.mesh_hash for model in models)
+        if key not in self._joined:
+            self._joined[key] = render_meshes(tuple(self.get(model) for model in models))
+        return self._joined[key]
 
 
 def intrinsics(camera: Camera, settings: ScoreSettings) -> tuple[float, float, float, float]:

@@ -168,7 +168,7 @@ def eye_in_object(T):
 
 
 @njit(cache=True)
-def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0):
+def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, first_face):
     """Draws a model into a window, after :func:`window` filled ``projected``.
 
     Faces turned to the camera come first. Most others then lie behind what is drawn; a coarse grid of the farthest
@@ -190,6 +190,7 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
         face_of: (rows, columns) int32, the face that is seen.
         x0: first column of the window in the image.
         y0: first row.
+        first_face: what to add to a face's number: several models may share one window.
     """
     all_in_front = n_front == len(vertices)
     eye_x, eye_y, eye_z = eye_in_object(T)
@@ -203,7 +204,7 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if all_in_front or (projected[a, 2] > 0 and projected[b, 2] > 0 and projected[c, 2] > 0):
             fill(
-                inv_z, face_of, x0, y0, f,
+                inv_z, face_of, x0, y0, first_face + f,
                 projected[a, 0], projected[a, 1], projected[a, 2],
                 projected[b, 0], projected[b, 1], projected[b, 2],
                 projected[c, 0], projected[c, 1], projected[c, 2],
@@ -222,11 +223,11 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
             uc, vc, ic = projected[c, 0], projected[c, 1], projected[c, 2]
             u_min, u_max, v_min, v_max = min(ua, ub, uc), max(ua, ub, uc), min(va, vb, vc), max(va, vb, vc)
             if not _is_hidden(farthest, u_min - x0, u_max - x0, v_min - y0, v_max - y0, max(ia, ib, ic)):
-                fill(inv_z, face_of, x0, y0, f, ua, va, ia, ub, vb, ib, uc, vc, ic)
+                fill(inv_z, face_of, x0, y0, first_face + f, ua, va, ia, ub, vb, ib, uc, vc, ic)
         elif projected[a, 2] > 0 or projected[b, 2] > 0 or projected[c, 2] > 0:
             corners = np.empty((3, 3))
             corners[0], corners[1], corners[2] = vertices[a], vertices[b], vertices[c]
-            fill_clipped(inv_z, face_of, x0, y0, f, T, corners, fx, fy, cx, cy)
+            fill_clipped(inv_z, face_of, x0, y0, first_face + f, T, corners, fx, fy, cx, cy)
 
 
 @njit(cache=True)
@@ -259,10 +260,10 @@ def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
 
 
 @njit(cache=True)
-def draw_frame(T, vertices, faces, normals, offsets, fx, fy, cx, cy, inv_z, face_of):
+def draw_frame(T, vertices, faces, normals, offsets, fx, fy, cx, cy, inv_z, face_of, first_face=0):
     """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
     height, width = inv_z.shape
     projected = np.empty((len(vertices), 3))
     _, _, columns, _, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
     if columns > 0:
-        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0)
+        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0, first_face)
