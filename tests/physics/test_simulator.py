@@ -10,10 +10,15 @@ import pytest
 from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, heights, placed, ring, standing, table, tilt_deg
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, axis_angle, transform
+from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.physics.world import QuietClient
 
+LEVEL = Support(np.eye(4), np.array([0.0, 0, 1]), "plane", 1.0)
+"""The world is the camera's frame: no arithmetic between what Bullet says and the path."""
 BRICK = box(0.06, 0.04, 0.1)
 CUBE = box(0.05, 0.05, 0.05)
 
@@ -150,6 +155,55 @@ def test_physics_off_leaves_the_pose(cache: Path):
     start = placed(CUBE, (0, 0, 0.5))
     path = BulletSimulator(PhysicsSettings(enabled=False), cache).settle(start, (), table(), 3)
     assert path.T_cam_obj.tobytes() == start.T_cam_obj.tobytes()
+
+
+def fallen_m(physics: PhysicsSettings, cache: Path, n_steps: int = 60) -> float:
+    """How far a cube falls freely."""
+    path = BulletSimulator(physics, cache).settle(placed(CUBE, (0, 0, 20.0)), (), table(), n_steps)
+    start, end = (T_WORLD_CAM @ path.Ts_cam_obj)[[0, -1], 2, 3]
+    return start - end
+
+
+@pytest.mark.parametrize("gravity_m_s2", [0.0, 2.0, 9.81, 20.0])
+def test_fall_without_damping_is_half_gravity_times_time_squared(cache: Path, gravity_m_s2: float):
+    physics = PhysicsSettings(gravity_m_s2=gravity_m_s2, damping=0.0)
+    assert fallen_m(physics, cache) == pytest.approx(gravity_m_s2 / 2, rel=0.01, abs=1e-12)
+
+
+def test_a_hundredth_of_the_speed_is_left_after_a_second_of_strong_damping(cache: Path):
+    """v' = g − k v with k = −ln(1 − 0.99), as of rigid bodies; Bullet damps articulated ones by 1 + v more."""
+    k = -np.log(0.01)
+    expected_m = 2.0 / k * (1 - (1 - np.exp(-k)) / k)
+    fallen = fallen_m(PhysicsSettings(gravity_m_s2=2.0, damping=0.99), cache)
+    assert expected_m / 1.4 < fallen < expected_m
+    shares = [fallen_m(PhysicsSettings(damping=share), cache) for share in (0.0, 0.04, 0.5, 0.99, 1.0)]
+    assert shares == sorted(shares, reverse=True)
+    assert len(set(shares)) == 5
+
+
+def test_damping_slows_turning_too(cache: Path):
+    start = standing(BRICK, axis_angle([1, 0, 0], np.deg2rad(40)))
+    toppling, held = (
+        BulletSimulator(PhysicsSettings(gravity_m_s2=2.0, damping=share), cache).settle(start, (), table(), 20)
+        for share in (0.0, 0.999)
+    )
+    assert abs(tilt_deg(toppling.T_cam_obj) - 40) > 1.3 * abs(tilt_deg(held.T_cam_obj) - 40)
+
+
+def test_default_gravity_and_damping_are_bullets_own(simulator: BulletSimulator, cache: Path):
+    """0.04 goes into Bullet's single precision and comes out as another number: it must not be set at all."""
+    client = QuietClient()
+    client.setPhysicsEngineParameter(fixedTimeStep=1 / 60, numSubSteps=4, numSolverIterations=10)
+    client.setGravity(0, 0, -9.81)
+    body = client.createMultiBody(1.0, client.createCollisionShape(pybullet.GEOM_SPHERE, radius=0.01))
+    client.resetBasePositionAndOrientation(body, (0, 0, 20.0), (0, 0, 0, 1))
+    heights_m = []
+    for _ in range(30):
+        client.stepSimulation()
+        heights_m.append(client.getBasePositionAndOrientation(body)[0][2])
+    client.disconnect()
+    path = simulator.settle(Placed(0, CUBE, transform(np.eye(3), [0, 0, 20.0])), (), LEVEL, 30)
+    assert path.Ts_cam_obj[1:, 2, 3].tolist() == heights_m
 
 
 BAD = {
