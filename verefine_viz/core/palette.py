@@ -38,6 +38,20 @@ ARM_COLORS: tuple[RGB, ...] = (
 )
 """Arm j is drawn in ``ARM_COLORS[j % 10]``."""
 
+OBJECT_COLORS: tuple[RGB, ...] = (
+    (102, 194, 255),
+    (255, 179, 90),
+    (186, 150, 255),
+    (140, 214, 120),
+    (255, 140, 170),
+    (245, 224, 110),
+    (70, 214, 205),
+    (214, 160, 120),
+    (240, 140, 240),
+    (170, 190, 215),
+)
+"""The k-th instance of a frame, in the order of ``Problem.instances``, is drawn in ``OBJECT_COLORS[k % 10]``."""
+
 EVENT_COLORS: dict[str, RGB] = {
     "kept_simulated": (255, 140, 0),
     "kept_refined": (50, 110, 255),
@@ -50,4 +64,5 @@ EVENT_COLORS: dict[str, RGB] = {
     "refiner_stuck": (220, 50, 47),
     "no_physics": (160, 160, 160),
     "edited": (190, 90, 220),
+    "new_best_scene": (240, 200, 60),
 }

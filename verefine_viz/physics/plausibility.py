@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from verefine_viz.core.arrays import Float, finite, frozen
 from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
@@ -87,6 +88,7 @@ def plausibility(
     support: Support,
     settings: PhysicsSettings | None = None,
     cache: Path | None = None,
+    surface_of: Callable[[ObjectModel], Surface] = Surface,
 ) -> Plausibility:
     """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
 
@@ -99,6 +101,7 @@ def plausibility(
         support: plane and gravity.
         settings: the simulator's settings; defaults if None.
         cache: folder of colliders already built; by default in the user's cache folder.
+        surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
 
     Raises:
         ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
@@ -123,8 +126,8 @@ def plausibility(
         T_world_other = support.T_world_cam @ checked_pose(other)
         if _are_apart(vertices, apply(T_world_other, _solid_vertices(other))):
             continue
-        surface = surface or Surface(moving.model)
-        found = nearness(surface, T_world_obj, Surface(other.model), T_world_other, NEAR_M)
+        surface = surface or surface_of(moving.model)
+        found = nearness(surface, T_world_obj, surface_of(other.model), T_world_other, NEAR_M)
         gaps_m[other.instance_id], depths_m[other.instance_id] = found.gap_m, found.penetration_m
         near.append((found.points, found.normals, found.distances_m, other.instance_id, settings.friction**2))
 

@@ -44,6 +44,19 @@ class Surface:
         return signed, nearest["points"].numpy().astype(np.float64), normals
 
 
+class Surfaces:
+    """Surfaces of models, made when first asked for and kept: they do not depend on the pose."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Surface] = {}
+
+    def __call__(self, model: ObjectModel) -> Surface:
+        """The surface of ``model``."""
+        if model.mesh_hash not in self._made:
+            self._made[model.mesh_hash] = Surface(model)
+        return self._made[model.mesh_hash]
+
+
 @dataclass(frozen=True, eq=False)
 class Nearness:
     """Where two surfaces are close to each other."""
