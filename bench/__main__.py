@@ -19,7 +19,7 @@ from rich.table import Table
 
 from verefine_viz.batch.machine import machine, package_versions
 
-NAMES = ("score", "physics", "icp", "methods", "recording")
+NAMES = ("score", "physics", "icp", "methods", "scenes", "recording")
 OUT = Path("bench.json")
 
 
