@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from tests.fakes import box_problem
+from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.source import SceneSource, open_scene
@@ -150,3 +152,20 @@ def run_lengths(mask: np.ndarray) -> list[int]:
             value, length = bool(pixel), 0
         length += 1
     return [*runs, length]
+
+
+def refusal(made: Made, hypotheses: HypothesesSettings | None = None, **scene: Any) -> str:
+    with pytest.raises(VerefineError) as caught:
+        made.read(hypotheses, **scene)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert len(text) < 700
+    return text
+
+
+def image(made: Made, name: str, pixels: np.ndarray) -> None:
+    Image.fromarray(pixels).save(made.scene / name)
+
+
+def cut(path: Path, keep: float = 0.5) -> None:
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * keep)])
