@@ -125,9 +125,9 @@ def _merged(base: Raw, top: Raw) -> dict[str, Any]:
 
 
 def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
-    """Paths of scene.dataset, scene.masks and hypotheses.files made absolute."""
+    """Paths of scene.dataset, scene.masks, hypotheses.files and dependency.order_file made absolute."""
     out = _merged({}, raw)
-    scene, hypotheses = out.get("scene"), out.get("hypotheses")
+    scene, hypotheses, dependency = out.get("scene"), out.get("hypotheses"), out.get("dependency")
     if isinstance(scene, Mapping):
         scene = dict(scene)
         if isinstance(scene.get("dataset"), str) and scene["dataset"]:
@@ -138,6 +138,8 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
     if isinstance(hypotheses, Mapping) and isinstance(hypotheses.get("files"), list | tuple):
         files = [_absolute(f, folder) if isinstance(f, str) else f for f in hypotheses["files"]]
         out["hypotheses"] = {**hypotheses, "files": files}
+    if isinstance(dependency, Mapping) and isinstance(dependency.get("order_file"), str) and dependency["order_file"]:
+        out["dependency"] = {**dependency, "order_file": _absolute(dependency["order_file"], folder)}
     return out
 
 

@@ -1,0 +1,107 @@
+"""From edges to clusters and an order: pure, and independent of the order in which anything comes in. METHODS 2."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from verefine_viz.core.dependency import Edge
+
+Groups = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """What follows from edges."""
+
+    edges: tuple[Edge, ...]
+    """The same, with what was left out marked as such."""
+    clusters: Groups
+    """Front to back, each in the order to solve it."""
+    support_lists: Groups
+    """Each a base object and what it carries, in the order of ``clusters``."""
+
+
+def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collection[tuple[int, int]] = ()) -> Ordering:
+    """Clusters are connected by edges that are not cut; in each, what carries comes before what it carries.
+
+    Base objects (those that nothing carries) are taken front to back, each followed by all that it carries, depth
+    first; what rests on several things comes after the last of them. Where support edges run in a circle, the weakest
+    of them is left out, again and again.
+
+    Args:
+        depths_m: of every instance; the nearer, the earlier.
+        edges: between these instances.
+        cut: pairs between which no edge is to count.
+    """
+    kept = without_cycles(cut_between(edges, cut))
+    carried: dict[int, list[int]] = {i: [] for i in depths_m}
+    carriers: dict[int, set[int]] = {i: set() for i in depths_m}
+    for edge in kept:
+        if edge.kind == "support" and edge.state == "used":
+            carriers[edge.second].add(edge.first)
+            carried[edge.first].append(edge.second)
+
+    def nearness(instance_id: int) -> tuple[float, int]:
+        return depths_m[instance_id], instance_id
+
+    placed: set[int] = set()
+
+    def follow(base: int) -> list[int]:
+        placed.add(base)
+        found = [base]
+        for upper in sorted(set(carried[base]), key=nearness):
+            if upper not in placed and carriers[upper] <= placed:
+                found += follow(upper)
+        return found
+
+    by_cluster = []
+    for group in connected(depths_m, [e for e in kept if e.state != "cut"]):
+        bases = sorted((i for i in group if not carriers[i]), key=nearness)
+        by_cluster.append([tuple(follow(base)) for base in bases])
+    by_cluster.sort(key=lambda lists: min(nearness(i) for chain in lists for i in chain))
+    clusters = tuple(tuple(i for chain in lists for i in chain) for lists in by_cluster)
+    return Ordering(kept, clusters, tuple(chain for lists in by_cluster for chain in lists))
+
+
+def connected(instance_ids: Iterable[int], edges: Iterable[Edge]) -> list[list[int]]:
+    """Connected components over edges of any kind; each sorted."""
+    ids = sorted(instance_ids)
+    place = {i: k for k, i in enumerate(ids)}
+    pairs = np.array([(place[e.first], place[e.second]) for e in edges], dtype=np.intp).reshape(-1, 2)
+    n_groups, labels = _components(len(ids), pairs, "weak")
+    return [[i for i, of in zip(ids, labels, strict=True) if of == k] for k in range(n_groups)]
+
+
+def cut_between(edges: Iterable[Edge], cut: Collection[tuple[int, int]]) -> tuple[Edge, ...]:
+    """The edges in a fixed order, those between the pairs of ``cut`` (either way round) marked as cut."""
+    pairs = {frozenset(pair) for pair in cut}
+    marked = [replace(e, state="cut") if frozenset((e.first, e.second)) in pairs else e for e in edges]
+    return tuple(sorted(marked, key=lambda e: (e.kind, e.first, e.second)))
+
+
+def without_cycles(edges: tuple[Edge, ...]) -> tuple[Edge, ...]:
+    """The edges with just so many support edges marked as ambiguous that the rest runs in no circle."""
+    kept = list(edges)
+    ids = sorted({i for e in edges for i in (e.first, e.second)})
+    place = {i: k for k, i in enumerate(ids)}
+    while True:
+        used = [k for k, e in enumerate(kept) if e.kind == "support" and e.state == "used"]
+        pairs = np.array([(place[kept[k].first], place[kept[k].second]) for k in used], dtype=np.intp).reshape(-1, 2)
+        _, labels = _components(len(ids), pairs, "strong")
+        circular = [k for k, (a, b) in zip(used, pairs, strict=True) if labels[a] == labels[b]]
+        if not circular:
+            return tuple(kept)
+        weakest = min(circular, key=lambda k: (kept[k].strength, kept[k].first, kept[k].second))
+        kept[weakest] = replace(kept[weakest], state="ambiguous")
+
+
+def _components(n: int, pairs: np.ndarray, connection: str) -> tuple[int, np.ndarray]:
+    if n == 0:
+        return 0, np.zeros(0, dtype=np.int32)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    return connected_components(graph, directed=True, connection=connection)

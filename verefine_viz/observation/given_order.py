@@ -1,0 +1,127 @@
+"""An order that a person gives, which wins over any rule. METHODS 2."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import DependencySettings
+from verefine_viz.observation.dependency_order import Groups
+from verefine_viz.observation.visible_parts import label
+
+Entries = Sequence[Sequence[int | str]]
+EXPECTED = 'a list of clusters of object ids, or "#4" for instance 4, as [[8, 2], [3]]'
+
+
+def given_entries(settings: DependencySettings, frame: str) -> Entries | None:
+    """What the settings, or else the file, give for a frame; None where they give nothing.
+
+    Raises:
+        InputError: the file cannot be read.
+        SettingsError: the file or an entry is malformed.
+    """
+    if settings.order:
+        return checked(settings.order, "dependency.order")
+    if not settings.order_file:
+        return None
+    orders = read_orders(Path(settings.order_file))
+    return orders.get(frame)
+
+
+def read_orders(path: Path) -> dict[str, Entries]:
+    """All orders of a file, by frame.
+
+    Raises:
+        InputError: the file cannot be read.
+        SettingsError: it is not JSON, or not orders by frame.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"order file {path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        raise SettingsError(f"order file {path} is not JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise SettingsError(
+            f'order file {path}: {_short(data)}; expected orders by frame, as {{"50/1": [[8, 2], [3]]}}'
+        )
+    return {frame: checked(entries, f"order file {path}, frame {frame!r}") for frame, entries in data.items()}
+
+
+def checked(value: Any, where: str) -> Entries:
+    """``value`` as entries.
+
+    Raises:
+        SettingsError: it is something else; the text begins with ``where``.
+    """
+    if not _is_list(value) or not all(_is_list(cluster) for cluster in value):
+        raise SettingsError(f"{where}: {_short(value)}; expected {EXPECTED}")
+    for entry in (entry for cluster in value for entry in cluster):
+        is_id = isinstance(entry, int) and not isinstance(entry, bool)
+        if not is_id and not (isinstance(entry, str) and re.fullmatch(r"#\d{1,9}", entry)):
+            raise SettingsError(f"{where}: entry {_short(entry)}; expected {EXPECTED}")
+    return value
+
+
+def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> tuple[Groups, tuple[str, ...]]:
+    """The clusters that entries mean in this frame, and what a person should know about them.
+
+    Args:
+        problem: the frame.
+        entries: clusters of object ids or "#" and an instance id.
+        rest: all instance ids; those that are not named come behind, in this order, each a cluster of its own.
+    """
+    notes: list[str] = []
+    seen: set[int] = set()
+    clusters: list[tuple[int, ...]] = []
+    for named in entries:
+        cluster: list[int] = []
+        for entry in named:
+            for instance_id in _instances(problem, entry, notes):
+                if instance_id in seen:
+                    notes.append(f"the given order names {label(problem, instance_id)} twice; its first place counts")
+                    continue
+                seen.add(instance_id)
+                cluster.append(instance_id)
+        if cluster:
+            clusters.append(tuple(cluster))
+    left = [i for i in rest if i not in seen]
+    if left:
+        names = ", ".join(label(problem, i) for i in left)
+        notes.append(f"the given order does not name {names}; solved behind, each alone")
+    return (*clusters, *((i,) for i in left)), tuple(dict.fromkeys(notes))
+
+
+def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int]:
+    """The instances that an entry names, with a note where it is not exactly one."""
+    if isinstance(entry, str):
+        ids = [i.instance_id for i in problem.instances]
+        wanted = int(entry[1:])
+        if wanted not in ids:
+            notes.append(f"given order: {unknown('instance', entry, [f'#{i}' for i in ids])}; it is ignored")
+        return [wanted] if wanted in ids else []
+    found = [i.instance_id for i in problem.instances if i.obj_id == entry]
+    if not found:
+        there = sorted({i.obj_id for i in problem.instances})
+        notes.append(f"given order: {unknown('object', entry, there)}; it is ignored")
+    if len(found) > 1:
+        names = " and ".join(label(problem, i) for i in found)
+        notes.append(
+            f"given order: object {entry} is in the frame {len(found)} times, as {names}; all take its place, "
+            f'write "#{found[0]}" or "#{found[1]}" to tell them apart'
+        )
+    return found
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:59] + "…"
