@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
+from tests.scenes.bop_folder import make
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Change
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox
 
-RAW = {"scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "method": {"iterations": 2}}
+RAW: dict[str, Any] = {"scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "method": {"iterations": 2}}
 
 
 def test_what_does_not_change_is_shared() -> None:
@@ -39,6 +44,25 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     again.finish()
     assert first_difference(fork.iterations, again.iterations) is None
     assert first_difference(run.iterations, again.iterations) is not None
+
+
+def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_on(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    flat = made.root / "models" / "obj_000005.ply"
+    flat.write_text(re.sub(r"(?m)^(-?[\d.]+) (-?[\d.]+) -?[\d.]+$", r"\1 \2 0", flat.read_text()))
+    raw: dict[str, Any] = {
+        "scene": {"source": "bop", "dataset": str(made.root), "model_points": 200},
+        "method": {"iterations": 1},
+    }
+    box = Toolbox(resolve(raw))
+    problem = box.problem(made.frame)
+    assert [i.obj_id for i in problem.instances] == [2, 2]
+    assert [n for n in problem.notes if n.startswith("object 5 is left out: ") and "physics.enabled = false" in n]
+    assert all(best is not None for best in box.run(problem).finish().best)
+    assert len(Toolbox(resolve({**raw, "physics": {"enabled": False}})).problem(made.frame).instances) == 3
+    only_flat = resolve({**raw, "scene": {**raw["scene"], "objects": [5]}})
+    with pytest.raises(InputError, match="no instance of frame 7/3 can be solved: object 5 is left out"):
+        Toolbox(only_flat).problem(made.frame)
 
 
 def test_physics_can_be_switched_off() -> None:

@@ -7,10 +7,12 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import make_method
+from verefine_viz.observation.dependency import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.rendering.verifier import make_verifier
@@ -65,7 +67,35 @@ class Toolbox:
 
     def problem(self, frame: str) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other."""
-        return self._with_estimates(self.source.problem(frame))
+        problem = self._with_estimates(self._solvable(self.source.problem(frame)))
+        return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))
+
+    def _solvable(self, problem: Problem) -> Problem:
+        """The same without instances whose mesh makes no solid for the simulator; each is noted.
+
+        Raises:
+            InputError: none is left.
+        """
+        broken = self._without_solid(problem)
+        if not broken:
+            return problem
+        instances = tuple(i for i in problem.instances if i.obj_id not in broken)
+        notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
+        if not instances:
+            raise InputError(f"no instance of frame {problem.frame} can be solved: {'; '.join(notes)}")
+        return replace(problem, instances=instances, notes=(*problem.notes, *notes))
+
+    def _without_solid(self, problem: Problem) -> dict[int, str]:
+        """Objects of which no collider can be built, with the reason; building takes seconds, once per model."""
+        found: dict[int, str] = {}
+        if self.simulator is not None and problem.observation.support is not None:
+            for obj_id, model in problem.models.items():
+                self._tell(f"Preparing convex parts of {model.name} for physics; kept once they are made.")
+                try:
+                    self.simulator.collider(model)
+                except ShapeError as error:
+                    found[obj_id] = str(error)
+        return found
 
     def _with_estimates(self, problem: Problem) -> Problem:
         """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted."""
