@@ -68,7 +68,8 @@ class Toolbox:
     def problem(self, frame: str) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other."""
         problem = self._with_estimates(self._solvable(self.source.problem(frame)))
-        return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))
+        graph = dependency_graph(problem, self.session.dependency)
+        return replace(problem, dependencies=graph, notes=(*problem.notes, *graph.notes))
 
     def _solvable(self, problem: Problem) -> Problem:
         """The same without instances whose mesh makes no solid for the simulator; each is noted.
