@@ -52,6 +52,9 @@ OBJECT_COLORS: tuple[RGB, ...] = (
 )
 """The k-th instance of a frame, in the order of ``Problem.instances``, is drawn in ``OBJECT_COLORS[k % 10]``."""
 
+SIDE_COLORS: dict[str, RGB] = {"A": (0, 190, 205), "B": (205, 255, 70)}
+"""Two runs that are compared: A is drawn solid, B as an outline and dashed."""
+
 EVENT_COLORS: dict[str, RGB] = {
     "kept_simulated": (255, 140, 0),
     "kept_refined": (50, 110, 255),

@@ -143,6 +143,7 @@ class App:
             except Exception as error:  # The page must live on: what went wrong is shown.
                 self._animation = None
                 self.debugger.goal = None
+                self.debugger.comparing.pause()
                 self.debugger.message = str(error)
                 if not isinstance(error, VerefineError):
                     _LOG.exception("command %s failed", command)
@@ -184,7 +185,7 @@ class App:
     def _next(self) -> c.Command | object | None:
         """The next command; None = nothing waits, go on with what is under way; STOP = end."""
         with self._wake:
-            running = self.debugger.goal is not None
+            running = self.debugger.is_busy
             if not self._queue and not running and not self._is_shallow:
                 if self._animation is None:
                     self._idle = True
@@ -204,9 +205,9 @@ class App:
             if not (waiting and command.latest_wins):  # A newer one is there already: its picture will do.
                 self._show()
                 self._animate(command, before)
-        elif self.debugger.goal is not None:
+        elif self.debugger.is_busy:
             self.debugger.tick()
-            if self.debugger.goal is None or monotonic() - self._shown_at > REFRESH_S:
+            if not self.debugger.is_busy or monotonic() - self._shown_at > REFRESH_S:
                 self._show()
         elif self._is_shallow:
             self._show_deep()

@@ -12,22 +12,13 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.viewer.command import Changes, Command
+from verefine_viz.viewer.side_commands import SIDE_COMMANDS
 
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
-Changes = tuple[tuple[str, Any], ...]
-"""Settings to change: (("method.exploration", 0.2), …)."""
-
-
-@dataclass(frozen=True)
-class Command:
-    """Base of all commands."""
-
-    latest_wins: ClassVar[bool] = False
-    """A newer one of the same kind makes an older one that still waits pointless (sliders, dragging)."""
-
 
 # Moving through the run
 
@@ -293,7 +284,7 @@ COMMANDS: dict[str, type[Command]] = {
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
         OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export,
+        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS,
     )
 }  # fmt: skip
 

@@ -24,8 +24,10 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
+from verefine_viz.viewer.comparing import Comparing, as_done
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
+from verefine_viz.viewer.side_commands import OpenRecording
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
@@ -75,6 +77,7 @@ class Debugger:
         self.sessions = sessions()
         self.batch = batch
         self._seconds: deque[float] = deque(maxlen=20)
+        self.comparing = Comparing(self)
 
     # Driving it
 
@@ -85,13 +88,15 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
         """
         self.message = ""
+        was_busy = self.is_busy
+        self.comparing.before(command)
         if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
             if not _may_wait(command):
                 self.pause()
             self._do(command)
             self.log.extend(_as_done(command, self.workspace.run.cursor))
             return
-        if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and self.goal is not None):
+        if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and was_busy):
             self.pause()
             return
         self.pause()
@@ -101,7 +106,7 @@ class Debugger:
         """Every command in order, each to its end."""
         for command in commands:
             self.apply(command)
-            while self.goal is not None:
+            while self.is_busy:
                 self.tick()
         return self
 
@@ -109,6 +114,7 @@ class Debugger:
         """One iteration of the run that is on, or None if it came to its end."""
         run = self.workspace.run
         if self.goal is None:
+            self.comparing.tick()
             return None
         run.seek(run.length)
         if run.is_done or (isinstance(self.goal, int) and run.length >= self.goal):
@@ -120,6 +126,11 @@ class Debugger:
         self.look = self.look.moved()
         self._stop_if_reached(iteration)
         return iteration
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a run is on, be it A's or B's."""
+        return self.goal is not None or self.comparing.is_running
 
     def pause(self) -> None:
         """Stops a run after the iteration at hand."""
@@ -142,6 +153,8 @@ class Debugger:
     # What the commands do
 
     def _do(self, command: c.Command) -> None:
+        if self.comparing.do(command):
+            return
         look = looking.changed(self.look, command)
         if look is not None:
             self._check(look)
@@ -177,6 +190,9 @@ class Debugger:
                 self.goal = iteration if iteration > run.length and not run.is_done else None
             case c.OpenDemo(name):
                 self._open_demo(name)
+            case OpenRecording(path):
+                self.workspace.open_recording(Path(path))
+                self._reset_look()
             case c.OpenSession(path):
                 self.workspace.open(load_session(Path(path)), Path(path))
                 self._reset_look()
@@ -367,7 +383,7 @@ def _as_done(command: c.Command, cursor: int) -> tuple[c.Command, ...]:
         return (replace(command, run=False),)
     if isinstance(command, c.OpenAt):
         return c.OpenFrame(command.frame), c.Seek(cursor)
-    return (command,)
+    return as_done(command)
 
 
 def _may_wait(command: c.Command) -> bool:

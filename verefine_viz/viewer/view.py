@@ -17,6 +17,7 @@ from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.marks import Mark
+from verefine_viz.viewer.side_view import SidesView
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +115,8 @@ class View:
     """What just happened or went wrong, in a sentence."""
     kept: tuple[str, ...] = ()
     """Files written lately."""
+    sides: SidesView | None = None
+    """The comparison with another run; None = this one is looked at alone."""
 
     @property
     def name(self) -> str:

@@ -13,6 +13,7 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
+from verefine_viz.viewer.side_view import sides_view
 from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
 from verefine_viz.viewer.workspace import Branch
 
@@ -27,7 +28,7 @@ FALLBACK_B = ("accepted", "best", "initial", "ground truth")
 
 def view_of(debugger: Debugger, deep: bool = True) -> View:
     """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
-    space, look = debugger.workspace, debugger.look
+    space, look = debugger.workspace, debugger.comparing.look(debugger.look)
     work, branch = space.work, space.branch
     run, judge = branch.run, branch.judge
     target, shown = _focus(branch, look)
@@ -46,7 +47,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         demos=debugger.demos,
         sessions=debugger.sessions,
         batch=debugger.batch,
-        problem=work.problem,
+        problem=run.problem,
         branches=tuple(_summary(b) for b in work.branches),
         branch=work.index,
         cursor=run.cursor,
@@ -68,6 +69,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         deep=deep,
         message=debugger.message,
         kept=tuple(str(p) for p in debugger.kept),
+        sides=sides_view(debugger.comparing, branch, target),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
@@ -16,6 +16,10 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.marks import Mark, marks_of
+from verefine_viz.viewer.sides import Sides
+
+if TYPE_CHECKING:
+    from verefine_viz.recording.reader import Recorded
 
 
 class Tools(Protocol):
@@ -44,6 +48,8 @@ class Branch:
     changes: tuple[Change, ...]
     """Settings changed on the way, as a session file keeps them."""
     judge: Judge
+    recording: Path | None = None
+    """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
 
     def marks(self) -> tuple[Mark, ...]:
@@ -64,6 +70,8 @@ class FrameWork:
     problem: Problem
     branches: list[Branch]
     index: int = 0
+    sides: Sides | None = None
+    """The comparison of the open branch with another; None = it is looked at alone."""
 
     @property
     def branch(self) -> Branch:
@@ -130,7 +138,8 @@ class Workspace:
     @property
     def session(self) -> Session:
         """What a session file has to say to repeat the run that is open."""
-        edits = {"edits": self.run.edits, "changes": self.branch.changes, "breakpoints": self.breakpoints}
+        moved = self.tools.session.edits if self.branch.recording else self.run.edits
+        edits = {"edits": moved, "changes": self.branch.changes, "breakpoints": self.breakpoints}
         return self.tools.session.model_copy(update=edits)
 
     def restart(self, changes: Changes) -> None:
@@ -161,6 +170,11 @@ class Workspace:
         It goes on with the settings that the open branch ended up with, and ``changes``.
         """
         old = self.branch
+        if old.recording is not None and (cursor or edit is not None):
+            raise InputError(
+                f"{old.name} was read from a file and cannot be continued; fork it at iteration 0, "
+                "or press Restart to run its session here"
+            )
         tools = old.tools.changed(nested(changes)) if changes else old.tools
         kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
         later = [c.settings for c in old.changes if c.after_iteration > cursor]
@@ -176,13 +190,41 @@ class Workspace:
         self.work.branches.append(Branch(_name(cursor, changes, edit), run, tools, kept, self._judge(tools)))
         self.work.index = len(self.work.branches) - 1
 
+    def open_recording(self, path: Path) -> None:
+        """A recording as the open run, on its frame."""
+        from verefine_viz.recording.reader import read_recording
+
+        recorded = read_recording(path)
+        self._tell("Reading the scene: models, pictures, first poses.")
+        scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
+        session = recorded.session.model_copy(update={"scene": scene})
+        tools = self._make_tools(session)
+        branch = self.recorded_branch(recorded, tools, tools.problem(recorded.frame))
+        self.tools, self.path, self.frames = tools, None, (recorded.frame,)
+        self.breakpoints = session.breakpoints
+        self.frame, self._works = recorded.frame, {recorded.frame: FrameWork(branch.run.problem, [branch])}
+
+    def recorded_branch(self, recorded: Recorded, tools: Tools, problem: Problem) -> Branch:
+        """A recording as a branch."""
+        # Rerun takes a second to load, and most sessions never read a recording.
+        from verefine_viz.recording.playback import played
+
+        run, path = played(recorded, problem), recorded.path
+        return Branch(path.name, run, tools, tools.session.changes, self._judge(tools), path)
+
+    def tools_of(self, session: Session) -> Tools:
+        """What runs a session's method."""
+        return self._make_tools(session)
+
+    def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
+        """A run of ``problem`` from its start, not yet among the branches."""
+        self._tell(preparing(problem, tools.session))
+        return Branch(name, tools.run(problem), tools, tools.session.changes, self._judge(tools))
+
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
-        self._tell(preparing(problem, tools.session))
-        return FrameWork(
-            problem, [Branch("first run", tools.run(problem), tools, tools.session.changes, self._judge(tools))]
-        )
+        return FrameWork(problem, [self.new_branch("first run", tools, problem)])
 
     def _judge(self, tools: Tools) -> Judge:
         return Judge(tools, self._plausibility)

@@ -1,0 +1,235 @@
+"""One moment of a comparison, frozen: what the A/B panel and the 3D scene need to draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.session.alignment import Moment, Timeline
+from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, outcomes
+from verefine_viz.session.trace import Trace
+from verefine_viz.session.variants import scores_alike, settings_between
+from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.side_commands import SidePose
+from verefine_viz.viewer.workspace import Branch
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.comparing import Compared, Comparing
+
+
+@dataclass(frozen=True, eq=False)
+class SideNow:
+    """One run at the moment that is shown, for the object in focus."""
+
+    iteration: Iteration | None
+    """Its latest one on that object; None = none yet."""
+    T_cam_obj: Float
+    """The pose that is drawn."""
+    score: float | None
+    errors: PoseErrors | None
+    best: Best
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """One object in both runs over the refiner calls spent on it; a run that has ended stays where it was."""
+
+    calls: tuple[int, ...]
+    score_a: tuple[float, ...]
+    """Of the best pose so far, by the rule of its own run."""
+    score_b: tuple[float, ...]
+    error_a: tuple[float, ...] | None
+    """ADD(-S) of the best pose so far [mm]; None without ground truth."""
+    error_b: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, eq=False)
+class SidesView:
+    """Two runs at one moment."""
+
+    name_a: str
+    name_b: str
+    index_b: int
+    """Of B among the branches."""
+    settings: tuple[tuple[str, Any, Any], ...]
+    """What differs in the settings: (dotted name, of A, of B)."""
+    scores_alike: bool
+    """Whether both judge by the same rule."""
+    timeline: Timeline
+    place: int
+    moment: Moment | None
+    """The one shown; None = before the first."""
+    focus: str
+    """The object in focus, for people."""
+    differences: Differences
+    outcomes: tuple[Outcome, ...]
+    """The answers so far, at the end of what is computed."""
+    scene_scores: tuple[float, float] | None
+    """How well all answers of A and all of B explain the frame together, by the rule of A; None for one object."""
+    effort_a: Effort
+    effort_b: Effort
+    now_a: SideNow | None
+    """None where A does not solve the object in focus."""
+    now_b: SideNow | None
+    curves: Curves
+    poses: Mapping[int, tuple[Float | None, Float | None]]
+    """What is drawn of each object: pose of A, pose of B."""
+    which: SidePose
+    shown: frozenset[str]
+    running: bool
+    """Whether B is being computed."""
+
+
+def sides_view(comparing: Comparing, a: Branch, focus: Target) -> SidesView | None:
+    """The comparison at this moment; None while one run is looked at alone."""
+    found, b, sides = comparing.compared(), comparing.branch_b(), comparing.sides
+    if found is None or b is None or sides is None:
+        return None
+    place, own = comparing.place(), focus.instance.instance_id
+    session_a, session_b = a.tools.session, b.tools.session
+    alike = scores_alike(session_a, session_b)
+    judge = a.judge
+    between = settings_between(session_a, session_b)
+    name_a, name_b = names(a, b, between)
+    reach_b = _reach(found.timeline, place)
+
+    def score_of(target: Target, best: Best) -> float:
+        return judge.score(_ours(found, target), best.T_cam_obj).score
+
+    def pose(trace: Trace, instance_id: int, k: int, until: int) -> Float | None:
+        best = _best(trace, instance_id, until)
+        if best is None or sides.poses == "best" or k == 0:
+            return best.T_cam_obj if best else None
+        return trace.iterations[k - 1].accepted_stage.T_cam_obj
+
+    poses: dict[int, tuple[Float | None, Float | None]] = {}
+    for instance_id in dict.fromkeys((*found.a.instance_ids, *found.b.instance_ids)):
+        k_a, k_b = found.timeline.latest(place, instance_id)
+        poses[instance_id] = (
+            pose(found.a, instance_id, k_a, found.timeline.a_at(place)),
+            pose(found.b, instance_id, k_b, max(k_b, reach_b)),
+        )
+    k_a, k_b = found.timeline.latest(place, own)
+    moment = found.timeline.moments[place - 1] if place else None
+    answers = outcomes(found.a, found.b, judge.errors, None if alike else score_of)
+    return SidesView(
+        name_a,
+        name_b,
+        sides.b,
+        between,
+        alike,
+        found.timeline,
+        place,
+        moment,
+        focus.model.name,
+        found.differences,
+        answers,
+        _scene_scores(a, found.a.problem, answers),
+        effort_of(found.a),
+        effort_of(found.b),
+        _now(found.a, judge, focus, k_a, found.timeline.a_at(place), poses[own][0]) if own in poses else None,
+        _now(found.b, judge, focus, k_b, max(k_b, reach_b), poses[own][1]) if own in poses else None,
+        _curves(found, judge, focus),
+        poses,
+        sides.poses,
+        sides.shown,
+        comparing.is_running,
+    )
+
+
+def names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tuple[str, str]:
+    """What tells the two apart, as short as can be: "rir" and "sir", "c = 0.7" and "c = 0.1"."""
+    changed = {name: (one, other) for name, one, other in between}
+    pairs: list[tuple[str, str]] = []
+    for name in ("method.name", "preset"):
+        if name in changed:
+            pairs.append((str(changed[name][0]), str(changed[name][1])))
+    if not pairs:
+        for name, one, other in between[:2]:
+            key = name.rpartition(".")[2]
+            pairs.append((f"{key} = {_short(one)}", f"{key} = {_short(other)}"))
+    if not pairs:
+        return a.name, b.name if b.name != a.name else f"{b.name} (2)"
+    one, other = (", ".join(side) for side in zip(*pairs, strict=True))
+    files = [side.recording.name if side.recording else "" for side in (a, b)]
+    return tuple(f"{n}, {file}" if file else n for n, file in zip((one, other), files, strict=True))  # type: ignore[return-value]
+
+
+def _short(value: Any) -> str:
+    said = f"{value:g}" if isinstance(value, float) else str(value)
+    return said if len(said) <= 24 else f"{said[:23]}…"
+
+
+def _reach(timeline: Timeline, place: int) -> int:
+    """Up to which iteration B is through at a place, without a gap."""
+    done = {m.b for m in timeline.moments[:place] if m.b is not None}
+    k = 0
+    while k + 1 in done:
+        k += 1
+    return k
+
+
+def _best(trace: Trace, instance_id: int, until: int) -> Best | None:
+    """The answer for an object after the run's iteration ``until``."""
+    return trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
+
+
+def _ours(found: Compared, target: Target) -> Target:
+    """A's own target of the same object: its rule may count other masks."""
+    own = target.instance.instance_id
+    return found.a.problem.target(own) if own in found.a.instance_ids else target
+
+
+def _now(trace: Trace, judge: Judge, focus: Target, k: int, until: int, T_cam_obj: Float | None) -> SideNow | None:
+    own = focus.instance.instance_id
+    best = _best(trace, own, until)
+    if best is None or T_cam_obj is None:
+        return None
+    iteration = trace.iterations[k - 1] if k else None
+    score: float | None = best.score.score
+    if T_cam_obj is not best.T_cam_obj:
+        kept = iteration.accepted_stage.score if iteration else None
+        score = kept.score if kept else None
+    return SideNow(iteration, T_cam_obj, score, judge.errors(focus, T_cam_obj), best)
+
+
+def _curves(found: Compared, judge: Judge, focus: Target) -> Curves:
+    own = focus.instance.instance_id
+    moments = [m for m in found.timeline.moments if m.instance_id == own]
+    calls = (0, *(m.calls for m in moments))
+
+    def best(trace: Trace, indices: list[int | None]) -> list[Best | None]:
+        now = trace.answers[0].get(own)
+        line = [now]
+        for k in indices:
+            now = now if k is None else trace.iterations[k - 1].best
+            line.append(now)
+        return line
+
+    def scores(line: list[Best | None]) -> tuple[float, ...]:
+        return tuple(b.score.score if b else 0.0 for b in line)
+
+    def errors(line: list[Best | None]) -> tuple[float, ...] | None:
+        values = [judge.errors(focus, b.T_cam_obj) if b else None for b in line]
+        known = tuple(e.add_s_mm for e in values if e is not None)
+        return known if len(known) == len(values) else None
+
+    line_a, line_b = best(found.a, [m.a for m in moments]), best(found.b, [m.b for m in moments])
+    return Curves(calls, scores(line_a), scores(line_b), errors(line_a), errors(line_b))
+
+
+def _scene_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
+    both = [o for o in answers if o.a is not None and o.b is not None]
+    if len(both) < 2:
+        return None
+    targets = [problem.target(o.instance_id) for o in both]
+    one = a.tools.verifier.score_scene(targets, np.array([[o.a.best.T_cam_obj for o in both if o.a]]))[0]
+    other = a.tools.verifier.score_scene(targets, np.array([[o.b.best.T_cam_obj for o in both if o.b]]))[0]
+    return one.score, other.score
