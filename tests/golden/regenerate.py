@@ -10,16 +10,29 @@ from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
 FOLDER = Path(__file__).parent
+OF_SCENES = ("vf_breadth", "vf_depth", "physim_mcts")
+"""Methods that need company: traced on the built-in stack instead of the duck."""
+
+
+def trace_file(name: str) -> Path:
+    """Where the trace of a method is kept."""
+    return FOLDER / f"{'stack' if name in OF_SCENES else 'duck'}_{name}.json"
 
 
 def trace(name: str) -> list[dict[str, object]]:
-    """What a method does on the built-in duck, in numbers that can be read."""
-    raw = {"scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 3}, "method": {"name": name, "iterations": 2}}
+    """What a method does on a built-in scene, in numbers that can be read."""
+    raw = {
+        "scene": {"demo": "stack" if name in OF_SCENES else "duck"},
+        "hypotheses": {"max_per_object": 3},
+        "method": {"name": name, "iterations": 2},
+        "mcts": {"expansions": 3},
+    }
     toolbox = Toolbox(resolve({**raw, "score": {"renderer": "cpu"}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
     return [
         {
+            "instance": it.instance_id,
             "arm": it.arm,
             "accepted": it.accepted,
             "scores": {s.name: s.score.score for s in it.stages if s.score},
@@ -32,7 +45,7 @@ def trace(name: str) -> list[dict[str, object]]:
 def main() -> None:
     """Writes one file per method."""
     for name in METHOD_NAMES:
-        (FOLDER / f"duck_{name}.json").write_text(json.dumps(trace(name), indent=1) + "\n")
+        trace_file(name).write_text(json.dumps(trace(name), indent=1) + "\n")
 
 
 if __name__ == "__main__":
