@@ -197,22 +197,32 @@ class DependencySettings(Settings):
 
 
 class PpfSettings(Settings):
-    """Point pair features. METHODS 6."""
+    """Point pair features. METHODS 6; defaults as measured on real frames (bench/estimators.py)."""
 
-    step: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Grid of model and scene points as a share of the diameter."""
-    distance_bin: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Bin of distances as a share of the diameter."""
-    angle_bin_deg: Annotated[float, Field(gt=0, le=45, allow_inf_nan=False)] = 12.0
-    """Bin of angles [deg]."""
+    step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Grid of model and scene points as a share of the diameter, at least 0.02."""
+    distance_bin: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Bin of distances as a share of the diameter, at least 0.02."""
+    angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
+    """Bin of the three angles, at least 4° [deg]."""
+    bin_limit: Count = 1000
+    """Most model pairs kept in a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5
     """Every n-th scene point is a reference."""
+    turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
+    """Bins of the turn about the reference's normal, 360° together."""
+    peaks: Count = 6
+    """Most poses that a reference proposes."""
     cluster_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
     """Poses nearer than this share of the diameter, and …"""
     cluster_deg: Annotated[float, Field(gt=0, lt=180, allow_inf_nan=False)] = 18.0
     """… turned by less than this are one hypothesis [deg]."""
+    candidates: Count = 60
+    """Clusters with most votes that are ranked by their agreement with the depth image."""
+    tolerance: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.03
+    """Depths that differ by less than this share of the diameter agree."""
     seed: Seed = 0
-    """Seeds the choice within crowded bins."""
+    """Seeds the points drawn on the model."""
 
 
 class PcsSettings(Settings):

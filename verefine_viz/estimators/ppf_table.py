@@ -1,0 +1,103 @@
+"""All point pairs of a model by their feature: what votes are looked up in."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.estimators.ppf_cloud import Oriented
+from verefine_viz.estimators.ppf_features import local_rotation, pair_feature, turn_about_normal
+
+
+class PairTable(NamedTuple):
+    """The pairs of one model, bin by bin."""
+
+    points: Float
+    """(M, 3) thinned model points, object frame [m]."""
+    normals: Float
+    """(M, 3) their outward normals."""
+    rotations: Float
+    """(M, 3, 3) that turn each normal onto +x."""
+    starts: NDArray[np.int64]
+    """(bins + 1,) where the pairs of each bin begin."""
+    weights: NDArray[np.float32]
+    """(bins,) for how many pairs each one in the bin stands: 1, or more where only some were kept."""
+    first: NDArray[np.uint16]
+    """(pairs,) the pair's first point."""
+    turn_rad: NDArray[np.float32]
+    """(pairs,) angle of the pair's second point about the first one's normal [rad]."""
+    distance_bin_m: float
+    angle_bin_rad: float
+    n_distances: int
+    n_angles: int
+
+
+def pair_table(cloud: Oriented, distance_bin_m: float, angle_bin_rad: float, bin_limit: int) -> PairTable:
+    """The table of a thinned model cloud.
+
+    Args:
+        cloud: (M, 3) points and outward normals, M < 65536.
+        distance_bin_m: bin of the distance [m].
+        angle_bin_rad: bin of each of the three angles [rad].
+        bin_limit: most pairs kept in a bin, evenly spread over its pairs in order of their points; flat faces fill few
+            bins with very many pairs, which would take nearly all of the time.
+    """
+    points, normals = cloud
+    n_angles = int(np.pi / angle_bin_rad) + 1
+    n_distances = int(np.linalg.norm(np.ptp(points, axis=0)) / distance_bin_m) + 1
+    rotations = np.stack([local_rotation(n) for n in normals])
+    key, first, turn = _pairs(points, normals, rotations, distance_bin_m, angle_bin_rad, n_angles)
+    order = np.argsort(key, kind="stable")
+    sizes = np.bincount(key, minlength=n_distances * n_angles**3)
+    kept = np.minimum(sizes, bin_limit)
+    starts = np.concatenate([[0], np.cumsum(kept)])
+    # The m-th pair kept of a bin is number ⌊m · size / kept⌋ of it.
+    of_bin = np.repeat(np.arange(len(sizes)), kept)
+    within = np.arange(len(of_bin)) - starts[of_bin]
+    before = np.concatenate([[0], np.cumsum(sizes)])
+    order = order[before[of_bin] + within * sizes[of_bin] // kept[of_bin]]
+    weights = (sizes / np.maximum(kept, 1)).astype(np.float32)
+    return PairTable(
+        points, normals, rotations, starts, weights, first[order], turn[order],
+        distance_bin_m, angle_bin_rad, n_distances, n_angles,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def bin_of(
+    feature: tuple[float, float, float, float], distance_bin_m: float, angle_bin_rad: float, n_angles: int
+) -> int:
+    """Number of the bin that a feature falls into."""
+    distance_m, at_first, at_second, between = feature
+    key = int(distance_m / distance_bin_m) * n_angles + int(at_first / angle_bin_rad)
+    return (key * n_angles + int(at_second / angle_bin_rad)) * n_angles + int(between / angle_bin_rad)
+
+
+@njit(cache=True)
+def _pairs(
+    points: np.ndarray,
+    normals: np.ndarray,
+    rotations: np.ndarray,
+    distance_bin_m: float,
+    angle_bin_rad: float,
+    n_angles: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bin, first point and turn of every ordered pair of different points."""
+    n = len(points)
+    key = np.empty(n * (n - 1), dtype=np.int64)
+    first = np.empty(n * (n - 1), dtype=np.uint16)
+    turn = np.empty(n * (n - 1), dtype=np.float32)
+    k = 0
+    for i in range(n):
+        for j in range(n):
+            if i != j:
+                feature = pair_feature(points[i], normals[i], points[j], normals[j])
+                key[k] = bin_of(feature, distance_bin_m, angle_bin_rad, n_angles)
+                first[k] = i
+                turn[k] = turn_about_normal(rotations[i], points[i], points[j])
+                k += 1
+    return key, first, turn
