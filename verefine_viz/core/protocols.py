@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.observation import Support
+from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SimulatedPath
 from verefine_viz.core.scores import ScoreMaps, Scores
@@ -55,6 +55,16 @@ class Verifier(Protocol):
 
     def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
         """The scene's score of one combination (m, 4, 4), pixel by pixel."""
+        ...
+
+
+class SceneRenderer(Protocol):
+    """Draws whole scenes and counts what they leave unexplained: the cost of PHYSIM-MCTS. METHODS 3.3."""
+
+    def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:
+        """Pixels in which the objects, drawn together, and what was observed of objects differ; one of both missing
+        counts as well.
+        """
         ...
 
 

@@ -1,0 +1,232 @@
+"""PHYSIM-MCTS, the system that the paper compares with (Mitash et al., ICRA 2018). METHODS 3.3.
+
+The objects of a cluster are placed one after another, each from one of its hypotheses, by trimmed ICP and physics;
+Monte Carlo tree search decides which combination to try. One iteration selects a node, expands it by one object,
+completes the scene with the most promising hypotheses of the other objects (the roll-out), and tells the branch how
+many pixels that scene leaves unexplained.
+
+Slips of the published code that are mended: the overlap that orders the children is that of the object placed there,
+not of the one above; overlaps of zero and ties are fine, the first wins; overlaps are counted in full; and branches
+below which nothing is left to try are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.problem import Hypothesis, Problem, Target
+from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.settings import MctsSettings, PhysicsSettings, TricpSettings
+from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.methods.overlap import overlaps
+from verefine_viz.methods.per_object import FrameState
+from verefine_viz.methods.scene_search import SceneSearch, Search
+from verefine_viz.methods.search_tree import Candidate, SearchTree
+from verefine_viz.methods.vf_breadth import clusters_of
+
+REFINED_BEST = "largest overlap, aligned"
+"""Source of the hypothesis that the search adds to each pool (METHODS 3.2: the 26th of 25)."""
+
+PUBLISHED_PHYSICS = {
+    "steps": 60,
+    "mass_kg": 10.0,
+    "gravity_m_s2": 2.0,
+    "damping": 0.99,
+    "friction": 1.0,
+    "collider": "hull",
+    "margin_m": 1e-3,
+    "placed": "static",
+}
+"""The simulator of the published system, as fields of ``PhysicsSettings``."""
+
+
+def mcts_physics(settings: MctsSettings, session: PhysicsSettings) -> PhysicsSettings:
+    """The simulator that the search uses, given the session's own."""
+    return session.model_copy(update=PUBLISHED_PHYSICS) if settings.physics == "published" else session
+
+
+def mcts_tricp(settings: MctsSettings, session: TricpSettings) -> TricpSettings:
+    """The trimmed ICP that the search uses, given the session's own."""
+    return session.model_copy(update={"trim": settings.trim})
+
+
+@dataclass(frozen=True, eq=False)
+class SearchState(FrameState):
+    """Where the search stands with a frame.
+
+    Its problem has one hypothesis more per object than the one that was given: see ``REFINED_BEST``.
+    """
+
+    searches: tuple[Search | None, ...] = ()
+    """Per cluster; None where no instance has a hypothesis."""
+
+
+@dataclass(frozen=True)
+class PhysimMcts:
+    """One tree per cluster, the clusters one after another; other clusters' objects add the same to every cost."""
+
+    scene: SceneSearch
+    settings: MctsSettings
+
+    def start(self, problem: Problem) -> SearchState:
+        pools = [self._pool(target) for target in problem.targets]
+        instances = [
+            replace(instance, hypotheses=pool[0]) for instance, pool in zip(problem.instances, pools, strict=True)
+        ]
+        problem = replace(problem, instances=tuple(instances))
+        shares = [pool[1] for pool in pools]
+        objects = [self._begun(t, s) if len(s) else None for t, s in zip(problem.targets, shares, strict=True)]
+        return SearchState(problem, tuple(objects), 0, _searches(problem, objects, shares))
+
+    def is_done(self, state: FrameState) -> bool:
+        return self._next(_adopted(state)) is None
+
+    def n_iterations(self, state: FrameState) -> int:
+        state = _adopted(state)
+        searches = [s for s in state.searches if s]
+        by_another_method = state.n_done - sum(s.tree.n_expanded for s in searches)
+        return by_another_method + sum(map(self._expected, searches))
+
+    def step(self, state: FrameState) -> tuple[FrameState, Iteration]:
+        state = _adopted(state)
+        k = self._next(state)
+        if k is None:
+            raise InputError("the run is over: every tree is complete or has used its budget")
+        search = state.searches[k]
+        assert search is not None
+        began = perf_counter()
+        done = self.scene.expand(state.problem, state.objects, k, search, state.n_done + 1)
+        search = replace(done.search, spent_s=search.spent_s + perf_counter() - began)
+        objects = [replace(o, best=done.best[i]) if o and i in done.best else o for i, o in enumerate(state.objects)]
+        i = [t.instance.instance_id for t in state.problem.targets].index(done.iteration.instance_id)
+        objects[i] = _moved(objects[i], done.iteration)
+        searches = (*state.searches[:k], search, *state.searches[k + 1 :])
+        return SearchState(state.problem, tuple(objects), state.n_done + 1, searches), done.iteration
+
+    def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
+        state = _adopted(state)
+        ids = [t.instance.instance_id for t in state.problem.targets]
+        if instance_id not in ids:
+            raise InputError(unknown("instance", instance_id, ids))
+        i = ids.index(instance_id)
+        o = state.objects[i]
+        if o is None:
+            raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
+        score = self.scene.verifier.score(o.target, np.asarray(T_cam_obj, dtype=np.float64)[None])[0]
+        edited = o.with_edited(arm, T_cam_obj, score, state.n_done)
+        pose = edited.arms[arm].current.T_cam_obj
+        lcp = float(overlaps(o.target, pose[None])[0])
+        searches = [
+            replace(s, tree=s.tree.with_candidate(s.members.index(i), arm, pose, lcp)) if s and i in s.members else s
+            for s in state.searches
+        ]
+        return replace(state.with_object(i, edited), searches=tuple(searches))
+
+    def _pool(self, target: Target) -> tuple[tuple[Hypothesis, ...], Float]:
+        """The instance's hypotheses and, as one more, the one with the largest overlap aligned; and all overlaps."""
+        pool = tuple(h for h in target.instance.hypotheses if h.source != REFINED_BEST)
+        if not pool:
+            return (), np.zeros(0)
+        shares = overlaps(target, np.array([h.T_cam_obj for h in pool]))
+        best = pool[int(np.argmax(shares))]
+        added = Hypothesis(self.scene.refiner.refine(target, best.T_cam_obj), best.confidence, REFINED_BEST)
+        return (*pool, added), np.append(shares, overlaps(target, added.T_cam_obj[None]))
+
+    def _begun(self, target: Target, shares: Float) -> ObjectState:
+        """Before the first iteration the answer is the hypothesis with the largest overlap."""
+        Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
+        initial = self.scene.verifier.score(target, Ts)
+        entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(target.instance.hypotheses)]
+        arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
+        first = int(np.argmax(shares))
+        best = Best(entries[first].T_cam_obj, entries[first].score, first, 0, "initial")
+        return ObjectState(target, initial, arms, best)
+
+    def _next(self, state: SearchState) -> int | None:
+        """The first cluster with budget left."""
+        return next((k for k, s in enumerate(state.searches) if s and not self._is_over(s)), None)
+
+    def _budget(self, search: Search) -> int:
+        return self.settings.expansions * len(search.members)
+
+    def _is_over(self, search: Search) -> bool:
+        if search.tree.is_complete:
+            return True
+        if self.settings.seconds is not None:
+            return search.spent_s >= self.settings.seconds
+        return search.tree.n_expanded >= self._budget(search)
+
+    def _expected(self, search: Search) -> int:
+        """Iterations that this cluster will have taken; a guess where time is the budget."""
+        n_done, seconds = search.tree.n_expanded, self.settings.seconds
+        if self._is_over(search):
+            return n_done
+        if seconds is None:
+            return search.tree.size(self._budget(search))
+        guess = round(n_done * seconds / search.spent_s) if search.spent_s > 0 else self._budget(search)
+        return search.tree.size(max(guess, n_done + 1))
+
+
+def _adopted(state: FrameState) -> SearchState:
+    """The state as the search keeps it; where another method made it, from where that left each hypothesis."""
+    if isinstance(state, SearchState):
+        return state
+    shares = [
+        overlaps(o.target, np.array([arm.current.T_cam_obj for arm in o.arms])) if o else np.zeros(0)
+        for o in state.objects
+    ]
+    return SearchState(state.problem, state.objects, state.n_done, _searches(state.problem, state.objects, shares))
+
+
+def _searches(
+    problem: Problem, objects: Sequence[ObjectState | None], shares: Sequence[Float]
+) -> tuple[Search | None, ...]:
+    """A new search for each cluster, from where each hypothesis is; ``shares`` are their overlaps, per instance."""
+    pools = [
+        tuple(Candidate(arm.current.T_cam_obj, lcp) for arm, lcp in zip(o.arms, s.tolist(), strict=True)) if o else ()
+        for o, s in zip(objects, shares, strict=True)
+    ]
+    found: list[Search | None] = []
+    for cluster in clusters_of(problem):
+        members = tuple(i for i in cluster if pools[i])
+        found.append(Search(members, SearchTree(tuple(pools[i] for i in members))) if members else None)
+    return tuple(found)
+
+
+def _moved(o: ObjectState | None, iteration: Iteration) -> ObjectState:
+    """The object after an iteration on one of its arms, which is rewarded with the score of where it came to lie."""
+    kept = iteration.accepted_stage
+    assert o is not None
+    assert kept.score is not None
+    entry = Entry(kept.T_cam_obj, kept.score, kept.name, iteration.index)
+    arm = o.arms[iteration.arm].moved(entry).rewarded(kept.score.score)
+    return o.with_arm(iteration.arm, arm, o.best)
+
+
+def make_physim_mcts(
+    settings: MctsSettings,
+    simulator: Simulator | None,
+    refiner: Refiner,
+    verifier: Verifier,
+    renderer: SceneRenderer,
+    n_steps: int,
+) -> PhysimMcts:
+    """The search with its parts.
+
+    Args:
+        settings: budget, exploration.
+        simulator: made with :func:`mcts_physics`; None switches physics off.
+        refiner: trimmed ICP, made with :func:`mcts_tricp`.
+        verifier: for the scores that people see.
+        renderer: counts unexplained pixels.
+        n_steps: simulation steps per placing.
+    """
+    scene = SceneSearch(simulator, refiner, verifier, renderer, n_steps, settings.exploration_px)
+    return PhysimMcts(scene, settings)
