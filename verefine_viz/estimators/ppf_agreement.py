@@ -42,7 +42,8 @@ def surface_field(points: Float, diameter_m: float) -> SurfaceField:
     counts = np.ceil((points.max(axis=0) + PADDING * diameter_m - low) / side_m).astype(int) + 1
     is_empty = np.ones(counts, dtype=bool)
     is_empty[tuple(((points - low) / side_m).astype(int).T)] = False
-    return SurfaceField(distance_transform_edt(is_empty, sampling=side_m).astype(np.float32), low, side_m)
+    distance_m = np.asarray(distance_transform_edt(is_empty, sampling=side_m), dtype=np.float32)
+    return SurfaceField(distance_m, low, side_m)
 
 
 def agreement(

@@ -70,7 +70,13 @@ def read(path: Path) -> Learnt | None:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
             table = PairTable(
-                *(kept[name] for name in PairTable._fields[:7]),
+                kept["points"],
+                kept["normals"],
+                kept["rotations"],
+                kept["starts"],
+                kept["weights"],
+                kept["first"],
+                kept["turn_rad"],
                 float(kept["distance_bin_m"]),
                 float(kept["angle_bin_rad"]),
                 int(kept["n_distances"]),
