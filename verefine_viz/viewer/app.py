@@ -7,6 +7,7 @@ import threading
 import webbrowser
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any, cast
@@ -21,6 +22,8 @@ from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.viewing import later
 from verefine_viz.viewer.workspace import Tools
 
 _LOG = logging.getLogger(__name__)
@@ -65,6 +68,7 @@ class App:
         self._is_shallow = False
         self._layout: Layout | None = None
         self._animation: Iterator[None] | None = None
+        self._later: Iterator[None] | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
         self._worker: threading.Thread | None = None
@@ -141,7 +145,7 @@ class App:
             try:
                 self._carry_out(command)
             except Exception as error:  # The page must live on: what went wrong is shown.
-                self._animation = None
+                self._animation = self._later = None
                 self.debugger.goal = None
                 self.debugger.comparing.pause()
                 self.debugger.message = str(error)
@@ -152,10 +156,10 @@ class App:
 
     def _open(self) -> None:
         keeping = Keeping(self.server, self._folder)
-        make_tools, plausibility, demos = self._make_tools, None, ()
+        make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._tell("Loading the simulator, the renderer and the refiner.")
-            make_tools, plausibility, demos = real_parts()
+            make_tools, plausibility, overlap, demos = real_parts(self._tell)
         self.debugger = Debugger(
             self._session,
             self._path,
@@ -166,6 +170,7 @@ class App:
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
             tell=self._tell,
+            overlap=overlap,
         )
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
@@ -186,7 +191,7 @@ class App:
         """The next command; None = nothing waits, go on with what is under way; STOP = end."""
         with self._wake:
             running = self.debugger.is_busy
-            if not self._queue and not running and not self._is_shallow:
+            if not self._queue and not running and not self._is_shallow and (self._animation or not self._later):
                 if self._animation is None:
                     self._idle = True
                     self._wake.notify_all()
@@ -197,7 +202,7 @@ class App:
 
     def _carry_out(self, command: c.Command | object | None) -> None:
         if isinstance(command, c.Command):
-            self._animation = None
+            self._animation = self._later = None
             before = self.debugger.workspace.run.cursor
             self.debugger.apply(command)
             with self._wake:
@@ -211,8 +216,12 @@ class App:
                 self._show()
         elif self._is_shallow:
             self._show_deep()
-        elif self._animation is not None and next(self._animation, STOP) is STOP:
-            self._animation = None
+        elif self._animation is not None:
+            if next(self._animation, STOP) is STOP:
+                self._animation = None
+        elif self._later is not None and next(self._later, STOP) is STOP:
+            self._later = None
+            self._show_physics()
 
     def _animate(self, command: c.Command, before: int) -> None:
         view = self._view
@@ -241,6 +250,20 @@ class App:
             self.scene.show_deep(view)
             self.layout.show_deep(view)
         self.server.flush()
+        if not view.physics.complete or self._judged_alone(view):
+            self._later = later(view, self.debugger.workspace.branch.judge)
+
+    def _judged_alone(self, view: View) -> bool:
+        """Whether the plausibility of the poses in focus is still to be worked out."""
+        return not view.plausible and view.target.observation.support is not None
+
+    def _show_physics(self) -> None:
+        """What was worked out about the whole scene."""
+        view = self.debugger.view()
+        with self.server.atomic():
+            self.scene.show_physics(view)
+            self.layout.show_physics(view)
+        self.server.flush()
 
 
 STOP = object()
@@ -252,13 +275,20 @@ def opening(doing: str) -> str:
     return f'<div style="padding:0 12px"><h3>Opening the session</h3><p>{text(doing)}</p></div>'
 
 
-def real_parts() -> tuple[Callable[[Session], Tools], Callable[..., Any], tuple[str, ...]]:
-    """The toolbox, the plausibility check and the built-in scenes; imported late, since they are heavy."""
+def real_parts(
+    tell: Callable[[str], None],
+) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
+    """The toolbox, the checks of plausibility and overlap, and the built-in scenes; imported late: they are heavy."""
+    from verefine_viz.physics.overlap import overlap
     from verefine_viz.physics.plausibility import plausibility
+    from verefine_viz.physics.proximity import Surfaces
     from verefine_viz.scenes.demo import demo_names
     from verefine_viz.session.toolbox import Toolbox
 
-    return cast(Callable[[Session], Tools], Toolbox), plausibility, tuple(demo_names())
+    surfaces = Surfaces()
+    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, tell=tell))
+    checks = partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces)
+    return make_tools, *checks, tuple(demo_names())
 
 
 def serve(

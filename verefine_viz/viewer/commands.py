@@ -163,9 +163,14 @@ class SetBreakpoints(Command):
 
 @dataclass(frozen=True)
 class Focus(Command):
-    """Another object of the frame."""
+    """An object of the frame, to which the page is then filtered; None = always the one that is worked on."""
 
-    instance_id: int
+    instance_id: int | None = None
+
+
+@dataclass(frozen=True)
+class ShowScene(Command):
+    """The whole scene instead of one object, until one is chosen."""
 
 
 @dataclass(frozen=True)
@@ -283,7 +288,7 @@ COMMANDS: dict[str, type[Command]] = {
     for c in (
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
         OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
-        Focus, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
+        Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
         SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS,
     )
 }  # fmt: skip

@@ -49,6 +49,7 @@ class Debugger:
         batch: whose frames are listed; None = no batch.
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         tell: is told what is being done before anything that may take seconds.
+        overlap: tells how deep one placed object is in another; None = not known.
     """
 
     def __init__(
@@ -62,8 +63,9 @@ class Debugger:
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: BatchIndex | None = None,
         tell: Callable[[str], None] = lambda _: None,
+        overlap: Callable[..., Any] | None = None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility, tell)
+        self.workspace = Workspace(session, path, make_tools, plausibility, tell, overlap)
         self.demos = demos
         self.look = Look()
         self.goal: c.Goal | int | None = None
@@ -257,7 +259,7 @@ class Debugger:
 
     def _seek_event(self, direction: int) -> None:
         cursor = self.workspace.run.cursor
-        places = jumps(self.workspace.branch.marks())
+        places = jumps(self.workspace.branch.marks(self.look.focus))
         ahead = [k for k in places if (k > cursor if direction > 0 else k < cursor)]
         if not ahead:
             self.message = "No further mark there." if direction > 0 else "No earlier mark."
@@ -390,6 +392,6 @@ def _may_wait(command: c.Command) -> bool:
     """Whether a run may go on while this is done: looking does not disturb it."""
     return isinstance(
         command,
-        c.Focus | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.Animate
+        c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.Animate
         | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export,
     )  # fmt: skip

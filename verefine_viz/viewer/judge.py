@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
+
+import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Support
@@ -14,8 +16,12 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 
 T = TypeVar("T")
+Key = tuple[Any, ...]
+"""What was asked: its kind first."""
 _KEPT_MAPS = 12
 _KEPT_NUMBERS = 20_000
+NEAR_M = 0.01
+"""Objects further apart than this have nothing to do with each other [m]."""
 
 
 class HasVerifier(Protocol):
@@ -31,59 +37,111 @@ class Judge:
     Args:
         toolbox: where the verifier comes from.
         plausibility: (moving, fixed, support) → what physics says about the pose without moving it; None = not known.
+        overlap: (one, other) → how deep one object is in another, or None where it is not; None = not known.
     """
 
     def __init__(
-        self, toolbox: HasVerifier, plausibility: Callable[[Placed, tuple[Placed, ...], Support], Any] | None = None
+        self,
+        toolbox: HasVerifier,
+        plausibility: Callable[[Placed, tuple[Placed, ...], Support], Any] | None = None,
+        overlap: Callable[[Placed, Placed], Any | None] | None = None,
     ) -> None:
         self._toolbox = toolbox
         self._plausibility = plausibility
-        self._numbers: OrderedDict[tuple[str, int, bytes], Any] = OrderedDict()
-        self._maps: OrderedDict[tuple[str, int, bytes], Any] = OrderedDict()
+        self._overlap = overlap
+        self._numbers: OrderedDict[Key, Any] = OrderedDict()
+        self._maps: OrderedDict[Key, Any] = OrderedDict()
 
     def score(self, target: Target, T_cam_obj: Float) -> PoseScore:
         """The verification score of one pose."""
-        return self._remember(
-            self._numbers, "score", target, T_cam_obj, lambda: self._toolbox.verifier.score(target, T_cam_obj[None])[0]
-        )
+        key = _key("score", target, T_cam_obj)
+        return self._remember(key, lambda: self._toolbox.verifier.score(target, T_cam_obj[None])[0])
 
     def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps:
         """The score of one pose pixel by pixel."""
-        return self._remember(
-            self._maps, "maps", target, T_cam_obj, lambda: self._toolbox.verifier.maps(target, T_cam_obj)
-        )
+        key = _key("maps", target, T_cam_obj)
+        return self._remember(key, lambda: self._toolbox.verifier.maps(target, T_cam_obj))
+
+    def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
+        """The score of one combination of poses (m, 4, 4) as a scene."""
+        verifier = self._toolbox.verifier
+        key = ("scene", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
+        return self._remember(key, lambda: verifier.score_scene(targets, Ts_cam_obj[None], (), whole_frame)[0])
+
+    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps:
+        """The score of one combination of poses (m, 4, 4) as a scene, pixel by pixel."""
+        verifier = self._toolbox.verifier
+        key = ("scene maps", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
+        return self._remember(key, lambda: verifier.scene_maps(targets, Ts_cam_obj))
 
     def errors(self, target: Target, T_cam_obj: Float) -> PoseErrors | None:
         """Errors against ground truth; None where there is none."""
         truth = target.instance.T_cam_obj_gt
         if truth is None:
             return None
-        return self._remember(
-            self._numbers, "errors", target, T_cam_obj, lambda: pose_errors(target.model, T_cam_obj, truth)
-        )
+        key = _key("errors", target, T_cam_obj)
+        return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, truth))
 
-    def plausibility(self, target: Target, T_cam_obj: Float) -> Any | None:
-        """Gap, penetration, support polygon and stability; None where no support is known."""
+    def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
+        """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
         support = target.observation.support
         judge = self._plausibility
         if support is None or judge is None:
             return None
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
-        return self._remember(self._numbers, "plausibility", target, T_cam_obj, lambda: judge(placed, (), support))
+        near = tuple(other for other in others if are_near(placed, other))
+        return self._remember(_among(placed, near), lambda: judge(placed, near, support))
 
-    def _remember(
-        self,
-        kept: OrderedDict[tuple[str, int, bytes], Any],
-        kind: str,
-        target: Target,
-        T_cam_obj: Float,
-        work_out: Callable[[], T],
-    ) -> T:
-        key = (kind, target.instance.instance_id, T_cam_obj.tobytes())
+    def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
+        """What :meth:`plausibility` said if it was asked before, else None."""
+        placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
+        return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
+
+    def overlap(self, one: Placed, other: Placed) -> Any | None:
+        """How deep one object is in another; None where it is not, or where that is not known."""
+        judge = self._overlap
+        if judge is None or not are_near(one, other):
+            return None
+        return self._remember(_pair(one, other), lambda: judge(one, other))
+
+    def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
+        """Whether :meth:`overlap` was asked before (or need not be), and what it said."""
+        if self._overlap is None or not are_near(one, other):
+            return True, None
+        key = _pair(one, other)
+        return key in self._numbers, self._numbers.get(key)
+
+    def _remember(self, key: Key, work_out: Callable[[], T]) -> T:
+        kept, most = (self._maps, _KEPT_MAPS) if "maps" in key[0] else (self._numbers, _KEPT_NUMBERS)
         if key in kept:
             kept.move_to_end(key)
         else:
             kept[key] = work_out()
-            while len(kept) > (_KEPT_MAPS if kept is self._maps else _KEPT_NUMBERS):
+            while len(kept) > most:
                 kept.popitem(last=False)
         return kept[key]
+
+
+def are_near(one: Placed, other: Placed) -> bool:
+    """Whether the spheres around two objects come close to each other."""
+    (centre_one, radius_one), (centre_other, radius_other) = _sphere(one), _sphere(other)
+    return float(np.linalg.norm(centre_one - centre_other)) < radius_one + radius_other + NEAR_M
+
+
+def _sphere(placed: Placed) -> tuple[Float, float]:
+    low, high = placed.model.points.min(axis=0), placed.model.points.max(axis=0)
+    centre = placed.T_cam_obj[:3, :3] @ ((low + high) / 2) + placed.T_cam_obj[:3, 3]
+    return centre, float(np.linalg.norm(high - low)) / 2
+
+
+def _key(kind: str, target: Target, T_cam_obj: Float) -> Key:
+    return kind, target.instance.instance_id, T_cam_obj.tobytes()
+
+
+def _among(placed: Placed, near: Sequence[Placed]) -> Key:
+    around = tuple((p.instance_id, p.T_cam_obj.tobytes()) for p in near)
+    return "plausibility", placed.instance_id, placed.T_cam_obj.tobytes(), around
+
+
+def _pair(one: Placed, other: Placed) -> Key:
+    return "overlap", one.instance_id, one.T_cam_obj.tobytes(), other.instance_id, other.T_cam_obj.tobytes()

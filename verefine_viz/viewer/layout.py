@@ -11,9 +11,11 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
+from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
 from verefine_viz.viewer.panels.errors import ErrorsPanel
 from verefine_viz.viewer.panels.layers import LayersPanel
 from verefine_viz.viewer.panels.maps import MapsPanel
+from verefine_viz.viewer.panels.objects import ObjectsPanel, height_px
 from verefine_viz.viewer.panels.physics import PhysicsPanel
 from verefine_viz.viewer.panels.run import RunPanel
 from verefine_viz.viewer.panels.score import ScorePanel
@@ -30,6 +32,9 @@ TIMELINE_PX = 136
 STRIP_PX = 252
 MAPS_PX = 592
 CURVES_PX = 296
+VIEW_PX = 254
+OBJECTS_PX = 312
+UPPER_PX = 388
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run / pause", "space", c.TogglePause()),
@@ -75,7 +80,6 @@ class Layout:
         gui = server.gui
         set_theme(gui)
         self.run = RunPanel(gui, send)
-        self.settings = SettingsPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)
         main = gui.main_panel
@@ -112,7 +116,15 @@ class Layout:
         layers = gui.add_panel()
         with layers.add_tab("View"):
             self.layers = LayersPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=220, height=388)
+        with layers.add_tab("Settings"):
+            self.settings = SettingsPanel(gui, send)
+        with layers.add_tab("Breakpoints"):
+            self.breakpoints = BreakpointsPanel(gui, send)
+        layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
+        self._objects_panel = gui.add_panel(visible=False)
+        with self._objects_panel.add_tab("Objects"):
+            self.objects = ObjectsPanel(gui, send)
+        self._n_objects = 0
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda _, command=command: send(command))
@@ -133,6 +145,8 @@ class Layout:
         """All panels, each on its own."""
         self.run.show(view)
         self.settings.show(view)
+        self.breakpoints.show(view)
+        self._show_objects(view)
         self.timeline.show(view, hand_is_ahead)
         self.score.show(view)
         self.bandit.show(view)
@@ -150,6 +164,22 @@ class Layout:
         self.maps.show(view)
         self.score.show(view)
         self.physics.show(view)
+
+    def show_physics(self, view: View) -> None:
+        """The panels that tell what physics says about the whole scene."""
+        self._show_objects(view)
+        self.physics.show(view)
+
+    def _show_objects(self, view: View) -> None:
+        """The list of objects, where there are several; placed anew for a frame with more or fewer of them."""
+        n = len(view.scene.objects)
+        if n != self._n_objects:
+            self._n_objects = n
+            self._objects_panel.visible = n > 1
+            x = MAPS_PX + 2 * GAP_PX + CURVES_PX - OBJECTS_PX
+            self._objects_panel.float(x=x, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
+        if n > 1:
+            self.objects.show(view)
 
     def _hide(self, gui: viser.GuiApi, handle: viser.GuiTextHandle) -> None:
         row = f'div:has(> .mantine-Flex-root label[for="{handle._impl.uuid}"])'

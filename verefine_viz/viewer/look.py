@@ -17,10 +17,13 @@ STAGES: tuple[str, ...] = (
 )  # fmt: skip
 """Every pose of an object that can be drawn, compared and judged."""
 
-LAYERS: tuple[str, ...] = (*STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "path")
+LAYERS: tuple[str, ...] = (
+    *STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps",
+    "path",
+)  # fmt: skip
 SHOWN_AT_FIRST = frozenset(
     {"current", "simulated", "refined", "accepted", "edited", "ground truth"}
-    | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts"}
+    | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps"}
 )
 
 
@@ -30,6 +33,8 @@ class Look:
 
     focus: int | None = None
     """instance_id whose numbers are shown; None = the one that the iteration at the cursor worked on."""
+    whole_scene: bool = False
+    """Whether panels show the scene instead of one object."""
     arm: int | None = None
     """Hypothesis whose history is shown; None = the one at work."""
     stage: str | None = None
@@ -56,8 +61,8 @@ class Look:
         return None if self.edited is None else np.array(self.edited).reshape(4, 4)
 
     def moved(self) -> Look:
-        """The same after the cursor moved: what belonged to the iteration is let go."""
-        return replace(self, focus=None, arm=None, stage=None, path_pose=None, edited=None)
+        """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
+        return replace(self, arm=None, stage=None, path_pose=None, edited=None)
 
 
 def changed(look: Look, command: c.Command) -> Look | None:
@@ -68,7 +73,9 @@ def changed(look: Look, command: c.Command) -> Look | None:
     """
     match command:
         case c.Focus(instance_id):
-            return replace(look, focus=instance_id, arm=None, edited=None)
+            return replace(look, focus=instance_id, whole_scene=False, arm=None, edited=None)
+        case c.ShowScene():
+            return replace(look, focus=None, whole_scene=True, arm=None, edited=None)
         case c.SelectArm(arm):
             return replace(look, arm=arm, edited=None)
         case c.Compare(a, b):

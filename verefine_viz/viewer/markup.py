@@ -60,11 +60,15 @@ def table(head: Sequence[tuple[str, str]], rows: Sequence[Row]) -> str:
 
 
 class Row:
-    """One row: cells are ready HTML; ``command`` makes the whole row a link; ``marked`` makes it stand out."""
+    """One row: cells are ready HTML; ``command`` makes the whole row a link; ``marked`` makes it stand out; ``parted``
+    draws a line above it.
+    """
 
-    def __init__(self, cells: Sequence[str], command: Command | None = None, marked: bool = False) -> None:
+    def __init__(
+        self, cells: Sequence[str], command: Command | None = None, marked: bool = False, parted: bool = False
+    ) -> None:
         attributes = carries(command) if command else ""
-        name = "marked" if marked else ""
+        name = " ".join(["marked"] * marked + ["parted"] * parted)
         self.html = f'<tr class="{name}" {attributes}>{"".join(f"<td>{c}</td>" for c in cells)}</tr>'
 
 
@@ -96,6 +100,8 @@ STYLE = """<style>
 .vz tr.marked{background:rgba(40,200,80,.18)}
 .vz .sw{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:5px;
  border:1px solid rgba(0,0,0,.35);vertical-align:-1px}
+.vz tr.parted td{border-top:1.5px solid rgba(200,200,200,.65)}
+.vz .light{display:inline-block;width:10px;height:10px;border-radius:5px;vertical-align:-1px}
 .vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}
 .vz img{image-rendering:pixelated;display:block;width:100%}
 .vz img[data-cmd]{cursor:crosshair}

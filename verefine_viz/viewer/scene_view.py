@@ -15,6 +15,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_of
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.maps import map_image
+from verefine_viz.viewer.other_nodes import OtherNodes
 from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
 from verefine_viz.viewer.standing import LIGHTS, telling
 from verefine_viz.viewer.view import View
@@ -31,8 +32,8 @@ class SceneView:
     def __init__(self, server: viser.ViserServer, send: Callable[[Command], None]) -> None:
         self._server, self._send = server, send
         self._problem: Problem | None = None
-        self._object: tuple[int, int] | None = None
         self._nodes: StageNodes | None = None
+        self._all_nodes: dict[int, StageNodes] = {}
         self._gizmo: viser.TransformControlsHandle | None = None
         self._image_shown: Image | None = None
         self._view: View | None = None
@@ -46,13 +47,11 @@ class SceneView:
         """Draws a view: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
         if view.problem is not self._problem:
             self._load_frame(view)
-        key = (id(view.problem), view.target.instance.instance_id)
-        if key != self._object:
-            self._nodes = StageNodes(self._server, view.target.model, view.n_arms, self._send)
-            self._object = key
+        self._choose_nodes(view)
         self._view = view
         assert self._nodes is not None
         self._nodes.show(view)
+        self._others.show(view)
         self._show_contacts(view)
         self._show_gizmo(view)
         self.show_deep(view)
@@ -68,6 +67,23 @@ class SceneView:
             self._show_cloud(view)
             self._show_image(view)
             self._show_polygon(view)
+        self._others.show_overlaps(view)
+
+    def show_physics(self, view: View) -> None:
+        """What was worked out about the whole scene since."""
+        self._show_polygon(view)
+        self._others.show_overlaps(view)
+
+    def _choose_nodes(self, view: View) -> None:
+        """The nodes of the object in focus: kept once made, since a run may go from object to object all the time."""
+        key = view.target.instance.instance_id
+        nodes = self._all_nodes.get(key)
+        if nodes is None:
+            nodes = StageNodes(self._server, view.target.model, view.n_arms, self._send, key)
+            self._all_nodes[key] = nodes
+        if self._nodes is not None and self._nodes is not nodes:
+            self._nodes.hide()
+        self._nodes = nodes
 
     def animation(self, view: View) -> Iterator[None]:
         """The iteration at the cursor, picture by picture."""
@@ -88,7 +104,8 @@ class SceneView:
         scene, observation = self._server.scene, view.problem.observation
         for name in ("/cam", "/world"):
             scene.remove_by_name(name)
-        self._gizmo = self._object = None
+        self._gizmo = self._nodes = None
+        self._all_nodes = {}
         support = observation.support
         T_world_cam = support.T_world_cam if support else _UP_FROM_CAMERA
         self._T_world_cam = T_world_cam
@@ -108,6 +125,8 @@ class SceneView:
         self._balance = scene.add_line_segments(
             "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
+        up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
+        self._others = OtherNodes(self._server, view, up_cam, self._send)
         self._problem = view.problem
         self._aim(view)
 
@@ -203,7 +222,7 @@ class SceneView:
         side = view.b or view.a
         if not self._image.visible or side is None or side.maps is None:
             return
-        picture = map_image(view.look.map, side.maps, view.target, view.session.score.tau_m)
+        picture = map_image(view.look.map, side.maps, view.map_target, view.session.score.tau_m)
         image = overlaid(picture, side.maps.classes > 0, view.problem.observation.rgb)
         if view.look.pixel is not None:
             u, v = view.look.pixel

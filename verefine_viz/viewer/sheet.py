@@ -29,7 +29,7 @@ def maps_sheet(view: View) -> Image:
         score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
         draw.text((8, top + 8), f"{side.pose.name}{score}", (20, 20, 20), font=font)
         for column, name in enumerate(MAP_NAMES):
-            image = PilImage.fromarray(map_image(name, side.maps, view.target, tau_m, crop))
+            image = PilImage.fromarray(map_image(name, side.maps, view.map_target, tau_m, crop))
             tile = image.resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
             sheet.paste(tile, (_LEFT + column * (_TILE_W + _GAP), top))
     if not sides:
@@ -38,7 +38,7 @@ def maps_sheet(view: View) -> Image:
     for column, name in enumerate(MAP_NAMES):
         left = _LEFT + column * (_TILE_W + _GAP)
         draw.text((left, 8), LABELS[name][0], (20, 20, 20), font=font)
-        scale = scale_of(name, view.target, tau_m)
+        scale = scale_of(name, view.map_target, tau_m)
         if scale is None:
             _legend(draw, left, bottom)
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from itertools import pairwise
 
 import fast_simplification
@@ -33,13 +34,21 @@ _SIMPLIFY_FROM = 3000
 class StageNodes:
     """Everything that moves with the object in focus."""
 
-    def __init__(self, server: viser.ViserServer, model: ObjectModel, n_arms: int, send: Callable[[Command], None]):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        model: ObjectModel,
+        n_arms: int,
+        send: Callable[[Command], None],
+        key: int = 0,
+    ):
+        """Makes the nodes; ``key`` tells those of several objects apart."""
         scene = server.scene
         vertices, faces = display_mesh(model)
-        outline = edges(*coarse_mesh(vertices, faces))
+        outline = outline_of(model)
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
-            color, node = STAGE_COLORS[name], f"/cam/stages/{name.replace(' ', '_')}"
+            color, node = STAGE_COLORS[name], f"/cam/stages/{key}/{name.replace(' ', '_')}"
             if name in OUTLINED:
                 self._nodes[name] = scene.add_line_segments(
                     node, outline, color, thickness=1.4, thickness_units="screen", visible=False
@@ -50,17 +59,23 @@ class StageNodes:
                     visible=False, cast_shadow=False, receive_shadow=False,
                 )  # fmt: skip
         self._mover = scene.add_mesh_simple(
-            "/cam/stages/moving", vertices, faces, flat_shading=True, side="double", visible=False, cast_shadow=False
+            f"/cam/stages/{key}/moving",
+            vertices,
+            faces,
+            flat_shading=True,
+            side="double",
+            visible=False,
+            cast_shadow=False,
         )
         self._path = scene.add_mesh_simple(
-            "/cam/stages/path", vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True, side="double",
-            visible=False, cast_shadow=False,
+            f"/cam/stages/{key}/path", vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True,
+            side="double", visible=False, cast_shadow=False,
         )  # fmt: skip
         self._ghosts = None
         if n_arms:
             colors = np.array([ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)], np.uint8)
             self._ghosts = scene.add_batched_meshes_simple(
-                "/cam/hypotheses", vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
+                f"/cam/hypotheses/{key}", vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
                 batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.16, lod="off", side="double",
                 cast_shadow=False, receive_shadow=False, visible=False,
             )  # fmt: skip
@@ -82,6 +97,13 @@ class StageNodes:
         self._mover.visible = False
         self._show_ghosts(view)
         self._show_path(view)
+
+    def hide(self) -> None:
+        """Takes the object from the screen; another one is in focus."""
+        for node in (*self._nodes.values(), self._mover, self._path):
+            node.visible = False
+        if self._ghosts is not None:
+            self._ghosts.visible = False
 
     def _show_ghosts(self, view: View) -> None:
         if self._ghosts is None or view.state is None:
@@ -175,6 +197,13 @@ def between(T_a: Float, T_b: Float, share: float) -> Float:
     return T
 
 
+@lru_cache(maxsize=64)
+def outline_of(model: ObjectModel) -> NDArray[np.float32]:
+    """The edges of a model that are drawn, (E, 2, 3)."""
+    return edges(*coarse_mesh(*display_mesh(model)))
+
+
+@lru_cache(maxsize=64)
 def display_mesh(model: ObjectModel) -> tuple[Float, NDArray[np.int32]]:
     """The mesh as it is drawn: the simplified one that is scored, where the original is large."""
     if len(model.faces) < _SIMPLIFY_FROM:

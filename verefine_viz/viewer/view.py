@@ -14,9 +14,11 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.later import ScenePhysics
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.marks import Mark
+from verefine_viz.viewer.scene_now import SceneNow
 from verefine_viz.viewer.side_view import SidesView
 
 
@@ -25,8 +27,9 @@ class Judged:
     """One pose with everything known about it."""
 
     name: str
-    """One of ``look.STAGES``."""
+    """One of ``look.STAGES``, or what a scene is called."""
     T_cam_obj: Float
+    """(4, 4); of a scene (m, 4, 4)."""
     score: PoseScore | None
     errors: PoseErrors | None
     ms: float = 0.0
@@ -109,6 +112,12 @@ class View:
     """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
     truth: Judged | None
     """Ground truth, scored; None where there is none."""
+    scene: SceneNow
+    """All objects of the frame."""
+    map_target: Target
+    """Whose score ``a`` and ``b`` are: the object in focus, or all objects as one where the whole scene is shown."""
+    physics: ScenePhysics
+    """What is known by now about the scene."""
     deep: bool = True
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs."""
     message: str = ""
@@ -122,6 +131,11 @@ class View:
     def name(self) -> str:
         """The object in focus, for people."""
         return self.target.model.name
+
+    @property
+    def is_whole_scene(self) -> bool:
+        """Whether panels show the scene instead of one object."""
+        return self.look.whole_scene and len(self.scene.objects) > 1
 
     @property
     def n_arms(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +12,11 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
+from verefine_viz.viewer.scene_now import SceneNow, scene_now
+from verefine_viz.viewer.scene_sides import scene_sides, scene_target
 from verefine_viz.viewer.side_view import sides_view
 from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
 from verefine_viz.viewer.workspace import Branch
@@ -24,6 +28,8 @@ if TYPE_CHECKING:
 FALLBACK_A = ("current", "initial", "best", "ground truth")
 FALLBACK_B = ("accepted", "best", "initial", "ground truth")
 """What is shown instead of a stage that does not exist at the cursor."""
+STANDING = ("current", "accepted")
+"""Poses whose plausibility is told."""
 
 
 def view_of(debugger: Debugger, deep: bool = True) -> View:
@@ -35,10 +41,17 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     state = state_of(run.state, target)
     arm = _arm(look, shown, state)
     truth = _truth(judge, target)
+    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors)
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
     running = debugger.goal is not None
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, debugger.remaining_s)
+    if look.whole_scene and len(scene.objects) > 1:
+        map_target, (a, b) = scene_target(work.problem), scene_sides(judge, scene, look, branch.tools.session, deep)
+    else:
+        map_target = target
+        a = _side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep)
+        b = _side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep)
     return View(
         session=branch.tools.session.model_copy(update={"breakpoints": space.breakpoints}),
         session_path=space.path,
@@ -60,12 +73,15 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         poses=poses,
         arm=arm,
         look=look,
-        a=_side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep),
-        b=_side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep),
-        plausible=_plausible(judge, target, poses) if deep else {},
+        a=a,
+        b=b,
+        plausible=_plausible(judge, target, poses, scene) if deep else {},
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, run.iterations),
         truth=truth,
+        scene=scene,
+        map_target=map_target,
+        physics=known_physics(scene, judge),
         deep=deep,
         message=debugger.message,
         kept=tuple(str(p) for p in debugger.kept),
@@ -153,9 +169,18 @@ def _revealed(shown: Iteration, look: Look) -> tuple[str, ...]:
     return tuple(names[: names.index(look.stage) + 1]) if look.stage in names else tuple(names)
 
 
-def _plausible(judge: Judge, target: Target, poses: dict[str, Judged]) -> dict[str, Any]:
-    found = {k: judge.plausibility(target, poses[k].T_cam_obj) for k in ("current", "accepted") if k in poses}
+def _plausible(judge: Judge, target: Target, poses: dict[str, Judged], scene: SceneNow) -> dict[str, Any]:
+    """Of the poses whose standing is shown; among other objects only what was worked out already."""
+    others = others_of(scene, target.instance.instance_id)
+    ask = judge.known_plausibility if others else judge.plausibility
+    found = {k: ask(target, poses[k].T_cam_obj, others) for k in STANDING if k in poses}
     return {k: v for k, v in found.items() if v is not None}
+
+
+def later(view: View, judge: Judge) -> Iterator[None]:
+    """What the scene's physics still lacks, one thing per turn."""
+    shown = [(view.target, view.poses[k].T_cam_obj) for k in STANDING if k in view.poses]
+    return work_out(view.scene, judge, shown if len(view.scene.objects) > 1 else ())
 
 
 def _or_else(poses: dict[str, Judged], wanted: str, instead: tuple[str, ...]) -> Judged | None:

@@ -52,15 +52,16 @@ class Branch:
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
 
-    def marks(self) -> tuple[Mark, ...]:
-        """All marks of the history."""
+    def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
+        """All marks of the history, or those of one object."""
         for iteration in self.run.iterations[len(self._marks) :]:
             target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
             before = self.judge.errors(target, iteration.stages[0].T_cam_obj)
             after = self.judge.errors(target, iteration.accepted_stage.T_cam_obj)
             growth = after.add_s_mm - before.add_s_mm if before and after else None
             self._marks.append(marks_of(iteration, growth))
-        return tuple(m for marks in self._marks for m in marks)
+        pairs = zip(self.run.iterations, self._marks, strict=False)
+        return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
 
 
 @dataclass
@@ -87,6 +88,7 @@ class Workspace:
         make_tools: builds the real or fake parts from a session.
         plausibility: see :class:`Judge`.
         tell: is told what is being done before anything that may take seconds.
+        overlap: see :class:`Judge`.
     """
 
     def __init__(
@@ -96,10 +98,11 @@ class Workspace:
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
         tell: Callable[[str], None] = lambda _: None,
+        overlap: Callable[..., Any] | None = None,
     ) -> None:
         self._make_tools = make_tools
         self._tell = tell
-        self._plausibility = plausibility
+        self._plausibility, self._overlap = plausibility, overlap
         self.open(session, path)
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
@@ -227,7 +230,7 @@ class Workspace:
         return FrameWork(problem, [self.new_branch("first run", tools, problem)])
 
     def _judge(self, tools: Tools) -> Judge:
-        return Judge(tools, self._plausibility)
+        return Judge(tools, self._plausibility, self._overlap)
 
 
 def nested(changes: Changes) -> dict[str, dict[str, Any]]:

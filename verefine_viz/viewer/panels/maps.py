@@ -45,7 +45,7 @@ def maps_html(view: View) -> str:
 
 def shared_crop(view: View) -> Crop:
     """The part of the image that holds the mask and both renderings."""
-    relevant = view.target.instance.mask.copy()
+    relevant = view.map_target.instance.mask.copy()
     for side in (view.a, view.b):
         if side is not None and side.maps is not None:
             relevant |= side.maps.rendered_m > 0
@@ -55,14 +55,15 @@ def shared_crop(view: View) -> Crop:
 def _row(view: View, side: Side, crop: Crop, letter: str) -> str:
     assert side.maps is not None
     score = f"{side.pose.score.score:.3f}" if side.pose.score else ""
-    name = f"{swatch(STAGE_COLORS[side.pose.name])}<b>{letter}</b> {text(side.pose.name)}<br>{score}"
+    color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
+    name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.name)}<br>{score}"
     cells = [f"<td>{_picture(view, side, m, crop)}</td>" for m in MAP_NAMES]
     return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
 
 
 def _picture(view: View, side: Side, name: MapName, crop: Crop) -> str:
     assert side.maps is not None
-    image = map_image(name, side.maps, view.target, view.session.score.tau_m, crop)
+    image = map_image(name, side.maps, view.map_target, view.session.score.tau_m, crop)
     if view.look.pixel is not None:
         image = _with_cross(image, view.look.pixel[0] - crop.u0, view.look.pixel[1] - crop.v0)
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
@@ -85,7 +86,7 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
 def _bar(view: View, name: MapName) -> str:
     if name == "classes":
         return "".join(swatch(color, f"{k}: {CLASS_MEANING[k]}") for k, color in CLASS_COLORS.items())
-    scale = scale_of(name, view.target, view.session.score.tau_m)
+    scale = scale_of(name, view.map_target, view.session.score.tau_m)
     assert scale is not None
     ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))
     return f'<div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div>'

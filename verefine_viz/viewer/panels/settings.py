@@ -1,4 +1,4 @@
-"""Settings of the method, for a restart or a fork, and breakpoints."""
+"""Settings of the method, for a restart or a fork."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Any
 
 import viser
 
-from verefine_viz.core.settings import BreakpointSettings
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
@@ -14,61 +13,46 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person
 from verefine_viz.viewer.workspace import current_values
 
-BREAK_IF: dict[str, tuple[str, Any, str]] = {
-    "score_falls_by": ("score falls by", 0.02, "the kept pose scores lower than before by more than this"),
-    "simulated_rejected": ("sim. rejected", True, "the refined pose was kept instead of the simulated one"),
-    "refined_rejected": ("ref. rejected", True, "the simulated pose was kept instead of the refined one"),
-    "jump_mm": ("jump over mm", 10.0, "the kept pose moved further than this [mm]"),
-    "jump_deg": ("jump over °", 10.0, "the kept pose turned further than this [°]"),
-    "arm_switched": ("arm switched", True, "the bandit chose another hypothesis than before"),
-    "unstable": ("unstable", True, "the simulation turned the object by more than 10°"),
-    "empty_render": ("empty render", True, "a pose rendered to nothing, or its score was not a number"),
-    "error_grows_by_mm": ("error grows mm", 2.0, "ADD(-S) against ground truth grew by more than this [mm]"),
-}
-"""Field: (label, value when it is switched on, meaning)."""
-
 
 class SettingsPanel:
     """Edits are only a draft until Restart or Fork is pressed."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._fields: dict[str, Any] = {}
-        with gui.add_folder("Settings", expand_by_default=False):
-            self._fields = {
-                "method.name": gui.add_dropdown("Method", METHOD_NAMES, hint="the algorithm"),
-                "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
-                "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
-                "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
-                "method.discount": gui.add_number(
-                    "γ", 0.99, min=0.0, max=1.0, step=0.01, hint="vf_depth: what a play of the pass before still counts"
-                ),
-                "score.pixels": gui.add_dropdown(
-                    "Pixels", ("classes", "published", "observed"), hint="which pixels count in the score"
-                ),
-                "score.tau_m": gui.add_number("τ [m]", 0.02, min=0.001, step=0.001, hint="depth tolerance of Eq. 1"),
-                "score.alpha": gui.add_number(
-                    "α", 0.707, min=0.01, max=1.0, step=0.001, hint="normal tolerance; cut-off at acos(1 − α)"
-                ),
-                "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
-                "physics.steps": gui.add_number("Sim steps", 3, min=1, step=1, hint="steps of 1/60 s per iteration"),
-                "icp.max_iterations": gui.add_number("ICP its.", 10, min=1, step=1, hint="inner iterations per call"),
-                "tricp.trim": gui.add_number(
-                    "Trim", 1.0, min=0.05, max=1.0, step=0.05, hint="share of the observed points that the fit uses"
-                ),
-                "hypotheses.seed": gui.add_number(
-                    "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
-                ),
-            }
-            self.apply = gui.add_button_group(
-                "Apply", ["Restart with these", "Fork here"],
-                hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
-            )  # fmt: skip
-            self._estimator = gui.add_dropdown(
-                "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
-            )
-            self.estimate = gui.add_button(
-                "Estimate here", hint="new first poses for the object in focus; the run begins anew"
-            )
+        self._fields: dict[str, Any] = {
+            "method.name": gui.add_dropdown("Method", METHOD_NAMES, hint="the algorithm"),
+            "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
+            "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
+            "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
+            "method.discount": gui.add_number(
+                "γ", 0.99, min=0.0, max=1.0, step=0.01, hint="vf_depth: what a play of the pass before still counts"
+            ),
+            "score.pixels": gui.add_dropdown(
+                "Pixels", ("classes", "published", "observed"), hint="which pixels count in the score"
+            ),
+            "score.tau_m": gui.add_number("τ [m]", 0.02, min=0.001, step=0.001, hint="depth tolerance of Eq. 1"),
+            "score.alpha": gui.add_number(
+                "α", 0.707, min=0.01, max=1.0, step=0.001, hint="normal tolerance; cut-off at acos(1 − α)"
+            ),
+            "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
+            "physics.steps": gui.add_number("Sim steps", 3, min=1, step=1, hint="steps of 1/60 s per iteration"),
+            "icp.max_iterations": gui.add_number("ICP its.", 10, min=1, step=1, hint="inner iterations per call"),
+            "tricp.trim": gui.add_number(
+                "Trim", 1.0, min=0.05, max=1.0, step=0.05, hint="share of the observed points that the fit uses"
+            ),
+            "hypotheses.seed": gui.add_number(
+                "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
+            ),
+        }
+        self.apply = gui.add_button_group(
+            "Apply", ["Restart with these", "Fork here"],
+            hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
+        )  # fmt: skip
+        self._estimator = gui.add_dropdown(
+            "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
+        )
+        self.estimate = gui.add_button(
+            "Estimate here", hint="new first poses for the object in focus; the run begins anew"
+        )
         self._known: dict[str, Any] = {}
         self._focus = 0
         self._estimated: dict[int, str] = {}
@@ -84,15 +68,6 @@ class SettingsPanel:
             send(c.Fork(changes) if label == "Fork here" else c.Restart(changes))
 
         self.apply.on_click(by_person(apply))
-        self._breaks: dict[str, Any] = {}
-        with gui.add_folder("Breakpoints", expand_by_default=False):
-            for name, (label, value, meaning) in BREAK_IF.items():
-                self._breaks[name] = gui.add_checkbox(
-                    label if value is True else f"{label} {value:g}", False, hint=f"stop when {meaning}"
-                )
-                self._breaks[name].on_update(
-                    by_person(lambda on, name=name: send(c.SetBreakpoints(((name, _value(name, on)),))))
-                )
 
     def show(self, view: View) -> None:
         """The settings that hold at the end of this branch; drafts are kept until those change."""
@@ -108,9 +83,3 @@ class SettingsPanel:
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
-        for name, handle in self._breaks.items():
-            handle.value = getattr(view.session.breakpoints, name) not in (None, False)
-
-
-def _value(name: str, on: bool) -> Any:
-    return BREAK_IF[name][1] if on else BreakpointSettings.model_fields[name].default

@@ -1,0 +1,150 @@
+"""The Objects panel: one row per object in the order to solve them; a click filters the page to that object."""
+
+from __future__ import annotations
+
+import viser
+
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import Row, link, swatch, table, text
+from verefine_viz.viewer.scene_now import ObjectNow, Phase
+from verefine_viz.viewer.scene_words import overlap_sentence, standing_sentence
+from verefine_viz.viewer.standing import LIGHTS
+from verefine_viz.viewer.tables import number
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send
+
+PHASES: dict[Phase, tuple[str, str]] = {
+    "waiting": ("waiting", "its turn is still to come"),
+    "working": ("▶ working", "the iteration at the cursor is about it"),
+    "placed": ("✓ placed", "it stands in the scene while others are worked on"),
+    "done": ("done", "it has used its budget"),
+    "no pose": ("no pose", "it has no hypothesis, so it is left out"),
+}
+ROW_PX, HEAD_PX, MOST_PX = 18, 150, 388
+MOST_OVERLAPS = 3
+
+
+class ObjectsPanel:
+    """The table, collisions in words, and what the page is filtered to."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._rows = Block(gui, "objects")
+
+    def show(self, view: View) -> None:
+        """All objects at the cursor."""
+        self._rows.show(objects_html(view))
+
+
+def height_px(n_objects: int) -> int:
+    """How tall the panel has to be to show every row."""
+    return min(HEAD_PX + ROW_PX * n_objects, MOST_PX)
+
+
+def objects_html(view: View) -> str:
+    """The whole content of the panel."""
+    return f"{filter_line(view)}{objects_table(view)}{overlap_lines(view)}{legend()}"
+
+
+def filter_line(view: View) -> str:
+    """What the panels show, and how to change that."""
+    follow = link("follow the run", c.Focus(None), "always show the object that is worked on")
+    if view.is_whole_scene:
+        return f"<p>Panels show the <b>whole scene</b> · {follow}</p>"
+    if view.look.focus is not None:
+        name = view.scene.object(view.target.instance.instance_id).label
+        return f"<p>Panels are filtered to <b>{text(name)}</b> · {follow}</p>"
+    return '<p class="dim">Panels follow the run. Click a row to filter them to one object.</p>'
+
+
+def objects_table(view: View) -> str:
+    """A row for the scene, then one per object; a thicker line between clusters."""
+    scene = view.scene
+    rows = [_scene_row(view)]
+    grouped = 1 < scene.n_clusters < len(scene.objects)
+    for k, o in enumerate(scene.objects):
+        first = grouped and k > 0 and scene.objects[k - 1].cluster != o.cluster
+        rows.append(_object_row(view, o, grouped, first))
+    head = [
+        ("", "place in the order to solve them" + ("; cluster.place" if grouped else "")),
+        ("object", "click a row to filter the page to it"),
+        ("", "plausibility of the pose among the others: can it stand like that?"),
+        ("score", "of the answer so far"),
+        ("mm", "ADD(-S) of the answer against ground truth [mm]; bold = within 10 % of the diameter"),
+        ("it.", "iterations spent on it up to the cursor"),
+        ("state", "waiting, working, placed or done"),
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def _scene_row(view: View) -> Row:
+    scene, latest = view.scene, view.scene.latest_pass
+    scored = view.b.pose.score if view.is_whole_scene and view.b else None
+    score = latest.record.incumbent_score if latest else scored.score if scored else None
+    phase = f"pass {latest.number}" if latest else ""
+    cells = [
+        "", "<b>Scene</b>", "", number(score, 2), _scene_error(view), f"{sum(o.n_iterations for o in scene.objects)}",
+        phase,
+    ]  # fmt: skip
+    return Row(cells, c.ShowScene(), marked=view.is_whole_scene)
+
+
+def _scene_error(view: View) -> str:
+    known = [o.errors.relative < 0.1 for o in view.scene.objects if o.errors is not None]
+    if not known:
+        return ""
+    return f'<span title="within 10 % of their diameter">{sum(known)}/{len(known)} ok</span>'
+
+
+def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool) -> Row:
+    pinned = view.look.focus is not None and not view.is_whole_scene
+    in_focus = not view.is_whole_scene and o.instance_id == view.target.instance.instance_id
+    order = o.order
+    if grouped:
+        order = f"{o.cluster}.{1 + sum(p.cluster == o.cluster and p.order < o.order for p in view.scene.objects)}"
+    label, tip = PHASES[o.phase]
+    error = "" if o.errors is None else f"{o.errors.add_s_mm:.1f}"
+    if o.errors is not None and o.errors.relative < 0.1:
+        error = f"<b>{error}</b>"
+    cells = [
+        f"{order}",
+        f'{swatch(o.color)}<span class="cut" title="{text(o.label)}">{text(o.label)}</span>',
+        _light(view, o),
+        number(o.answer.score.score if o.answer else None, 2),
+        error,
+        f"{o.n_iterations}",
+        f'<span title="{text(tip)}">{label}</span>',
+    ]
+    return Row(cells, c.Focus(None if pinned and in_focus else o.instance_id), marked=in_focus, parted=first_of_cluster)
+
+
+def _light(view: View, o: ObjectNow) -> str:
+    found = view.physics.plausible.get(o.instance_id)
+    if found is None:
+        why = "no pose, or no support plane known" if view.physics.complete else "being worked out"
+        return f'<span class="dim" title="{why}">…</span>' if not view.physics.complete else "–"
+    return f'<i class="light" style="background:rgb{LIGHTS[found.light]}" title="{_reason(view, found)}"></i>'
+
+
+def _reason(view: View, found: object) -> str:
+    return text(standing_sentence(found, view.scene))
+
+
+def overlap_lines(view: View) -> str:
+    """Collisions in words, the deepest first."""
+    found = view.physics.overlaps
+    lines = [f'<p class="bad">{text(overlap_sentence(one, view.scene))}.</p>' for one in found[:MOST_OVERLAPS]]
+    if len(found) > MOST_OVERLAPS:
+        lines.append(f'<p class="dim">{len(found) - MOST_OVERLAPS} more overlaps.</p>')
+    return "".join(lines)
+
+
+def legend() -> str:
+    """How objects are drawn in 3D."""
+    stages = " ".join(
+        f"<span>{swatch(STAGE_COLORS[name])}{name}</span>" for name in ("current", "simulated", "refined", "accepted")
+    )
+    return (
+        f'<p class="dim" style="font-size:11px">3D: the object at work in stages ({stages}), placed ones solid, '
+        "waiting ones as ghosts; overlaps red.</p>"
+    )

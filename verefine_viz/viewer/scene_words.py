@@ -1,0 +1,123 @@
+"""Sentences in plain words about several objects at once. Pure text: who shows it escapes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.viewer.scene_now import ClosedPass, SceneNow, labels_of
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.view import View
+
+ALONE = frozenset({"refine", "phys_before", "phys_after", "even", "expl", "pir", "sir", "rir"})
+"""Methods in which no object knows of the others."""
+SHOWN_NAMES = {"vf_breadth": "VF_b", "vf_depth": "VF_d", "physim_mcts": "PHYSIM-MCTS"}
+
+
+def method_name(name: str) -> str:
+    """As people write it: RIR, VF_b."""
+    return SHOWN_NAMES.get(name, name.upper())
+
+
+def place_in_run(scene: SceneNow, iteration: Iteration) -> str:
+    """As in: cluster 1 of 2, pass 3. Empty where there is one object or neither clusters nor passes."""
+    if len(scene.objects) < 2:
+        return ""
+    parts = []
+    if 1 < scene.n_clusters < len(scene.objects):
+        parts.append(f"cluster {scene.object(iteration.instance_id).cluster} of {scene.n_clusters}")
+    if iteration.scene_pass is not None:
+        parts.append(f"pass {iteration.scene_pass}")
+    return ", ".join(parts)
+
+
+def pass_closed(closed: ClosedPass) -> str:
+    """As in: Pass 3 closed: scene score 0.71, best so far 0.74 (pass 2)."""
+    record = closed.record
+    said = f"Pass {closed.number} closed: scene score {record.score.score:.2f}, "
+    if closed.best_pass == closed.number:
+        said += f"the best so far is now {record.incumbent_score:.2f}"
+        if record.best_known.score > record.score.score:
+            said += ", each object at its own best pose"
+        return said + "."
+    where = f"pass {closed.best_pass}" if closed.best_pass else "the first poses"
+    return f"{said}best so far {record.incumbent_score:.2f} ({where})."
+
+
+def tree_sentence(problem: Problem, iteration: Iteration, step: TreeStep) -> str:
+    """What one iteration of a tree search did."""
+    names = labels_of(problem)
+    tried = f"{names.get(iteration.instance_id, 'object')} from hypothesis {iteration.arm + 1}"
+    if step.node is None:
+        said = f"Iteration {iteration.index}: the branch down to {tried} was expanded before and was visited again"
+    else:
+        said = f"Iteration {iteration.index}: tried {tried} (LCP {step.node.lcp:.2f})"
+        above = len(step.branch) - 2
+        said += f" among {above} object{'s' if above != 1 else ''} placed before" if above > 0 else ""
+    rest = [names.get(p.instance_id, "object") for p in step.rollout]
+    if rest:
+        said += f"; a roll-out placed {rest[0] if len(rest) == 1 else f'the other {len(rest)}'}"
+    said += f". The complete scene costs {step.cost_px:,.0f} px"
+    if step.cost_px <= step.incumbent_cost_px:
+        return f"{said}: the best so far."
+    return f"{said}; the best so far {step.incumbent_cost_px:,.0f} px."
+
+
+def overlap_sentence(found: Any, scene: SceneNow) -> str:
+    """As in: can sinks 12 mm into box."""
+    names = {o.instance_id: o.label for o in scene.objects}
+    return f"{names.get(found.first, 'object')} sinks {found.depth_mm:.0f} mm into {names.get(found.second, 'object')}"
+
+
+def standing_sentence(found: Any, scene: SceneNow) -> str:
+    """The verdict of a plausibility check, with names instead of instance numbers."""
+    said = found.sentence
+    for o in sorted(scene.objects, key=lambda o: -o.instance_id):
+        said = said.replace(f"into instance {o.instance_id}.", f"into {o.label}.")
+    return said
+
+
+def carried_alone(view: View) -> list[tuple[str, Sequence[str]]]:
+    """What stands on what, where the method does not know of it: (carried, carriers)."""
+    graph = view.problem.dependencies
+    if graph is None or view.session.method.name not in ALONE or not view.session.physics.enabled:
+        return []
+    names = labels_of(view.problem)
+    found: dict[int, list[str]] = {}
+    for edge in graph.edges:
+        if edge.kind == "support" and edge.state != "cut" and edge.first in names and edge.second in names:
+            found.setdefault(edge.second, []).append(names[edge.first])
+    return [(names[carried], carriers) for carried, carriers in found.items()]
+
+
+def alone_warning(view: View) -> str:
+    """That objects which carry each other are simulated one by one; empty where that is not so."""
+    pairs = carried_alone(view)
+    if not pairs or view.session.method.name == "refine":
+        return ""
+    said = "; ".join(f"{carried} stands on {' and '.join(carriers)}" for carried, carriers in pairs[:3])
+    more = f" (and {len(pairs) - 3} more)" if len(pairs) > 3 else ""
+    return (
+        f"{method_name(view.session.method.name)} simulates each object alone: {said}{more} and may fall through. "
+        "Use VF_b or VF_d, which place what carries first."
+    )
+
+
+def scene_sentence(view: View) -> str:
+    """What the numbers of the whole scene mean."""
+    scene = view.scene
+    a, b = view.a, view.b
+    worked = sum(o.n_iterations > 0 for o in scene.objects)
+    said = f"The whole scene: {len(scene.objects)} objects, {worked} worked on so far."
+    latest = scene.latest_pass
+    if latest is not None and latest.iteration == scene.cursor:
+        said += f" {pass_closed(latest)}"
+    if a is None or b is None or a.pose.score is None or b.pose.score is None:
+        return said
+    one, other = a.pose.score, b.pose.score
+    said += f" All objects rendered together score {one.score:.3f} as they stand now ({a.pose.name}), "
+    said += f"{other.score:.3f} at their best poses."
+    return said
