@@ -211,7 +211,7 @@ class PpfSettings(Settings):
     """Every n-th scene point is a reference."""
     turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
     """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Count = 6
+    peaks: Count = 4
     """Most poses that a reference proposes."""
     cluster_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
     """Poses nearer than this share of the diameter, and …"""
