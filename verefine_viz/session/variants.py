@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Sequence
 from typing import Any
 
@@ -47,6 +49,26 @@ def _set_preset(raw: dict[str, Any], preset: Any) -> None:
         values = fields if preset == "published" else {name: defaults[section][name] for name in fields}
         raw[section] = {**raw[section], **values}
     raw["preset"] = preset
+
+
+def parsed(text: str) -> tuple[tuple[str, Any], ...]:
+    """Changes as a person writes them: "score.tau_m = 0.01; physics.collider = hull".
+
+    Raises:
+        SettingsError: a part is not a name and a value.
+    """
+    found: list[tuple[str, Any]] = []
+    for part in filter(str.strip, re.split(r"[;\n]", text)):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not re.fullmatch(r"[\w.]+", name) or not value:
+            raise SettingsError(
+                f"{part.strip()!r} is no setting; expected a name and a value, as in score.tau_m = 0.01"
+            )
+        try:
+            found.append((name, tomllib.loads(f"value = {value}")["value"]))
+        except tomllib.TOMLDecodeError:
+            found.append((name, value))  # A word needs no quotation marks here.
+    return tuple(found)
 
 
 def settings_between(a: Session, b: Session) -> tuple[tuple[str, Any, Any], ...]:

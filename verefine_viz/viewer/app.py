@@ -22,6 +22,7 @@ from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
+from verefine_viz.viewer.side_nodes import SideNodes
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import later
 from verefine_viz.viewer.workspace import Tools
@@ -174,6 +175,7 @@ class App:
         )
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
+        self.sides = SideNodes(self.server)
         self.layout = self._layout = Layout(self.server, self.send, with_batch=self._batch is not None)
         self.layout.on_link(self.send)
         self._shown_at = 0.0
@@ -238,6 +240,7 @@ class App:
             hand_is_ahead = any(isinstance(q, c.Seek) for q in self._queue)
         with self.server.atomic():
             self.scene.show(self._view)
+            self.sides.show(self._view)
             self.layout.show(self._view, hand_is_ahead)
         self.server.flush()
         self._shown_at = monotonic()

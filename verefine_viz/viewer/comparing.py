@@ -14,7 +14,7 @@ from verefine_viz.session.alignment import Timeline, aligned
 from verefine_viz.session.comparison import Differences, differences
 from verefine_viz.session.engine import Run
 from verefine_viz.session.trace import Trace, trace_of
-from verefine_viz.session.variants import settings_between, variant
+from verefine_viz.session.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.command import Changes, Command
@@ -144,8 +144,8 @@ class Comparing:
     def do(self, command: Command) -> bool:
         """Carries out a command about a comparison; False where it is about something else."""
         match command:
-            case s.CompareRun(changes, run):
-                self._put_beside(self._new_branch(changes))
+            case s.CompareRun(changes, more, run):
+                self._put_beside(self._new_branch((*changes, *parsed(more))))
                 self._goal = (self._work.branches[-1], None) if run else None
             case s.CompareBranch(index):
                 self._compare_branch(index)
@@ -223,12 +223,7 @@ class Comparing:
         run.seek(found.timeline.a_at(place))
         moment = found.timeline.moments[place - 1] if place else None
         self._work.sides = replace(sides, moment=moment.key if moment else None)
-        look = self._debugger.look.moved()
-        ids = found.a.instance_ids
-        away = moment is not None and (run.iteration is None or run.iteration.instance_id != moment.instance_id)
-        if moment is not None and away and moment.instance_id in ids:
-            look = replace(look, focus=moment.instance_id)
-        self._debugger.look = look
+        self._debugger.look = self._debugger.look.moved()
 
     def _seek_difference(self) -> None:
         sides, found = self._need(), self.compared()

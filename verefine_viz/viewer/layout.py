@@ -8,10 +8,12 @@ import viser
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
+from verefine_viz.viewer.panels.compare import ComparePanel
 from verefine_viz.viewer.panels.errors import ErrorsPanel
 from verefine_viz.viewer.panels.layers import LayersPanel
 from verefine_viz.viewer.panels.maps import MapsPanel
@@ -49,6 +51,9 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Colour of the cloud", "C", c.ColorCloud()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
     ("Play the simulated path", "P", c.PlayPath()),
+    ("A/B: first difference", "F", s.SeekDifference()),
+    ("A/B: swap", "X", s.SwapSides()),
+    ("A/B: B on / off", "T", s.ShowSide("B")),
     ("Run to the next event", None, c.RunUntil("event")),
     ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
     ("Pause", None, c.Pause()),
@@ -98,6 +103,8 @@ class Layout:
             self.physics = PhysicsPanel(gui, send)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
+        with tabs.add_tab("A/B"):
+            self.compare = ComparePanel(gui, send)
         with tabs.add_tab("Session"):
             self.session = SessionPanel(gui, send)
         tabs.dock_below(main)
@@ -152,6 +159,7 @@ class Layout:
         self.bandit.show(view)
         self.physics.show(view)
         self.errors.show(view)
+        self.compare.show(view)
         self.session.show(view)
         self.layers.show(view)
         if self.batch is not None:

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 from verefine_viz.viewer.command import Changes, Command
 
+Side = Literal["A", "B"]
 SidePose = Literal["best", "kept"]
 
 
@@ -18,6 +19,8 @@ class CompareRun(Command):
     """
 
     changes: Changes = ()
+    more: str = ""
+    """Further changes, as a person writes them: "score.tau_m = 0.01; physics.collider = hull"."""
     run: bool = True
     """Whether to compute it to its end at once."""
 
@@ -89,7 +92,7 @@ class SeekDifference(Command):
 class ShowSide(Command):
     """The poses of A or of B in 3D on or off; None = the other way."""
 
-    side: Literal["A", "B"]
+    side: Side
     visible: bool | None = None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
-from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, outcomes
+from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, name_of, outcomes
 from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
 from verefine_viz.viewer.judge import Judge
@@ -39,7 +39,10 @@ class SideNow:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """One object in both runs over the refiner calls spent on it; a run that has ended stays where it was."""
+    """One object in both runs over the refiner calls spent on it; a run that has ended stays where it was.
+
+    For the whole scene: means over all objects, over the moments of the timeline.
+    """
 
     calls: tuple[int, ...]
     score_a: tuple[float, ...]
@@ -68,6 +71,8 @@ class SidesView:
     """The one shown; None = before the first."""
     focus: str
     """The object in focus, for people."""
+    curves_of: str
+    """What the curves tell of, over what."""
     differences: Differences
     outcomes: tuple[Outcome, ...]
     """The answers so far, at the end of what is computed."""
@@ -87,12 +92,24 @@ class SidesView:
     """Whether B is being computed."""
 
 
-def sides_view(comparing: Comparing, a: Branch, focus: Target) -> SidesView | None:
-    """The comparison at this moment; None while one run is looked at alone."""
+def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, whole_scene: bool) -> SidesView | None:
+    """The comparison at this moment; None while one run is looked at alone.
+
+    Args:
+        comparing: which runs.
+        a: the open one.
+        focus: the object that the page is about.
+        chosen: whether a person chose it; else it is the one of the moment.
+        whole_scene: whether curves are of all objects together.
+    """
     found, b, sides = comparing.compared(), comparing.branch_b(), comparing.sides
     if found is None or b is None or sides is None:
         return None
-    place, own = comparing.place(), focus.instance.instance_id
+    place = comparing.place()
+    moment = found.timeline.moments[place - 1] if place else None
+    if moment is not None and not chosen and moment.instance_id in found.a.instance_ids:
+        focus = found.a.problem.target(moment.instance_id)
+    own = focus.instance.instance_id
     session_a, session_b = a.tools.session, b.tools.session
     alike = scores_alike(session_a, session_b)
     judge = a.judge
@@ -117,7 +134,6 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target) -> SidesView | No
             pose(found.b, instance_id, k_b, max(k_b, reach_b)),
         )
     k_a, k_b = found.timeline.latest(place, own)
-    moment = found.timeline.moments[place - 1] if place else None
     answers = outcomes(found.a, found.b, judge.errors, None if alike else score_of)
     return SidesView(
         name_a,
@@ -128,7 +144,8 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target) -> SidesView | No
         found.timeline,
         place,
         moment,
-        focus.model.name,
+        name_of(found.a.problem, own),
+        "All objects, means over the moments" if whole_scene else f"{name_of(found.a.problem, own)}, by refiner calls",
         found.differences,
         answers,
         _scene_scores(a, found.a.problem, answers),
@@ -136,7 +153,7 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target) -> SidesView | No
         effort_of(found.b),
         _now(found.a, judge, focus, k_a, found.timeline.a_at(place), poses[own][0]) if own in poses else None,
         _now(found.b, judge, focus, k_b, max(k_b, reach_b), poses[own][1]) if own in poses else None,
-        _curves(found, judge, focus),
+        _scene_curves(found, judge) if whole_scene else _curves(found, judge, focus.instance.instance_id),
         poses,
         sides.poses,
         sides.shown,
@@ -200,29 +217,58 @@ def _now(trace: Trace, judge: Judge, focus: Target, k: int, until: int, T_cam_ob
     return SideNow(iteration, T_cam_obj, score, judge.errors(focus, T_cam_obj), best)
 
 
-def _curves(found: Compared, judge: Judge, focus: Target) -> Curves:
-    own = focus.instance.instance_id
+def _curves(found: Compared, judge: Judge, own: int) -> Curves:
+    """Of one object."""
     moments = [m for m in found.timeline.moments if m.instance_id == own]
-    calls = (0, *(m.calls for m in moments))
+    sides = [_line(found.a, judge, own, [m.a for m in moments]), _line(found.b, judge, own, [m.b for m in moments])]
+    return _drawn((0, *(m.calls for m in moments)), sides)
 
-    def best(trace: Trace, indices: list[int | None]) -> list[Best | None]:
-        now = trace.answers[0].get(own)
-        line = [now]
-        for k in indices:
-            now = now if k is None else trace.iterations[k - 1].best
-            line.append(now)
-        return line
 
-    def scores(line: list[Best | None]) -> tuple[float, ...]:
-        return tuple(b.score.score if b else 0.0 for b in line)
+def _scene_curves(found: Compared, judge: Judge) -> Curves:
+    """Means over the objects that both solve."""
+    moments = found.timeline.moments
+    both = [i for i in found.a.instance_ids if i in found.b.instance_ids and i in found.a.answers[0]]
+    sides: list[Line] = []
+    for trace, pick in ((found.a, "a"), (found.b, "b")):
+        lines = [
+            _line(trace, judge, own, [getattr(m, pick) if m.instance_id == own else None for m in moments])
+            for own in both
+        ]
+        sides.append([_mean(points) for points in zip(*lines, strict=True)])
+    return _drawn(tuple(range(len(moments) + 1)), sides)
 
-    def errors(line: list[Best | None]) -> tuple[float, ...] | None:
-        values = [judge.errors(focus, b.T_cam_obj) if b else None for b in line]
-        known = tuple(e.add_s_mm for e in values if e is not None)
-        return known if len(known) == len(values) else None
 
-    line_a, line_b = best(found.a, [m.a for m in moments]), best(found.b, [m.b for m in moments])
-    return Curves(calls, scores(line_a), scores(line_b), errors(line_a), errors(line_b))
+Line = list[tuple[float, float | None]]
+"""Score and ADD(-S) [mm] of the best pose so far, moment by moment."""
+
+
+def _line(trace: Trace, judge: Judge, own: int, indices: Sequence[int | None]) -> Line:
+    target, now = trace.problem.target(own), trace.answers[0].get(own)
+    line = [_point(judge, target, now)]
+    for k in indices:
+        now = now if k is None else trace.iterations[k - 1].best
+        line.append(line[-1] if k is None else _point(judge, target, now))
+    return line
+
+
+def _point(judge: Judge, target: Target, best: Best | None) -> tuple[float, float | None]:
+    if best is None:
+        return 0.0, None
+    errors = judge.errors(target, best.T_cam_obj)
+    return best.score.score, errors.add_s_mm if errors else None
+
+
+def _mean(points: Sequence[tuple[float, float | None]]) -> tuple[float, float | None]:
+    errors = [e for _, e in points if e is not None]
+    mean_error = sum(errors) / len(errors) if len(errors) == len(points) else None
+    return sum(f for f, _ in points) / len(points), mean_error
+
+
+def _drawn(calls: tuple[int, ...], sides: Sequence[Line]) -> Curves:
+    scores = [tuple(f for f, _ in line) for line in sides]
+    errors = [tuple(e for _, e in line if e is not None) for line in sides]
+    known = all(len(e) == len(f) for e, f in zip(errors, scores, strict=True)) and bool(scores[0])
+    return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
 
 
 def _scene_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
@@ -230,6 +276,6 @@ def _scene_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> 
     if len(both) < 2:
         return None
     targets = [problem.target(o.instance_id) for o in both]
-    one = a.tools.verifier.score_scene(targets, np.array([[o.a.best.T_cam_obj for o in both if o.a]]))[0]
-    other = a.tools.verifier.score_scene(targets, np.array([[o.b.best.T_cam_obj for o in both if o.b]]))[0]
+    one = a.judge.scene_score(targets, np.array([o.a.best.T_cam_obj for o in both if o.a]))
+    other = a.judge.scene_score(targets, np.array([o.b.best.T_cam_obj for o in both if o.b]))
     return one.score, other.score

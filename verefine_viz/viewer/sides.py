@@ -8,7 +8,7 @@ from verefine_viz.session.alignment import Key
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.side_commands import SidePose
 
-OF_ONE_RUN = frozenset(STAGES) - {"ground truth", "edited"} | {"hypotheses", "contacts", "path"}
+OF_ONE_RUN = frozenset(STAGES) - {"ground truth", "edited"} | {"hypotheses", "contacts", "path", "others", "overlaps"}
 """Layers that tell of the open run only."""
 
 

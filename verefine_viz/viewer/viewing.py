@@ -85,7 +85,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         deep=deep,
         message=debugger.message,
         kept=tuple(str(p) for p in debugger.kept),
-        sides=sides_view(debugger.comparing, branch, target),
+        sides=sides_view(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
     )
 
 

@@ -48,6 +48,7 @@ class Line:
     values: Sequence[float]
     width: float = 2.0
     steps: bool = False
+    dashed: bool = False
 
 
 class Chart:
@@ -84,7 +85,13 @@ class Chart:
     def _make(self, data: tuple[np.ndarray, ...], lines: Sequence[Line]) -> viser.GuiUplotHandle:
         series = [uplot.Series(label="iteration")]
         series += [
-            uplot.Series(label=line.label, stroke=f"rgb{line.color}", width=line.width, points={"show": False})
+            uplot.Series(
+                label=line.label,
+                stroke=f"rgb{line.color}",
+                width=line.width,
+                points={"show": False},
+                dash=(7, 5) if line.dashed else (),
+            )
             for line in lines
         ]
         scales = {"x": uplot.Scale(time=False)}

@@ -1,0 +1,107 @@
+"""Two runs side by side on the page: choose B, scrub both, jump to where they part, on built-in and on real frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
+
+pytestmark = pytest.mark.browser
+Look = Callable[..., Screen]
+MUG = SESSIONS / "mug.toml"
+
+
+def choose(screen: Screen, label: str, option: str) -> None:
+    """An option of a dropdown."""
+    screen.page.get_by_label(label, exact=True).first.click(timeout=SLOW_MS)
+    screen.page.get_by_role("option", name=option, exact=True).click(timeout=SLOW_MS)
+    screen.page.wait_for_timeout(200)
+
+
+def sides(screen: Screen):  # type: ignore[no-untyped-def]
+    found = screen.app.debugger.view().sides
+    assert found is not None
+    return found
+
+
+def test_rir_against_sir_on_the_mug(look: Look) -> None:
+    screen = look(MUG)
+    screen.tab("A/B")
+    screen.text("Nothing is compared yet")
+    screen.shot("compare_0_nothing")
+    screen.click("Run")
+    screen.text("Run finished")
+    choose(screen, "Method of B", "sir")
+    screen.click("Run B with these")
+    screen.text(r"^B \(sir\) leaves A \(rir\) at iteration")
+    screen.app.wait_until_idle(60)
+    screen.text("At the end A 0")
+    assert [o.winner for o in sides(screen).outcomes] != [None]
+    screen.shot("compare_1_mug")
+    screen.key("f")
+    screen.until(lambda: sides(screen).place == sides(screen).differences.deed.place)
+    screen.shot("compare_2_mug_first_difference")
+    screen.key("t")
+    screen.until(lambda: sides(screen).shown == {"A"})
+    screen.key("t")
+    screen.key("x")
+    screen.until(lambda: sides(screen).name_a == "sir")
+    screen.shot("compare_3_mug_swapped")
+
+
+def test_published_against_recommended_on_the_mug(look: Look) -> None:
+    screen = look(MUG)
+    screen.click("Run")
+    screen.text("Run finished")
+    screen.tab("A/B")
+    choose(screen, "Preset of B", "published")
+    screen.click("Run B with these")
+    screen.text(r"^B \(published\) leaves A \(recommended\)")
+    screen.app.wait_until_idle(120)
+    screen.shot("compare_4_mug_published")
+
+
+def test_two_pages_and_both_sliders_show_the_same_moment(look: Look, chromium: object) -> None:
+    screen = look(MUG)
+    screen.app.send(c.RunUntil("end"))
+    screen.app.send(s.CompareRun((("method.name", "sir"),)))
+    screen.tab("A/B")
+    screen.text(r"^moment 25 / 25")
+    other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
+    other.tab("A/B")
+    screen.click("◀")
+    screen.text(r"^moment 24 / 25")
+    other.text(r"^moment 24 / 25")
+    other.at(24)
+    other.click("◀ Back")
+    screen.text(r"^moment 23 / 25")
+    other.page.close()
+
+
+@pytest.mark.data
+def test_real_frame(look: Look, shared_data: Path, tmp_path: Path) -> None:
+    estimates = sorted((shared_data / "ycbv" / "pose_estimates").glob("*.csv"))
+    files = ", ".join(f'"{p}"' for p in estimates if "icp" not in p.name)
+    session = tmp_path / "real.toml"
+    session.write_text(
+        f'title = "YCB-Video 50/1"\n[scene]\nsource = "bop"\ndataset = "{shared_data / "ycbv"}"\nframes = ["50/1"]\n'
+        f'[hypotheses]\nsource = "results"\nfiles = [{files}]\n'
+    )
+    screen = look(session)
+    screen.app.send(c.RunUntil("end"))
+    screen.app.wait_until_idle(240)
+    screen.tab("A/B")
+    for method in ("sir", "vf_depth"):
+        choose(screen, "Method of B", method)
+        screen.click("Run B with these")
+        screen.text(rf"^B \({method}\) leaves A \(rir\)")
+        screen.app.wait_until_idle(240)
+        screen.shot(f"compare_real_{method}")
+        screen.key("f")
+        screen.app.wait_until_idle(60)
+        screen.shot(f"compare_real_{method}_first_difference")

@@ -1,0 +1,180 @@
+"""The A/B panel: two runs of the same frame, where they part, and who comes nearer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import viser
+
+from verefine_viz.core.palette import SIDE_COLORS
+from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.markup import link, sentence, text
+from verefine_viz.viewer.side_view import SidesView
+from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Chart, Line, Send, by_person
+from verefine_viz.viewer.workspace import current_values
+
+MOVES: dict[str, s.Command] = {
+    "◀": s.StepMoment(-1),
+    "▶": s.StepMoment(1),
+    "First difference": s.SeekDifference(),
+    "Swap": s.SwapSides(),
+    "End A/B": s.StopComparing(),
+}
+POSES: dict[str, s.SidePose] = {"best so far": "best", "kept now": "kept"}
+AS_A = "as A"
+HINTS: dict[s.Side, str] = {"A": "solid", "B": "as an outline (T)"}
+NOTHING = (
+    "Nothing is compared yet. Choose below what B is: other settings for this frame, another branch, or a recording."
+)
+
+
+class ComparePanel:
+    """B is chosen at the bottom; all else appears once there is one."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._words = Block(gui)
+        self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
+        self.moves = gui.add_button_group(
+            "Both", list(MOVES), visible=False, hint="along the common timeline; First difference F, Swap X, B on/off T"
+        )
+        self.moves.on_click(by_person(lambda label: send(MOVES[label])))
+        self.slider = gui.add_slider(
+            "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
+        )
+        self.slider.on_update(by_person(lambda v: send(s.SeekMoment(int(v)))))
+        self._now = Block(gui)
+        self._outcome = Block(gui)
+        self._curves = gui.add_folder("Curves", visible=False)
+        with self._curves:
+            self._caption = Block(gui)
+        self.score = Chart(gui, 110, self._curves)
+        self.error = Chart(gui, 110, self._curves)
+        self.poses = gui.add_dropdown("In 3D", tuple(POSES), visible=False, hint="which poses of A and B are drawn")
+        self.poses.on_update(by_person(lambda v: send(s.ShowSidePoses(POSES[v]))))
+        self.shown: dict[s.Side, viser.GuiCheckboxHandle] = {
+            side: gui.add_checkbox(f"Show {side}", True, visible=False, hint=hint) for side, hint in HINTS.items()
+        }
+        for side, box in self.shown.items():
+            box.on_update(by_person(lambda on, side=side: send(s.ShowSide(side, on))))
+        self._settings = Block(gui)
+        self.choice = ChoiceOfB(gui, send)
+
+    def show(self, view: View) -> None:
+        """The comparison, or how to begin one."""
+        v = view.sides
+        self.choice.show(view)
+        for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
+            handle.visible = v is not None
+        self._progress.visible = v is not None and v.running
+        if v is None:
+            self._words.show(sentence(NOTHING))
+            for block in (self._now, self._outcome, self._settings):
+                block.show("")
+            return
+        b = v.effort_b
+        self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
+        self._words.show(sentence(summary(v)) + legend(v) + _computing(v))
+        self.slider.max = max(len(v.timeline), 1)
+        self.slider.value = min(v.place, int(self.slider.max))
+        self._now.show(f'<p class="dim">{text(where(v))}</p>{now_table(v)}')
+        self._outcome.show(outcome_table(v))
+        self._show_curves(v)
+        self.poses.value = next(label for label, which in POSES.items() if which == v.which)
+        for side, box in self.shown.items():
+            box.value = side in v.shown
+        self._settings.show(settings_list(v))
+
+    def _show_curves(self, v: SidesView) -> None:
+        x, curves = [float(n) for n in v.curves.calls], v.curves
+        alike = "" if v.scores_alike else ", each by its own rule"
+        said = f"{v.curves_of}: score of the best pose so far{alike}"
+        self.score.show(x, _pair(curves.score_a, curves.score_b))
+        if curves.error_a is not None and curves.error_b is not None:
+            said += "; below, its ADD(-S) in mm"
+            self.error.show(x, _pair(curves.error_a, curves.error_b))
+        else:
+            said += "; there is no ground truth"
+            self.error.show([], [])
+        self._caption.show(_caption(said))
+
+
+def _pair(a: tuple[float, ...], b: tuple[float, ...]) -> list[Line]:
+    return [Line("A", SIDE_COLORS["A"], a, width=2.5), Line("B", SIDE_COLORS["B"], b, width=2.0, dashed=True)]
+
+
+def _caption(words: str) -> str:
+    return f'<div style="font-size:11px;margin-bottom:-8px">{text(words)}</div>'
+
+
+def _computing(v: SidesView) -> str:
+    """How far B is, and what can be done about it."""
+    b = v.effort_b
+    if v.running:
+        return f"<p>B: {b.iterations} of {b.planned} iterations. {link('Pause', s.PauseB())}</p>"
+    if b.iterations < b.planned:
+        said = f"B has made {b.iterations} of {b.planned} iterations."
+        return f"<p>{said} {link('Compute the rest', s.RunB())}</p>"
+    return ""
+
+
+class ChoiceOfB:
+    """What B is: settings that differ from A's, a branch, or a file. Edits are a draft until a button is pressed."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._known: dict[str, Any] = {}
+        self._branches: tuple[str, ...] = ()
+        with gui.add_folder("Compare with …", expand_by_default=True):
+            self.fields: dict[str, Any] = {
+                "method.name": gui.add_dropdown("Method of B", METHOD_NAMES, hint="the algorithm"),
+                "preset": gui.add_dropdown(
+                    "Preset of B",
+                    (AS_A, "recommended", "published"),
+                    hint="published: as the authors' code has it",
+                ),
+                "method.iterations": gui.add_number("K of B", 5, min=1, step=1, hint="refiner calls per hypothesis"),
+                "method.exploration": gui.add_number("c of B", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
+            }
+            self.more = gui.add_text(
+                "Also", "", hint="any other settings, as in a session file: score.tau_m = 0.01; physics.steps = 60"
+            )
+            self.run = gui.add_button("Run B with these", hint="from the start, on this frame; looking around goes on")
+            self.branch = gui.add_dropdown("Branch", [""], visible=False, hint="a run of this frame as B")
+            self.path = gui.add_text("File", "", hint="a recording (.rrd) of this frame")
+            self.recording = gui.add_button_group("Recording", ["Open as B", "Open as A"])
+        self.run.on_click(by_person(lambda _: send(s.CompareRun(self.changes(), self.more.value))))
+        self.branch.on_update(by_person(self._chosen(send)))
+        self.recording.on_click(
+            by_person(
+                lambda label: send((s.CompareRecording if label.endswith("B") else s.OpenRecording)(self.path.value))
+            )
+        )
+
+    def _chosen(self, send: Send) -> Any:
+        def chosen(label: str) -> None:
+            if label in self._branches and label:
+                send(s.CompareBranch(self._branches.index(label) - 1))
+
+        return chosen
+
+    def changes(self) -> s.Changes:
+        """What is set otherwise than in A."""
+        values = {name: field.value for name, field in self.fields.items()}
+        return tuple((name, v) for name, v in values.items() if v != self._known.get(name))
+
+    def show(self, view: View) -> None:
+        """Drafts are kept until the settings of A change."""
+        names = tuple(n for n in self.fields if n != "preset")
+        values = {**current_values(view.session, names), "preset": AS_A}
+        if values != self._known:
+            self._known = values
+            for name, field in self.fields.items():
+                field.value = values[name]
+        labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(view.branches)))
+        if labels != self._branches:
+            self._branches = labels
+            self.branch.options = labels
+        self.branch.visible = len(view.branches) > 1
+        self.branch.value = labels[view.sides.index_b + 1] if view.sides is not None else ""
