@@ -35,7 +35,7 @@ class Ppf:
     """
 
     def __init__(self, settings: PpfSettings, cache_folder: Path | None = None) -> None:
-        self._settings = settings
+        self.settings = settings
         self._folder = cache_folder
         self._learnt: WeakKeyDictionary[ObjectModel, Learnt] = WeakKeyDictionary()
 
@@ -46,7 +46,7 @@ class Ppf:
 
         The confidence is in (0, 1]: see :func:`ppf_agreement.agreement`.
         """
-        s, model = self._settings, target.model
+        s, model = self.settings, target.model
         d = model.diameter_m
         segment = thinned(segment_surface(target), s.step * d)
         if len(segment.points) < MIN_POINTS:
@@ -67,11 +67,11 @@ class Ppf:
         """What is known of the model: from memory, else from disk, else learnt now."""
         known = self._learnt.get(model)
         if known is None:
-            path = cache_file(model, self._settings, self._folder)
+            path = cache_file(model, self.settings, self._folder)
             known = read(path)
             if known is None:
                 tell(f"Learning the point pairs of {model.name}.")
-                known = learn(model, self._settings)
+                known = learn(model, self.settings)
                 write(path, known)
             self._learnt[model] = known
         return known

@@ -100,8 +100,9 @@ def _clustered(
 
 @njit(cache=True)
 def _cluster_of(T: np.ndarray, founders: np.ndarray, center: np.ndarray, near: float, cosine: float) -> tuple[int, int]:
-    """The first cluster that is near, and by which symmetry; (their number, 0) if none is."""
+    """The first cluster that is near, and by which symmetry it is nearest; (their number, 0) if none is."""
     for k in range(founders.shape[0]):
+        nearest, best = -1, cosine
         for s in range(founders.shape[1]):
             F = founders[k, s]
             squared, trace = 0.0, 0.0
@@ -111,6 +112,8 @@ def _cluster_of(T: np.ndarray, founders: np.ndarray, center: np.ndarray, near: f
                     gap += (F[a, b] - T[a, b]) * center[b]
                     trace += F[a, b] * T[a, b]
                 squared += gap * gap
-            if squared <= near * near and 0.5 * (trace - 1.0) > cosine:
-                return k, s
+            if squared <= near * near and 0.5 * (trace - 1.0) > best:
+                nearest, best = s, 0.5 * (trace - 1.0)
+        if nearest >= 0:
+            return k, nearest
     return founders.shape[0], 0

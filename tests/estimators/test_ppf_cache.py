@@ -1,0 +1,109 @@
+"""Tables on disk: loaded where they are whole, made again where they are not, and never a reason to fail."""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.estimators.views import random_pose, view
+from verefine_viz.core.problem import Target
+from verefine_viz.core.settings import PpfSettings
+from verefine_viz.estimators.ppf import Ppf
+from verefine_viz.estimators.ppf_cache import LEARNT_FROM, Learnt, cache_file, learn, read, write
+from verefine_viz.scenes.demo_models import demo_model
+
+COARSE = PpfSettings(step=0.1)
+
+
+def same(a: Learnt, b: Learnt) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip((*a.table, *a.field), (*b.table, *b.field), strict=True))
+
+
+def target() -> Target:
+    model = demo_model("bracket", 10, 0)
+    return view(model, random_pose(0, model))
+
+
+def with_array(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[bytes], bytes]:
+    """A whole file in which one array is not what it should be."""
+
+    def damage(data: bytes) -> bytes:
+        with np.load(io.BytesIO(data)) as kept:
+            arrays = dict(kept)
+        arrays[name] = change(arrays[name])
+        out = io.BytesIO()
+        np.savez(out, **arrays)
+        return out.getvalue()
+
+    return damage
+
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda data: b"",
+    "no archive": lambda data: b"nothing of the sort" * 100,
+    "cut off": lambda data: data[: len(data) // 2],
+    "a bit turned": lambda data: data[:5000] + bytes([data[5000] ^ 1]) + data[5001:],
+    "pickled": with_array("first", lambda a: np.array([{}], dtype=object)),
+    "points beyond the model": with_array("first", lambda a: a + 60_000),
+    "bins that end before they begin": with_array("starts", lambda a: a[::-1]),
+    "too few turns": with_array("turn_rad", lambda a: a[:-1]),
+    "not a number": with_array("weights", lambda a: a * np.nan),
+    "other precision": with_array("points", lambda a: a.astype(np.float32)),
+    "more bins than there are": with_array("n_angles", lambda a: a + 1),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_table_is_made_again(tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
+    seen = target()
+    first = Ppf(COARSE, tmp_path).hypotheses(seen, 3)
+    path = cache_file(seen.model, COARSE, tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(DAMAGES[damage](whole))
+    said: list[str] = []
+    with caplog.at_level(logging.WARNING):
+        again = Ppf(COARSE, tmp_path).hypotheses(seen, 3, said.append)
+    assert [h.T_cam_obj.tobytes() for h in again] == [h.T_cam_obj.tobytes() for h in first]
+    assert said == ["Learning the point pairs of bracket."]
+    assert path.name in caplog.text
+    assert path.read_bytes() == whole
+
+
+def test_a_table_is_learnt_once(tmp_path: Path) -> None:
+    said: list[str] = []
+    seen = target()
+    ppf = Ppf(COARSE, tmp_path)
+    for _ in range(2):
+        ppf.hypotheses(seen, 1, said.append)
+    Ppf(COARSE, tmp_path).hypotheses(seen, 1, said.append)
+    assert said == ["Learning the point pairs of bracket."]
+    assert [p.name for p in tmp_path.iterdir()] == [cache_file(seen.model, COARSE).name]
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    learnt = learn(demo_model("duck", 10, 0), COARSE)
+    write(tmp_path / "table.npz", learnt)
+    again = read(tmp_path / "table.npz")
+    assert again is not None
+    assert same(again, learnt)
+
+
+def test_a_table_belongs_to_its_mesh_and_settings(tmp_path: Path) -> None:
+    changed = {"step": 0.09, "distance_bin": 0.06, "angle_bin_deg": 11.0, "bin_limit": 50, "seed": 1}
+    assert set(changed) == set(LEARNT_FROM)
+    duck, bracket = demo_model("duck", 10, 0), demo_model("bracket", 10, 0)
+    others = [COARSE.model_copy(update={name: value}) for name, value in changed.items()]
+    files = [cache_file(duck, s, tmp_path) for s in (COARSE, *others)] + [cache_file(bracket, COARSE, tmp_path)]
+    assert len(set(files)) == len(files)
+    assert cache_file(duck, COARSE.model_copy(update={"peaks": 9, "candidates": 7}), tmp_path) == files[0]
+
+
+def test_without_a_place_to_write_it_only_takes_longer(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    seen = target()
+    assert len(Ppf(COARSE, tmp_path / "file").hypotheses(seen, 3)) == len(Ppf(COARSE, tmp_path).hypotheses(seen, 3)) > 0
