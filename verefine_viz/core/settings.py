@@ -229,15 +229,28 @@ class PcsSettings(Settings):
     """Congruent point sets (Super4PCS). METHODS 3.2."""
 
     delta_m: Positive = 0.0035
-    """Distance within which points correspond [m]."""
-    overlap: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.5
-    """Expected overlap of segment and model."""
+    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
+    grid_m: Positive = 0.005
+    """Side of the grid that thins segment and model [m]."""
+    part_share: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.1
+    """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
+    leaves such. 0 keeps all (published code)."""
     samples: Count = 300
-    """Points of the model that bases are compared with."""
+    """Points of the model, spread evenly, of which those that lie on the segment are counted."""
+    spacing_m: NonNegative = 0.014
+    """Those of them that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
+    power of the number of points. 0 takes all (published code)."""
     bases: Count = 100
-    """Bases tried; the published code stops after 1 s instead."""
+    """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
+    quads: Count = 1000
+    """Most quads of a base that are looked at, a random choice."""
+    keep_share: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
+    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
+    cluster is often none of the good poses."""
+    bins: Count = 2000
+    """Most bins, the best ones, that go into the clusters."""
     seed: Seed = 0
-    """Seeds bases and clustering."""
+    """Seeds bases, quads and clusters."""
 
 
 class ScoreSettings(Settings):
@@ -374,6 +387,7 @@ PUBLISHED: dict[str, dict[str, Any]] = {
     "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
     "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
     "tricp": {"trim": 1.0},
+    "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
     "dependency": {"rule": "published"},
     "method": {
         "sim_candidate": "full",

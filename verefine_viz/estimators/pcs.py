@@ -1,0 +1,108 @@
+"""First poses from congruent point sets (Super4PCS, Mellado 2014), as the system that the paper starts from uses them.
+
+Four points of the segment are a base; what a rigid motion cannot change about them is looked for among the model's
+points; each match is a pose; how many of the model's points then lie on the segment (LCP) ranks it; and of the
+thousands of poses a few that differ are kept. METHODS 3.1 and 3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.settings import PcsSettings
+from verefine_viz.estimators.pcs_bases import diameter, draw_base
+from verefine_viz.estimators.pcs_clouds import large_parts, segment_cloud, spread_out, thinned
+from verefine_viz.estimators.pcs_lcp import NearGrid, lcps
+from verefine_viz.estimators.pcs_pairs import PairTable
+from verefine_viz.estimators.pcs_quads import TOLERANCE, congruent_quads, fitted
+from verefine_viz.estimators.pcs_reduction import reduced
+
+MIN_POINTS = 20
+"""Thinned points below which a segment says nothing."""
+MIN_PAIRED = 50
+"""Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
+POOL = 25
+"""Poses that are kept for whoever wants as many or fewer; he gets the best of them. METHODS 3.2."""
+
+
+class PcsModel(NamedTuple):
+    """What is made once per model."""
+
+    points: Float
+    """(samples, 3) evenly spread [m]: what the LCP counts."""
+    pairs: PairTable
+    """Of the first of them: what quads are made of."""
+
+    @staticmethod
+    def build(model: ObjectModel, settings: PcsSettings) -> PcsModel:
+        points, distances = spread_out(thinned(model.points, settings.grid_m), settings.samples)
+        n = max(MIN_PAIRED, int((distances >= settings.spacing_m).sum()))
+        return PcsModel(points, PairTable.build(points[:n]))
+
+
+class Pcs:
+    """Estimator by congruent point sets. The answer depends on the arguments of each call only.
+
+    Args:
+        settings: of the method.
+    """
+
+    def __init__(self, settings: PcsSettings) -> None:
+        self._settings = settings
+        self._models: WeakKeyDictionary[ObjectModel, PcsModel] = WeakKeyDictionary()
+
+    def hypotheses(
+        self, target: Target, n: int, tell: Callable[[str], None] = lambda _: None
+    ) -> tuple[Hypothesis, ...]:
+        """At most ``n`` poses, highest LCP first; see :class:`core.protocols.Estimator`.
+
+        The confidence is the LCP of the pose that a hypothesis stands for, in (0, 1]: of a model whose front alone is
+        seen, about the share of its surface that is seen.
+        """
+        s, model = self._settings, target.model
+        segment = large_parts(thinned(segment_cloud(target), s.grid_m), s.grid_m, s.part_share)
+        if len(segment) < MIN_POINTS:
+            return ()
+        tell(f"Looking for {model.name} in its segment by {s.bases} bases of four points.")
+        known = self._models.get(model)
+        if known is None:
+            known = self._models[model] = PcsModel.build(model, s)
+        rng = np.random.default_rng(s.seed)
+        Ts, scores = candidates(segment, known, model.diameter_m, s, rng)
+        k = math.ceil(math.sqrt(max(n, POOL)))
+        Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, s.bins, k, rng)
+        found = zip(Ts[:n], scores[:n], strict=True)
+        return tuple(Hypothesis(T, float(lcp), f"pcs #{i}") for i, (T, lcp) in enumerate(found, start=1))
+
+
+def candidates(
+    segment: Float, model: PcsModel, model_diameter_m: float, settings: PcsSettings, rng: np.random.Generator
+) -> tuple[Float, Float]:
+    """Every pose (N, 4, 4) that lays a quad of the model on a base of the segment, and its LCP (N,).
+
+    Args:
+        segment: (n, 3) [m].
+        model: its points and pairs.
+        model_diameter_m: no base is larger.
+        settings: of the method.
+        rng: draws bases and quads.
+    """
+    grid = NearGrid.build(segment, settings.delta_m)
+    longest_m = min(diameter(segment), model_diameter_m)
+    poses = [np.empty((0, 4, 4))]
+    for _ in range(settings.bases):
+        base = draw_base(segment, longest_m, settings.delta_m, rng)
+        if base is None:
+            continue
+        quads = congruent_quads(base, model.points, model.pairs, settings.delta_m, settings.quads, rng)
+        poses.append(fitted(base.points, model.points, quads, TOLERANCE * settings.delta_m)[0])
+    Ts = np.concatenate(poses)
+    return Ts, lcps(Ts, model.points, grid)

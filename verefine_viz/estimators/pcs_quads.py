@@ -1,0 +1,179 @@
+"""Congruent quads: four points of the model that a rigid motion lays on a base."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.estimators.pcs_bases import Base
+from verefine_viz.estimators.pcs_fit import fit_rms, rotation_of
+from verefine_viz.estimators.pcs_pairs import PairTable
+
+TOLERANCE = 2.0
+"""In δ: how much the length of a pair, its intermediate point and the residual of the fit may differ from the base."""
+
+
+def congruent_quads(
+    base: Base,
+    points: Float,
+    pairs: PairTable,
+    delta_m: float,
+    most: int = 2**31 - 1,
+    rng: np.random.Generator | None = None,
+) -> NDArray[np.int32]:
+    """Quads (n, 4) of indices of ``points`` (M, 3) that may be the base's points, in the order of the base.
+
+    Pairs as long as the base's two segments whose intermediate points, at r1 and r2, fall together, each within 2δ;
+    the residual of the rigid fit is left to :func:`fitted`.
+
+    Args:
+        base: of the segment.
+        points: of the model [m].
+        pairs: all pairs of ``points``.
+        delta_m: δ [m].
+        most: the search ends when it has found so many.
+        rng: shuffles the pairs, so that those many are a random choice; None searches them by length.
+    """
+    tolerance = TOLERANCE * delta_m
+    first = pairs.of_length(float(np.linalg.norm(base.points[1] - base.points[0])), tolerance)
+    second = pairs.of_length(float(np.linalg.norm(base.points[3] - base.points[2])), tolerance)
+    if len(first) == 0 or len(second) == 0:
+        return np.empty((0, 4), dtype=np.int32)
+    points = np.array(points, dtype=np.float64, order="C")
+    # Each pair may lie on the segment either way round.
+    first, second = np.concatenate([first, first[:, ::-1]]), np.concatenate([second, second[:, ::-1]])
+    if rng is not None:
+        rng.shuffle(second)
+    first, starts, low, counts = _in_cells(points, first, base.r1, tolerance)
+    return _meeting(points, first, starts, low, counts, second, base.points, base.r1, base.r2, tolerance, most)
+
+
+@njit(cache=True)
+def fitted(base: np.ndarray, points: np.ndarray, quads: np.ndarray, max_rms_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, 4, 4) that lay quads (N, 4) of ``points`` on the base (4, 3), and which quads they belong to (n,).
+
+    Only those whose root mean square residual is below ``max_rms_m``.
+    """
+    Ts = np.zeros((len(quads), 4, 4))
+    of_quad = np.empty(len(quads), dtype=np.int64)
+    corners, N, R = np.empty((4, 3)), np.empty((4, 4)), np.empty((3, 3))
+    n = 0
+    for q in range(len(quads)):
+        for k in range(4):
+            corners[k] = points[quads[q, k]]
+        rms, root = fit_rms(base, corners, N)
+        if not rms < max_rms_m or not rotation_of(N, root, R):
+            continue
+        for row in range(3):
+            t = 0.0
+            for k in range(4):
+                t += base[k, row]
+                for m in range(3):
+                    t -= R[row, m] * corners[k, m]
+            Ts[n, row, 3] = t / 4
+            for m in range(3):
+                Ts[n, row, m] = R[row, m]
+        Ts[n, 3, 3] = 1.0
+        of_quad[n] = q
+        n += 1
+    return Ts[:n], of_quad[:n]
+
+
+@njit(cache=True)
+def _in_cells(
+    points: np.ndarray, pairs: np.ndarray, r: float, side: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The pairs, sorted by the cell in which their intermediate point lies; where each cell begins; the cells."""
+    middle = np.empty((len(pairs), 3))
+    for p in range(len(pairs)):
+        for k in range(3):
+            middle[p, k] = points[pairs[p, 0], k] + r * (points[pairs[p, 1], k] - points[pairs[p, 0], k])
+    low, counts = np.empty(3), np.empty(3, dtype=np.int64)
+    for k in range(3):
+        low[k] = points[:, k].min()
+        counts[k] = int((points[:, k].max() - low[k]) / side) + 1
+    cells = np.empty(len(pairs), dtype=np.int64)
+    starts = np.zeros(counts[0] * counts[1] * counts[2] + 1, dtype=np.int64)
+    for p in range(len(pairs)):
+        cell = 0
+        for k in range(3):
+            cell = cell * counts[k] + min(counts[k] - 1, max(0, int((middle[p, k] - low[k]) / side)))
+        cells[p] = cell
+        starts[cell + 1] += 1
+    for cell in range(len(starts) - 1):
+        starts[cell + 1] += starts[cell]
+    cursor = starts.copy()
+    ordered = np.empty((len(pairs), 2), dtype=np.int32)
+    for p in range(len(pairs)):
+        ordered[cursor[cells[p]], 0] = pairs[p, 0]
+        ordered[cursor[cells[p]], 1] = pairs[p, 1]
+        cursor[cells[p]] += 1
+    return ordered, starts, low, counts
+
+
+@njit(cache=True)
+def _meeting(
+    points: np.ndarray,
+    first: np.ndarray,
+    starts: np.ndarray,
+    low: np.ndarray,
+    counts: np.ndarray,
+    second: np.ndarray,
+    base: np.ndarray,
+    r1: float,
+    r2: float,
+    tolerance: float,
+    most: int,
+) -> np.ndarray:
+    """Quads of a pair of each kind whose intermediate points lie within the tolerance, and which the fit may keep."""
+    across = np.empty(4)
+    for m in range(4):
+        d = base[2 + m % 2] - base[m // 2]
+        across[m] = np.sqrt(d @ d)
+    # A residual below the tolerance in the root mean square leaves Σ (Δ length)² of two pairs without a common point
+    # below 2 · 4 · tolerance²: what exceeds it is dropped before it costs a fit.
+    limit = 8.0 * tolerance * tolerance
+    out = np.empty((4096, 4), dtype=np.int32)
+    n = 0
+    cell = np.empty(3, dtype=np.int64)
+    for s in range(len(second)):
+        c, d = second[s, 0], second[s, 1]
+        x = points[c, 0] + r2 * (points[d, 0] - points[c, 0])
+        y = points[c, 1] + r2 * (points[d, 1] - points[c, 1])
+        z = points[c, 2] + r2 * (points[d, 2] - points[c, 2])
+        cell[0] = int((x - low[0]) / tolerance)
+        cell[1] = int((y - low[1]) / tolerance)
+        cell[2] = int((z - low[2]) / tolerance)
+        for i in range(max(0, cell[0] - 1), min(counts[0], cell[0] + 2)):
+            for j in range(max(0, cell[1] - 1), min(counts[1], cell[1] + 2)):
+                row = (i * counts[1] + j) * counts[2]
+                begin = starts[row + max(0, cell[2] - 1)]
+                end = starts[row + min(counts[2], cell[2] + 2)]
+                for p in range(begin, end):
+                    a, b = first[p, 0], first[p, 1]
+                    dx = points[a, 0] + r1 * (points[b, 0] - points[a, 0]) - x
+                    dy = points[a, 1] + r1 * (points[b, 1] - points[a, 1]) - y
+                    dz = points[a, 2] + r1 * (points[b, 2] - points[a, 2]) - z
+                    if dx * dx + dy * dy + dz * dz > tolerance * tolerance:
+                        continue
+                    ac, ad = _distance(points, a, c) - across[0], _distance(points, a, d) - across[1]
+                    bc, bd = _distance(points, b, c) - across[2], _distance(points, b, d) - across[3]
+                    if ac * ac + bd * bd > limit or ad * ad + bc * bc > limit:
+                        continue
+                    if n == len(out):
+                        larger = np.empty((2 * n, 4), dtype=np.int32)
+                        larger[:n] = out
+                        out = larger
+                    out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, b, c, d
+                    n += 1
+                    if n == most:
+                        return out[:n]
+    return out[:n]
+
+
+@njit(cache=True)
+def _distance(points: np.ndarray, i: int, j: int) -> float:
+    dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
