@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.scene_words import alone_warning
 from verefine_viz.viewer.view import View
 
 PLANE_SHARE = 0.5
@@ -29,8 +30,8 @@ class Finding:
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     found = (
-        *_support(view), *_no_hypothesis(view), *_far_start(view), *_starved(view), *_wrong_score(view), *_leak(view),
-        *_low(view),
+        *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view), *_starved(view),
+        *_wrong_score(view), *_leak(view), *_low(view),
     )  # fmt: skip
     return found
 
@@ -65,15 +66,30 @@ def _far_start(view: View) -> list[Finding]:
     arrived = best is not None and best.errors is not None and best.errors.relative < 0.1
     if errors.relative < FAR or arrived:
         return []
-    text = (
+    start = (
         f"No hypothesis starts near: best initial error {errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm "
-        f"(hypothesis {j + 1}). Refinement may not get there; look at the estimator first."
+        f"(hypothesis {j + 1}), ADD(-S) {errors.relative:.0%} of the diameter."
     )
+    if not _is_over(view):
+        text = f"{start} Above {FAR:.0%} it depends on the object whether refinement gets there: run it and see."
+        return [Finding(text, command=c.SelectArm(j), label="show it")]
+    text = f"{start} Refinement did not get there: look at the estimator first."
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
+
+
+def _alone(view: View) -> list[Finding]:
+    """Objects carry each other, and the method does not know."""
+    said = alone_warning(view)
+    if not said:
+        return []
+    command = c.Restart((("method.name", "vf_breadth"),))
+    return [Finding(said, command=command, label="restart with VF_b")]
 
 
 def _is_over(view: View) -> bool:
     own = view.own_iterations
+    if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
+        return view.progress.done == view.progress.total
     done = view.progress.done == view.progress.total
     return bool(own) and (done or view.iterations[-1].instance_id != own[-1].instance_id)
 

@@ -21,6 +21,8 @@ _ON_CLICK = (
     "if(t.dataset.crop){const k=JSON.parse(t.dataset.crop),b=t.getBoundingClientRect();"
     "c.u=k[0]+Math.floor((event.clientX-b.left)/b.width*k[2]);"
     "c.v=k[1]+Math.floor((event.clientY-b.top)/b.height*k[3]);}"
+    "if(t.dataset.cells){const b=t.getBoundingClientRect(),n=+t.dataset.cells;"
+    "c.cursor=Math.min(n,1+Math.floor((event.clientX-b.left)/b.width*n));}"
     f"const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='{LINK_LABEL}');"
     "const i=l&&l.closest('.mantine-Flex-root').querySelector('input');"
     "if(i){Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,"

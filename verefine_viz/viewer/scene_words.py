@@ -22,6 +22,23 @@ def method_name(name: str) -> str:
     return SHOWN_NAMES.get(name, name.upper())
 
 
+def refiner_name(name: str) -> str:
+    """As people write it."""
+    return {"trimmed_icp": "trimmed ICP"}.get(name, name.upper())
+
+
+def scene_outcome(scene: SceneNow) -> str:
+    """How a finished run came out, over all objects."""
+    answered = [o for o in scene.objects if o.answer is not None]
+    known = [o for o in answered if o.errors is not None]
+    said = f"Run finished: {len(answered)} of {len(scene.objects)} objects have a pose"
+    if known:
+        wrong = [o.label for o in known if o.errors is not None and o.errors.relative >= 0.1]
+        said += f", {len(known) - len(wrong)} of {len(known)} within 10 % of their diameter"
+        said += f" (not {', '.join(wrong[:3])}{', …' if len(wrong) > 3 else ''})" if wrong else ""
+    return f"{said}."
+
+
 def place_in_run(scene: SceneNow, iteration: Iteration) -> str:
     """As in: cluster 1 of 2, pass 3. Empty where there is one object or neither clusters nor passes."""
     if len(scene.objects) < 2:

@@ -12,6 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
+from verefine_viz.viewer.scene_words import place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
 
@@ -30,13 +31,18 @@ def number(value: float | None, digits: int, unit: str = "") -> str:
     return _NONE if value is None else f"{value:.{digits}f}{unit}"
 
 
+def plays_text(plays: float) -> str:
+    """A count of plays, which may be discounted."""
+    return f"{plays:.0f}" if plays == round(plays) else f"{plays:.2f}"
+
+
 def cut(name: str) -> str:
     """A name that may be long: cut off on the screen, whole in its tooltip."""
     return f'<span class="cut" title="{text(name)}">{text(name)}</span>'
 
 
-def score_table(poses: Sequence[Judged | None]) -> str:
-    """The parts of the score of some poses, a column each."""
+def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
+    """The parts of the score of some poses, a column each; ``short``: the shares of pixels as bars only."""
     known = [p for p in poses if p is not None]
     head = [("", ""), *((p.name, f"the {p.name} pose") for p in known)]
     scores = [p.score for p in known]
@@ -54,7 +60,7 @@ def score_table(poses: Sequence[Judged | None]) -> str:
         row("normal fit f_n", "mean over the counted pixels; 1 = same direction", part(lambda s: s.normal_fit, 3)),
         row("pixels N", "how many pixels count", part(lambda s: s.n_pixels, 0)),
     ]  # fmt: skip
-    for name in PIXEL_CLASSES:
+    for name in () if short else PIXEL_CLASSES:
         cells = [_NONE if s is None else f"{s.shares[name]:.1%}" for s in scores]
         rows.append(row(f"{swatch(CLASS_COLORS[name])}{name}", CLASS_MEANING[name], cells))
     return table(head, rows) + "".join(_shares_bar(p.name, p.score) for p in known if p.score)
@@ -83,12 +89,12 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
     rows = [
         row("observed", "depth that the sensor measured", lambda p: number(p.observed_m, 4, " m")),
         row("rendered", "depth of the model", lambda p: number(p.rendered_m, 4, " m")),
-        row("difference", "observed − rendered", lambda p: number(p.difference_mm, 1, " mm")),
-        row("angle", "between the normals", lambda p: number(p.angle_deg, 1, "°")),
+        row("Δ depth, angle", "observed − rendered; between the normals",
+            lambda p: f"{number(p.difference_mm, 1, ' mm')}, {number(p.angle_deg, 1, '°')}"),
         row("f_d, f_n", "depth and normal fit", lambda p: f"{p.f_d:.2f}, {p.f_n:.2f}"),
         row("class", "why it counts as it does", lambda p: p.pixel_class),
         row("adds", "what this pixel adds to the score", lambda p: f"{p.contribution:.5f}"),
-    ]
+    ]  # fmt: skip
     head = [(f"pixel {first.u}, {first.v}", "column u, row v"), *((name, "") for name, _ in sides)]
     return table(head, rows)
 
@@ -100,7 +106,7 @@ def arms_table(view: View) -> str:
         return ""
     shown = view.shown
     choice = shown.choice if shown and shown.choice else None
-    if choice is None and (shown is None) and view.session.method.name == "rir":
+    if choice is None and shown is None and view.session.method.name in ("rir", "vf_breadth", "vf_depth"):
         choice = Ucb(view.session.method.exploration).choose(state)
     taken = shown.arm if shown else (choice.arm if choice else None)
     rows = []
@@ -116,7 +122,7 @@ def arms_table(view: View) -> str:
         error = view.initial_errors[j]
         cells = [
             f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}{' ◂' if j == taken else ''}",
-            f"{plays:g}",
+            plays_text(float(plays)),
             f"{mean:.3f}",
             number(bonus, 3),
             number(ucb, 3),
@@ -127,7 +133,7 @@ def arms_table(view: View) -> str:
         rows.append(Row(cells, c.SelectArm(j), marked=j == view.arm))
     head = [
         ("arm", "hypothesis; ◂ = chosen; click a row for its history"),
-        ("n", "n_j, plays; the initial score counts as the first"),
+        ("n", "n_j, plays; the initial score counts as the first; VF_d counts those of earlier passes γ times as much"),
         ("μ", "μ_j, mean score over the plays"),
         ("bonus", "exploration term c·√(ln Σn / n_j)"),
         ("UCB", "mean + bonus; the largest is chosen"),
@@ -309,6 +315,8 @@ def where(view: View) -> str:
     p = view.progress
     at = f"iteration {view.cursor} / {p.total}"
     if view.shown is not None and view.is_current:
+        place = place_in_run(view.scene, view.shown)
+        at += f" · {place}" if place else ""
         at += f" · {text(view.name)} · hypothesis {view.shown.arm + 1} of {view.n_arms}"
         if view.look.stage is not None:
             at += f" · {text(view.look.stage)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -116,6 +117,8 @@ class View:
     """All objects of the frame."""
     map_target: Target
     """Whose score ``a`` and ``b`` are: the object in focus, or all objects as one where the whole scene is shown."""
+    best_errors: Mapping[int, PoseErrors | None]
+    """By iteration: errors of the best pose of its object; empty unless the whole scene is shown."""
     physics: ScenePhysics
     """What is known by now about the scene."""
     deep: bool = True

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore
+from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
@@ -81,6 +82,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         truth=truth,
         scene=scene,
         map_target=map_target,
+        best_errors=_best_errors(judge, work.problem, run.iterations) if look.whole_scene else {},
         physics=known_physics(scene, judge),
         deep=deep,
         message=debugger.message,
@@ -203,6 +205,11 @@ def _summary(branch: Branch) -> BranchSummary:
         for t, best in zip(state.problem.targets, state.best, strict=True)
     ]
     return BranchSummary(branch.name, branch.run.length, branch.run.n_iterations, tuple(state.best), tuple(errors))
+
+
+def _best_errors(judge: Judge, problem: Problem, iterations: Sequence[Iteration]) -> dict[int, PoseErrors | None]:
+    targets = {t.instance.instance_id: t for t in problem.targets}
+    return {i.index: judge.errors(targets[i.instance_id], i.best.T_cam_obj) for i in iterations}
 
 
 def _error_series(judge: Judge, target: Target, iterations: tuple[Iteration, ...]) -> tuple[Any, ...]:

@@ -11,6 +11,7 @@ from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.marks import FALL
+from verefine_viz.viewer.scene_words import pass_closed, place_in_run, refiner_name, scene_outcome, tree_sentence
 from verefine_viz.viewer.view import View
 
 _AXES = ("x", "y", "z")
@@ -62,7 +63,12 @@ def headline(view: View) -> str:
         return f"{view.name} has had no iteration yet."
     if view.look.stage is not None and view.is_current:
         return _stage_sentence(view, view.shown)
-    said = _iteration_sentence(view, view.shown)
+    if view.shown.tree is not None:
+        said = tree_sentence(view.problem, view.shown, view.shown.tree)
+    else:
+        said = _iteration_sentence(view, view.shown)
+    if view.scene.closes_pass is not None:
+        said += f" {pass_closed(view.scene.closes_pass)}"
     if not view.is_current:
         said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"
     if view.progress.done == view.progress.total == view.cursor:
@@ -78,7 +84,9 @@ def _ready(view: View) -> str:
         )
     best = view.state.best
     n = view.n_arms
-    start = f"Ready, before iteration 1. {view.name} has {n} hypothes{'i' if n == 1 else 'e'}s; "
+    n_objects = len(view.scene.objects)
+    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "")
+    start += f"{view.name} has {n} hypothes{'i' if n == 1 else 'e'}s; "
     start += f"hypothesis {best.arm + 1} scores best with {best.score.score:.2f}"
     known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
     if known:
@@ -99,7 +107,9 @@ def chosen_because(iteration: Iteration, n_arms: int) -> str:
 
 
 def _iteration_sentence(view: View, iteration: Iteration) -> str:
-    head = f"Iteration {iteration.index}, {view.name}, {chosen_because(iteration, view.n_arms)}."
+    place = place_in_run(view.scene, iteration)
+    place = f"{place}, " if place else ""
+    head = f"Iteration {iteration.index}, {place}{view.name}, {chosen_because(iteration, view.n_arms)}."
     parts = []
     for before, stage in pairwise(iteration.stages):
         if stage.name != "mixed":
@@ -115,13 +125,13 @@ def _iteration_sentence(view: View, iteration: Iteration) -> str:
 
 def _what_it_did(view: View, iteration: Iteration, before: Stage, stage: Stage) -> str:
     points = view.target.model.points
-    who = {"simulated": "simulation", "refined": "then " + view.session.method.refiner.upper()}.get(
+    who = {"simulated": "simulation", "refined": "then " + refiner_name(view.session.method.refiner)}.get(
         stage.name, f"the {stage.name} stage"
     )
     if stage.name == "simulated" and iteration.path is None:
         return "there was no simulation"
     if stage.name == "refined" and before.name == "current":
-        who = view.session.method.refiner.upper()
+        who = refiner_name(view.session.method.refiner)
     done = movement(before.T_cam_obj, stage.T_cam_obj, points)
     scored = f" and scored {stage.score.score:.2f}" if stage.score is not None else ""
     return f"{who} {done}{scored}" if " and " not in done else f"{who} {done.replace(' and ', ', ')}{scored}"
@@ -142,6 +152,8 @@ def _stage_sentence(view: View, iteration: Iteration) -> str:
 
 
 def _outcome(view: View) -> str:
+    if len(view.scene.objects) > 1:
+        return scene_outcome(view.scene)
     best = view.state.best
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
     said = f"Run finished: best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"

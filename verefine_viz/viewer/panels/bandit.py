@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import viser
 
 from verefine_viz.core.palette import ARM_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import link, sentence, swatch, text
+from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
+from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.tables import arm_history, arms_table
+from verefine_viz.viewer.tree import Tree, tree_of
+from verefine_viz.viewer.tree_drawing import tree_html
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Chart, Line, Send
 from verefine_viz.viewer.words import chosen
 
+WITH_UCB = ("rir", "vf_breadth", "vf_depth")
+"""Methods whose choice depends on c."""
+
 
 class BanditPanel:
-    """The table of arms, the history of one, and the what-if."""
+    """The table of arms, the history of one, and the what-if; for a tree search the tree."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)
@@ -23,14 +32,38 @@ class BanditPanel:
 
     def show(self, view: View) -> None:
         """The numbers as they were when the bandit chose."""
-        self._words.show(sentence(chosen(view)))
-        self._arms.show(arms_table(view) + what_if(view))
-        self._history.show(arm_history(view))
+        cluster = None if view.look.focus is None else view.scene.object(view.look.focus).cluster - 1
+        tree = tree_of(view.iterations[: view.cursor], cluster)
+        if tree is not None:
+            labels = {o.instance_id: o.label for o in view.scene.objects}
+            colors = {o.instance_id: o.color for o in view.scene.objects}
+            self._words.show(sentence(tree_words(tree, view.scene.n_clusters)))
+            self._arms.show(tree_html(tree, labels, colors))
+            self._history.show("")
+        elif view.is_whole_scene:
+            self._words.show(sentence("What each object's hypotheses have got so far. Click a row for one object."))
+            self._arms.show(scene_arms_table(view))
+            self._history.show("")
+        else:
+            self._words.show(sentence(chosen(view)))
+            self._arms.show(arms_table(view) + what_if(view))
+            self._history.show(arm_history(view))
+
+
+def tree_words(tree: Tree, n_clusters: int) -> str:
+    """How far the search is."""
+    said = f"The tree has {len(tree.nodes) - 1} nodes"
+    if n_clusters > 1:
+        said += f" (cluster {tree.cluster + 1} of {n_clusters})"
+    return (
+        f"{said}. The cheapest complete scene leaves {tree.incumbent_px:,.0f} px unexplained; iteration "
+        f"{tree.incumbent_iteration} found it. Each node is visited where cost per visit minus bonus is lowest."
+    )
 
 
 def what_if(view: View) -> str:
     """Links that run the whole frame again with other exploration."""
-    if view.session.method.name != "rir" or view.n_arms < 2:
+    if view.session.method.name not in WITH_UCB or view.n_arms < 2:
         return ""
     now = view.session.method.exploration
     values = [0.0, max(2 * now, 0.05), max(4 * now, 0.1)]
@@ -40,6 +73,14 @@ def what_if(view: View) -> str:
         if v != now
     )
     return f"<p>What if {links} instead of {now:g}?</p>"
+
+
+MISSING = {
+    "Score": "There is no score here.",
+    "UCB": "There is no bandit here, or it chooses for one object at a time: click one in the list.",
+    "Pulls": "Nothing was chosen here.",
+    "Error": "There is no ground truth here.",
+}
 
 
 class CurvesPanel:
@@ -54,6 +95,9 @@ class CurvesPanel:
 
     def show(self, view: View) -> None:
         """All curves; drawn again only if they changed."""
+        if view.is_whole_scene:
+            self._show_scene(view)
+            return
         own = view.own_iterations
         n = len(view.state.arms) if view.state is not None else 0
         # Iterations count over all objects; this one's curves begin where its turn did.
@@ -63,11 +107,21 @@ class CurvesPanel:
         self._draw("Pulls", x, pull_lines(view, n) if own else [], "times chosen, by arm")
         self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm")
 
-    def _draw(self, name: str, x: list[float], lines: list[Line], caption: str) -> None:
+    def _show_scene(self, view: View) -> None:
+        x, tree = scene_x(view), tree_of(view.iterations)
+        started = bool(view.iterations)
+        if tree is not None:
+            self._draw("Score", *cost_lines(tree), "unexplained pixels")
+        else:
+            self._draw("Score", x, scene_score_lines(view) if started else [], "scene score")
+        self._draw("UCB", x, [], "")
+        self._draw("Pulls", x, spent_lines(view) if started else [], "iterations spent")
+        self._draw("Error", x, scene_error_lines(view) if started else [], "ADD(-S) in mm")
+
+    def _draw(self, name: str, x: Sequence[float], lines: list[Line], caption: str) -> None:
         words, chart = self._charts[name]
-        missing = "no ground truth" if name == "Error" else "no bandit"
         if not lines:
-            caption = "Curves begin with the first iteration." if len(x) < 2 else f"There is {missing} here."
+            caption = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name]
         legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines)
         words.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)} {legend}</div>')
         chart.show(x, lines)

@@ -6,12 +6,13 @@ from math import acos, degrees
 
 import viser
 
-from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES
-from verefine_viz.viewer.markup import sentence, swatch, text
-from verefine_viz.viewer.tables import CLASS_MEANING, probe_table, score_table
+from verefine_viz.viewer.markup import sentence, text
+from verefine_viz.viewer.scene_tables import passes_table
+from verefine_viz.viewer.scene_words import scene_sentence
+from verefine_viz.viewer.tables import probe_table, score_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
 from verefine_viz.viewer.words import compared
@@ -34,20 +35,24 @@ class ScorePanel:
 
     def show(self, view: View) -> None:
         """Numbers of both stages and of the probed pixel."""
-        self._words.show(sentence(compared(view)))
+        self.a.visible = self.b.visible = not view.is_whole_scene
         self.a.value, self.b.value = view.look.a, view.look.b
         self.map.value = LABELS[view.look.map][0]
+        if view.is_whole_scene and not view.deep:
+            return  # A scene is scored when there is time to draw it.
+        self._words.show(sentence(scene_sentence(view) if view.is_whole_scene else compared(view)))
         a, b = (side.pose if side else None for side in (view.a, view.b))
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
-        self._numbers.show(score_table([a, b]) + f'<p class="dim">{text(cut)}</p>{_LEGEND}{_HINT}')
+        probed = view.look.pixel is not None
+        # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
+        below = f'<p class="dim">{text(cut)}</p>' + ("" if probed else _HINT)
+        passes = passes_table(view) if view.is_whole_scene else ""
+        self._numbers.show(score_table([a, b], short=probed) + passes + below)
         if not view.deep:
             return
         sides = [(side.pose.name, side.probe) if side else ("", None) for side in (view.a, view.b)]
         self._probe.show(probe_table(sides[0], sides[1]))
 
 
-_LEGEND = "<p style='font-size:11px'>" + " ".join(
-    f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
-)
-_HINT = "</p><p class='dim'>Click a pixel of a score map, the photo or the cloud to see its numbers here.</p>"
+_HINT = "<p class='dim'>Click a pixel of a score map, the photo or the cloud to see its numbers here.</p>"

@@ -5,13 +5,17 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.core.palette import ARM_COLORS, RGB
+from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
 
-_WIDTH, _HEIGHT = 860, 40
+_WIDTH, _HEIGHT = 860, 41
+_NAME_PX = 36
+MOST_CELLS = 240
+"""A longer run is drawn in fewer pieces."""
 
 
 class TimelinePanel:
@@ -31,25 +35,21 @@ class TimelinePanel:
 
 
 def strip(view: View) -> str:
-    """The iterations as an SVG: a cell each, coloured by hypothesis; red, blue, orange and green marks above."""
+    """The iterations as an SVG: a cell each, coloured by hypothesis; red, blue, orange and green marks above.
+
+    With several objects a band below the cells has each object's colour, and the whole cell where the scene is shown.
+    Cells and marks of other objects are faint while the page is filtered to one.
+    """
     total = max(view.progress.total, 1)
     cell = _WIDTH / total
-    parts = []
-    for iteration in view.iterations:
-        x = (iteration.index - 1) * cell
-        title = f"iteration {iteration.index}: hypothesis {iteration.arm + 1}, {iteration.accepted} kept"
-        score = iteration.accepted_stage.score
-        if score is not None:
-            title += f", score {score.score:.3f}"
-        color = ARM_COLORS[iteration.arm % len(ARM_COLORS)]
-        parts.append(
-            f'<g {carries(c.Seek(iteration.index))}><rect x="{x:.1f}" y="14" width="{max(cell - 1, 1):.1f}" '
-            f'height="12" rx="1.5" fill="rgb{color}"/><title>{text(title)}</title></g>'
-        )
+    parts = _cells(view, cell) if total <= MOST_CELLS else _runs(view, cell)
     parts += _objects(view, cell)
-    for mark in sorted(view.marks, key=lambda m: m.is_red):
+    parts += _passes(view, cell)
+    marks = [m for m in view.marks if is_shown(view, view.iterations[m.iteration - 1])]
+    for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
         x = (mark.iteration - 0.5) * cell
-        parts.append(_triangle(x, mark.color, mark.iteration, mark.text, small=mark.kind == "new_best"))
+        draw = _star if mark.kind == "new_best_scene" else _triangle
+        parts.append(draw(x, mark.color, mark.iteration, mark.text, mark.kind == "new_best"))
     x = view.cursor * cell - cell / 2 if view.cursor else 0
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
@@ -57,22 +57,97 @@ def strip(view: View) -> str:
     return f'<div style="font-size:12px">{where(view)}</div><svg {box}>{rest}{"".join(parts)}</svg>'
 
 
-def _objects(view: View, cell: float) -> list[str]:
-    """Where the run goes on to another object: a line, and the object's name below its iterations."""
-    if len(view.problem.instances) < 2:
-        return []
-    names = {i.instance_id: view.problem.models[i.obj_id].name for i in view.problem.instances}
+def is_shown(view: View, iteration: Iteration) -> bool:
+    """Whether an iteration is about what the page is filtered to."""
+    return view.look.focus is None or view.is_whole_scene or iteration.instance_id == view.look.focus
+
+
+def _color(view: View, iteration: Iteration) -> RGB:
+    if view.is_whole_scene:
+        return view.scene.object(iteration.instance_id).color
+    return ARM_COLORS[iteration.arm % len(ARM_COLORS)]
+
+
+def _cells(view: View, cell: float) -> list[str]:
+    """A box per iteration."""
     parts = []
-    for k, iteration in enumerate(view.iterations):
-        if k and view.iterations[k - 1].instance_id == iteration.instance_id:
+    several = len(view.scene.objects) > 1
+    for iteration in view.iterations:
+        x, width = (iteration.index - 1) * cell, max(cell - 1, 0.8)
+        title = f"iteration {iteration.index}: "
+        title += f"{view.scene.object(iteration.instance_id).label}, " if several else ""
+        title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} kept"
+        score = iteration.accepted_stage.score
+        if score is not None:
+            title += f", score {score.score:.3f}"
+        faint = "" if is_shown(view, iteration) else ' opacity="0.18"'
+        box = f'<rect x="{x:.1f}" y="14" width="{width:.1f}" height="12" rx="1.5" fill="rgb{_color(view, iteration)}"/>'
+        if several:
+            band = view.scene.object(iteration.instance_id).color
+            box += f'<rect x="{x:.1f}" y="26.5" width="{width:.1f}" height="3" fill="rgb{band}"/>'
+        parts.append(f"<g {carries(c.Seek(iteration.index))}{faint}>{box}<title>{text(title)}</title></g>")
+    return parts
+
+
+def _runs(view: View, cell: float) -> list[str]:
+    """Many iterations: one path per colour, and one surface to click, so that long runs stay light."""
+    paths: dict[tuple[RGB, float, bool], list[str]] = {}
+    several = len(view.scene.objects) > 1
+    for iteration in view.iterations:
+        x, faint = (iteration.index - 1) * cell, not is_shown(view, iteration)
+        paths.setdefault((_color(view, iteration), 20.0, faint), []).append(f"M{x:.1f} 20h{cell:.2f}")
+        if several:
+            band = view.scene.object(iteration.instance_id).color
+            paths.setdefault((band, 28.0, faint), []).append(f"M{x:.1f} 28h{cell:.2f}")
+    parts = [
+        f'<path d="{"".join(lines)}" stroke="rgb{color}" stroke-width="{12 if y == 20.0 else 3}" fill="none"'
+        f"{' opacity=' + chr(34) + '0.18' + chr(34) if faint else ''}/>"
+        for (color, y, faint), lines in paths.items()
+    ]
+    width = len(view.iterations) * cell
+    parts.append(
+        f'<rect x="0" y="12" width="{width:.1f}" height="18" fill="transparent" {carries(c.Seek(0))} '
+        f'data-cells="{len(view.iterations)}"><title>click to go to an iteration</title></rect>'
+    )
+    return parts
+
+
+def _objects(view: View, cell: float) -> list[str]:
+    """Where the run goes on to another object: a line, and where there is room the object's name below."""
+    if len(view.scene.objects) < 2 or not view.iterations:
+        return []
+    starts = [k for k, i in enumerate(view.iterations) if k == 0 or view.iterations[k - 1].instance_id != i.instance_id]
+    parts = []
+    for k, end in zip(starts, [*starts[1:], view.progress.total], strict=True):
+        if (end - k) * cell < _NAME_PX:
             continue
-        x = k * cell
+        x, name = k * cell, view.scene.object(view.iterations[k].instance_id).label
         parts.append(
-            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="38" stroke="currentColor" stroke-width="1.5"/>'
-            f'<text x="{x + 3:.1f}" y="37" font-size="10" fill="currentColor">'
-            f"{text(names[iteration.instance_id])}</text>"
+            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
+            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(name)}</text>'
         )
     return parts
+
+
+def _passes(view: View, cell: float) -> list[str]:
+    """Where passes were closed: a tick each, and numbers as far as there is room."""
+    parts, free = [], 0.0
+    for closed in view.scene.closed:
+        x = closed.iteration * cell
+        parts.append(f'<path d="M{x:.1f} 30v3" stroke="currentColor" opacity="0.6"/>')
+        if x >= free:
+            label = f"pass {closed.number}" if closed.number == 1 else f"{closed.number}"
+            parts.append(f'<text x="{x:.1f}" y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>')
+            free = x + 30
+    return parts
+
+
+def _star(x: float, color: RGB, iteration: int, title: str, small: bool) -> str:
+    points = " ".join(f"{x + dx:.1f},{6 + dy}" for dx, dy in ((0, -6), (4, 0), (0, 6), (-4, 0)))
+    return (
+        f'<g {carries(c.Seek(iteration))}><polygon points="{points}" fill="rgb{color}"/>'
+        f"<title>iteration {iteration}: {text(title)}</title></g>"
+    )
 
 
 def _triangle(x: float, color: RGB, iteration: int, title: str, small: bool) -> str:
