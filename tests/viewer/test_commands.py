@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands
+from verefine_viz.viewer import order_commands, side_commands
 
 ANY_VALUE = st.one_of(st.booleans(), st.integers(-9, 9), st.floats(allow_nan=False, allow_infinity=False), st.text())
 
@@ -72,7 +72,7 @@ def test_anything_else_is_refused_in_one_line(line: str, said: str) -> None:
 
 
 def test_every_command_is_registered() -> None:
-    named = {**vars(c), **vars(side_commands)}.values()
+    named = {**vars(c), **vars(side_commands), **vars(order_commands)}.values()
     defined = {x for x in named if isinstance(x, type) and issubclass(x, c.Command) and x is not c.Command}
     assert set(c.COMMANDS.values()) == defined
     assert all(json.loads(c.to_json(cls()))["command"] == name for name, cls in c.COMMANDS.items() if name == "Step")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
@@ -11,8 +12,9 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import make_method
+from verefine_viz.observation.dependency import dependency_graph
 from verefine_viz.session.engine import Run
-from verefine_viz.session.files import changed
+from verefine_viz.session.files import AT_ITS_START, changed
 
 
 class FakeTools:
@@ -38,7 +40,13 @@ class FakeTools:
         return box_problem(n_hypotheses=3, n_instances=int(frame[-1]), seed=3)
 
     def changed(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
-        return FakeTools(changed(self.session, settings))
+        return type(self)(changed(self.session, settings))
+
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
+        return type(self)(changed(self.session, settings, AT_ITS_START))
+
+    def ordered(self, problem: Problem) -> Problem:
+        return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))
 
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         changes = {c.after_iteration: self.changed(c.settings).method for c in self.session.changes}

@@ -16,6 +16,10 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import PUBLISHED, Session
 
 Raw = Mapping[str, Any]
+DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")
+"""Sections that can change from one iteration to the next."""
+AT_ITS_START = (*DURING_A_RUN, "dependency")
+"""Sections that can change when a run begins again on the same frame."""
 
 
 def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
@@ -58,16 +62,18 @@ def resolve(raw: Raw, origin: str = "session") -> Session:
     return session
 
 
-def changed(session: Session, settings: Mapping[str, Mapping[str, Any]]) -> Session:
-    """``session`` with some fields of what can change during a run replaced.
+def changed(
+    session: Session, settings: Mapping[str, Mapping[str, Any]], allowed: tuple[str, ...] = DURING_A_RUN
+) -> Session:
+    """``session`` with some fields of the ``allowed`` sections replaced, by default what can change during a run.
 
     Raises:
         SettingsError: another section, an unknown field, or a value out of range.
     """
-    allowed = ("method", "icp", "tricp", "mcts", "score", "physics")
     for section in settings:
         if section not in allowed:
-            raise SettingsError(unknown("section that can change during a run", section, allowed))
+            when = "during a run" if allowed == DURING_A_RUN else "at the start of a run"
+            raise SettingsError(unknown(f"section that can change {when}", section, allowed))
     raw = _merged(session.model_dump(exclude={"changes"}), settings)
     try:
         return Session.model_validate(raw).model_copy(update={"changes": session.changes})

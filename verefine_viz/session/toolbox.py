@@ -18,7 +18,7 @@ from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.engine import Run
-from verefine_viz.session.files import changed
+from verefine_viz.session.files import AT_ITS_START, changed
 
 
 class Toolbox:
@@ -67,9 +67,14 @@ class Toolbox:
 
     def problem(self, frame: str) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other."""
-        problem = self._with_estimates(self._solvable(self.source.problem(frame)))
+        return self.ordered(self._with_estimates(self._solvable(self.source.problem(frame))))
+
+    def ordered(self, problem: Problem) -> Problem:
+        """The same with the order that this session's settings lead to."""
         graph = dependency_graph(problem, self.session.dependency)
-        return replace(problem, dependencies=graph, notes=(*problem.notes, *graph.notes))
+        before = problem.dependencies.notes if problem.dependencies is not None else ()
+        notes = tuple(note for note in problem.notes if note not in before)
+        return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
 
     def _solvable(self, problem: Problem) -> Problem:
         """The same without instances whose mesh makes no solid for the simulator; each is noted.
@@ -116,8 +121,15 @@ class Toolbox:
         return replace(problem, instances=tuple(instances), notes=tuple(notes))
 
     def changed(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
-        """A toolbox with some settings replaced; what did not change is shared."""
-        other = Toolbox(changed(self.session, settings), self._tell)
+        """A toolbox with some settings replaced that can change during a run; what did not change is shared."""
+        return self._sharing(changed(self.session, settings))
+
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
+        """The same for what can change at the start of a run."""
+        return self._sharing(changed(self.session, settings, AT_ITS_START))
+
+    def _sharing(self, session: Session) -> Toolbox:
+        other = Toolbox(session, self._tell)
         other.__dict__["source"] = self.source
         if other.session.score == self.session.score:
             other.__dict__["verifier"] = self.verifier

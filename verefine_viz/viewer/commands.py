@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer.command import Changes, Command
+from verefine_viz.viewer.order_commands import ORDER_COMMANDS
 from verefine_viz.viewer.side_commands import SIDE_COMMANDS
 
 Goal = Literal["end", "event", "breakpoint"]
@@ -289,7 +290,7 @@ COMMANDS: dict[str, type[Command]] = {
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
         OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS,
+        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
     )
 }  # fmt: skip
 

@@ -27,6 +27,7 @@ from verefine_viz.viewer import look as looking
 from verefine_viz.viewer.comparing import Comparing, as_done
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
+from verefine_viz.viewer.reordering import as_restart
 from verefine_viz.viewer.side_commands import OpenRecording
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
@@ -157,6 +158,7 @@ class Debugger:
     def _do(self, command: c.Command) -> None:
         if self.comparing.do(command):
             return
+        command = as_restart(command, self.workspace.work.problem, self.workspace.tools.session.dependency)
         look = looking.changed(self.look, command)
         if look is not None:
             self._check(look)
@@ -392,6 +394,6 @@ def _may_wait(command: c.Command) -> bool:
     """Whether a run may go on while this is done: looking does not disturb it."""
     return isinstance(
         command,
-        c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.Animate
-        | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export,
+        c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer
+        | c.Animate | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export,
     )  # fmt: skip

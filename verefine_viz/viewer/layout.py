@@ -14,6 +14,7 @@ from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
 from verefine_viz.viewer.panels.compare import ComparePanel
+from verefine_viz.viewer.panels.dependencies import DependenciesPanel
 from verefine_viz.viewer.panels.errors import ErrorsPanel
 from verefine_viz.viewer.panels.layers import LayersPanel
 from verefine_viz.viewer.panels.maps import MapsPanel
@@ -103,6 +104,8 @@ class Layout:
             self.physics = PhysicsPanel(gui, send)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
+        with tabs.add_tab("Order"):
+            self.dependencies = DependenciesPanel(gui, send)
         with tabs.add_tab("A/B"):
             self.compare = ComparePanel(gui, send)
         with tabs.add_tab("Session"):
@@ -160,6 +163,7 @@ class Layout:
         self.physics.show(view)
         self.errors.show(view)
         self.compare.show(view)
+        self.dependencies.show(view)
         self.session.show(view)
         self.layers.show(view)
         if self.batch is not None:

@@ -35,6 +35,8 @@ class Tools(Protocol):
     def method(self) -> Any: ...
     def problem(self, frame: str) -> Problem: ...
     def changed(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
+    def ordered(self, problem: Problem) -> Problem: ...
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run: ...
 
 
@@ -153,7 +155,7 @@ class Workspace:
         pool = nested(changes).pop("hypotheses", None)
         if pool:
             rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
-            tools = self.tools.changed(nested(rest)) if rest else self.tools
+            tools = self.tools.restarted(nested(rest)) if rest else self.tools
             try:
                 hypotheses = HypothesesSettings.model_validate(tools.session.hypotheses.model_dump() | pool)
             except ValueError:
@@ -161,8 +163,9 @@ class Workspace:
             update = {"hypotheses": hypotheses, "edits": (), "changes": (), "breakpoints": self.breakpoints}
             self.open(tools.session.model_copy(update=update), self.path, self.frame)
             return
-        tools = self.tools.changed(nested(changes)) if changes else self.tools
-        work = self._begin(tools, self.work.problem)
+        tools = self.tools.restarted(nested(changes)) if changes else self.tools
+        problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
+        work = self._begin(tools, problem)
         if changes:  # The other frames were run with other settings.
             self._works = {}
         self.tools, self._works[self.frame] = tools, work

@@ -1,0 +1,109 @@
+"""The Order panel: which objects depend on which, the order that follows, and changing it by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import viser
+
+from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
+from verefine_viz.viewer.markup import link, sentence, text, warning
+from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
+from verefine_viz.viewer.scene_now import color_of, labels_of
+from verefine_viz.viewer.scene_words import ALONE, method_name
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.widgets import Block, Send
+
+RULES = {
+    "recommended": "It follows from what touches, hides and carries what.",
+    "published": "It follows the authors' rule: masks that touch form a cluster, lower tops come first.",
+    "given": "It was given by hand.",
+}
+
+
+class DependenciesPanel:
+    """Words, the graph, and the evidence with links to cut it."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._block = Block(gui, "order")
+
+    def show(self, view: View) -> None:
+        """The graph of the frame; it does not change during a run."""
+        self._block.show(order_html(view))
+
+
+def order_html(view: View) -> str:
+    """The whole content of the panel."""
+    graph, names = view.problem.dependencies, labels_of(view.problem)
+    if len(names) < 2:
+        return sentence("There is one object in this frame, and nothing to order.")
+    if graph is None:
+        return sentence("How the objects depend on each other was not looked at.")
+    focus = None if view.is_whole_scene else view.target.instance.instance_id
+    nodes = {
+        i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
+        for k, i in enumerate(view.problem.instances)
+    }
+    return "".join(
+        (
+            sentence(f"{order_sentence(graph, names)} {RULES[graph.source]}"),
+            _use(view),
+            picture(graph, nodes),
+            _actions(view, graph),
+            *(_pair(edges, names) for edges in pairs(graph)),
+            *(warning(f"{note[:1].upper()}{note[1:]}.") for note in graph.notes),
+        )
+    )
+
+
+def order_sentence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
+    """As in: Solved in this order: bowl, sugar box; apart from these, tuna can."""
+    said = "; apart from these, ".join(", ".join(names[i] for i in cluster) for cluster in graph.clusters)
+    carried = [
+        f"{' and '.join(names[i] for i in rest)} {'stands' if len(rest) == 1 else 'stand'} on {names[base]}"
+        for base, *rest in graph.support_lists
+        if rest and graph.source == "recommended" and _carries_all(graph, base, rest)
+    ]
+    return f"Solved in this order: {said}." + (f" {'; '.join(carried)}." if carried else "")
+
+
+def pairs(graph: DependencyGraph) -> list[list[Edge]]:
+    """Edges between the same two instances together, the most telling first."""
+    found: dict[frozenset[int], list[Edge]] = {}
+    for edge in sorted(graph.edges, key=lambda e: (TELLING[e.kind], e.first, e.second)):
+        found.setdefault(frozenset((edge.first, edge.second)), []).append(edge)
+    return list(found.values())
+
+
+def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
+    direct = {e.second for e in graph.edges if e.kind == "support" and e.state == "used" and e.first == base}
+    return set(rest) <= direct
+
+
+def _use(view: View) -> str:
+    name = view.session.method.name
+    if name not in ALONE:
+        return ""
+    said = f"{method_name(name)} solves each object alone; VF_b, VF_d and PHYSIM-MCTS place what carries first."
+    return f'<p class="dim">{text(said)}</p>'
+
+
+def _actions(view: View, graph: DependencyGraph) -> str:
+    hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
+    back = ""
+    if graph.source == "given":
+        back = " · " + link("back to the rule's order", ResetOrder(), "forget the given order; cuts stay")
+    return f'<p style="margin-top:4px">{hint}{back}</p>'
+
+
+def _pair(edges: list[Edge], names: Mapping[int, str]) -> str:
+    """What is seen between two objects, and a link to cut or restore it."""
+    first, second = edges[0].first, edges[0].second
+    is_cut = edges[0].state == "cut"
+    if is_cut:
+        act = link("restore", CutDependency(first, second, False), "let it count again (restarts the run)")
+    else:
+        act = link("cut", CutDependency(first, second), "what is seen between the two is to count no more")
+    said = ". ".join(text(full(e, names[e.first], names[e.second])) for e in edges)
+    return f'<p class="{"dim" if is_cut else ""}" style="margin-bottom:4px;font-size:12px">{said}. {act}</p>'
