@@ -70,5 +70,6 @@ def test_later_schema(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_unknown_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
         patched.setattr("verefine_viz.core.settings.Session.model_dump_json", lambda self: '{"method": {"magic": 1}}')
+        patched.setattr("verefine_viz.recording.recorder._toml", lambda settings: "")
         recorded_run(tmp_path / "odd.rrd")
     assert "settings cannot be read" in error_of(tmp_path / "odd.rrd")

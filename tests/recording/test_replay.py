@@ -14,7 +14,7 @@ from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording import recorder
 from verefine_viz.recording.reader import Recorded
-from verefine_viz.recording.replay import open_viewer, verify
+from verefine_viz.recording.replay import open_viewer, verdict, verify
 from verefine_viz.recording.row import Row, row_of
 from verefine_viz.session.engine import Run
 
@@ -26,7 +26,9 @@ def again(recorded: Recorded) -> Run:
 @pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir"])
 def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
     recorded_run(tmp_path / "run.rrd", session(name))
-    assert verify(tmp_path / "run.rrd", again) is None
+    found = verdict(tmp_path / "run.rrd", again)
+    assert (found.difference, found.ends_early, found.n_compared) == (None, False, found.n_planned)
+    assert found.in_words == f"no difference in {found.n_planned} iterations"
 
 
 def record_changed(path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object]) -> None:
@@ -76,20 +78,20 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
     run = new_run(s, problem, (writer,))
     for _ in range(7):
         run.step()
-    found = verify(tmp_path / "run.rrd", again)
+    found = verdict(tmp_path / "run.rrd", again)
     run.close()
-    assert found is not None
-    assert "ends early, after 7 of 30 iterations" in found
-    assert "iterations 1 to 7 are the same" in found
+    assert found.ends_early
+    assert "ended early, after 7 of 30 iterations" in found.in_words
+    assert "the same up to iteration 7" in found.in_words
 
 
 def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session(maps=False), block=3)
     content = (tmp_path / "run.rrd").read_bytes()
     (tmp_path / "cut.rrd").write_bytes(content[: int(len(content) * 0.9)])
-    found = verify(tmp_path / "cut.rrd", again)
-    assert found is not None
-    assert "ends early" in found
+    found = verdict(tmp_path / "cut.rrd", again)
+    assert found.ends_early
+    assert found.in_words.startswith("ended early")
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

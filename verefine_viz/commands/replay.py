@@ -9,6 +9,9 @@ from typing import Annotated
 
 import tyro
 
+ENDED_EARLY = 3
+"""Exit code of --verify for a recording that is the same as the new run as far as it goes, but was stopped early."""
+
 
 @dataclass(frozen=True)
 class Replay:
@@ -17,23 +20,22 @@ class Replay:
     recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN.rrd")]
     """A recording that view or batch wrote."""
     verify: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Run the recorded session again and report the first iteration that differs, if any."""
+    """Run the recorded session again and report the first iteration that differs, if any (exit code 1; 3: it does not
+    differ, but was stopped before its end)."""
 
     def run(self, arguments: Sequence[str]) -> int:
         return _verify(self.recording) if self.verify else _open(self.recording)
 
 
 def _verify(recording: Path) -> int:
-    from verefine_viz.recording.reader import read_recording
-    from verefine_viz.recording.replay import verify
+    """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
+    from verefine_viz.recording.replay import verdict
 
-    n = len(read_recording(recording).rows)
-    difference = verify(recording)
-    if difference:
-        print(f"{recording} differs: {difference}")
-        return 1
-    print(f"{recording}: no difference in {n} iterations")
-    return 0
+    found = verdict(recording)
+    print(f"{recording}: {found.in_words}")
+    if found.ends_early:
+        return ENDED_EARLY
+    return 1 if found.difference else 0
 
 
 def _open(recording: Path) -> int:

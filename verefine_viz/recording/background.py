@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -13,84 +15,126 @@ from numpy.typing import NDArray
 from PIL import Image
 from rerun.chunk import Chunk
 
+from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
+from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import world_from_camera
 
-CLOUD_STRIDE = 3
-"""Every third pixel in each direction is drawn as a point."""
+CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
+"""About how many pixels around the objects are drawn as points; the rest of the frame gets far fewer."""
+SPARSE_PX = 12
+"""Every so many-th pixel far from the objects."""
 DRAWN_FACES = 1200
 GHOST_FACES = 300
-STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230}
+STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
+STAGE_ALPHA |= {"incumbent": 255}
 GHOST_ALPHA = 35
 TRUTH_ALPHA = 60
 
 
-def log_background(rec: rr.RecordingStream, problem: Problem) -> None:
-    """Logs everything static of a frame; transforms of the stages follow with the iterations."""
+def background(problem: Problem, pictures: bool) -> Iterator[Chunk]:
+    """Everything static of a frame; transforms of the stages follow with the iterations.
+
+    Args:
+        problem: the frame.
+        pictures: also colour, depth and masks as images, and a denser cloud.
+    """
     observation = problem.observation
-    rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    support = observation.support
     T_world_cam = world_from_camera(observation)
-    rec.log(entities.SCENE, rr.Transform3D(translation=T_world_cam[:3, 3], mat3x3=T_world_cam[:3, :3]), static=True)
-    _log_camera(rec, observation)
-    _log_cloud(rec, observation)
-    _log_masks(rec, problem)
-    if support:
-        _log_support(rec, problem, T_world_cam)
-    for target in problem.targets:
-        _log_object(rec, target, entities.branch(target.instance, problem))
+    yield columns.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    yield columns.fixed(entities.SCENE, rr.Transform3D(translation=T_world_cam[:3, 3], mat3x3=T_world_cam[:3, :3]))
+    if observation.support:
+        yield from _support(problem, T_world_cam)
+    for k, target in enumerate(problem.targets):
+        own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
+        yield from _object(target, entities.branch(target.instance, problem), own)
+    near_m = _typical_depth_m(observation)
+    yield _camera(observation, near_m)
+    yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
+    if pictures:
+        yield from _images(problem)
 
 
-def _log_camera(rec: rr.RecordingStream, observation: Observation) -> None:
+def _camera(observation: Observation, near_m: float) -> Chunk:
     camera = observation.camera
-    near = _typical_depth_m(observation)
     pinhole = rr.Pinhole(
         image_from_camera=camera.K,
         resolution=[camera.width, camera.height],
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=0.12 * near,
+        image_plane_distance=0.12 * near_m,
         color=(140, 140, 140),
     )
-    rec.log(entities.CAMERA, pinhole, static=True)
+    return columns.fixed(entities.CAMERA, pinhole)
+
+
+def _images(problem: Problem) -> Iterator[Chunk]:
+    observation = problem.observation
     if observation.rgb is not None:
-        rec.log(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85), static=True)
+        yield columns.fixed(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
     # Tenths of a millimetre as long as they fit 16 bits.
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
     # Not as PNG, which is smaller but slow to encode.
     depth = np.rint(observation.depth_m * np.float32(units_per_m)).clip(0, 65535).astype(np.uint16)
-    image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis")
-    rec.log(entities.DEPTH, image, static=True)
-
-
-def _log_cloud(rec: rr.RecordingStream, observation: Observation) -> None:
-    step = CLOUD_STRIDE if observation.camera.width > 320 else 1
-    camera, depth = observation.camera, observation.depth_m[::step, ::step]
-    # Far background would only shrink what matters when the view is fitted.
-    valid = (depth > 0) & (depth < 2.5 * _typical_depth_m(observation))
-    v, u = np.nonzero(valid)
-    z = depth[valid]
-    across = ((np.arange(depth.shape[1]) * step - camera.cx) / camera.fx).astype(np.float32)
-    down = ((np.arange(depth.shape[0]) * step - camera.cy) / camera.fy).astype(np.float32)
-    points = np.stack([across[u] * z, down[v] * z, z], axis=-1)
-    colors = np.array([150, 150, 150]) if observation.rgb is None else observation.rgb[::step, ::step][valid]
-    rec.log(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012), static=True)
-
-
-def _log_masks(rec: rr.RecordingStream, problem: Problem) -> None:
-    labels = np.zeros(problem.observation.camera.shape, np.uint8)
+    yield columns.fixed(entities.DEPTH, rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis"))
+    labels = np.zeros(observation.camera.shape, np.uint8)
     classes = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
     for k, instance in enumerate(problem.instances[:255], start=1):
         labels[instance.mask] = k
-        classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), ARM_COLORS[(k - 1) % len(ARM_COLORS)]))
-    rec.log(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35), static=True)
+        color = OBJECT_COLORS[(k - 1) % len(OBJECT_COLORS)]
+        classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), color))
+    yield columns.fixed(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
 
 
-def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray[np.float64]) -> None:
+def _cloud(observation: Observation, near_m: float, n_points: int) -> Chunk:
+    h, w = observation.camera.shape
+    v0, v1, u0, u1 = _around_objects(observation.object_mask)
+    step = max(1, math.ceil(math.sqrt((v1 - v0) * (u1 - u0) / n_points)))
+    sparse = max(SPARSE_PX, step)
+    parts = [
+        _points(observation, slice(v0, v1, step), slice(u0, u1, step), near_m),
+        _points(observation, slice(0, h, sparse), slice(0, w, sparse), near_m),
+    ]
+    points, colors = (np.concatenate(both) for both in zip(*parts, strict=True))
+    return columns.fixed(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012))
+
+
+def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
+    """First and last row and column (exclusive) of the objects and half as much around them."""
+    rows, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    h, w = mask.shape
+    if len(rows) == 0:
+        return 0, h, 0, w
+    margin = int(max(rows[-1] - rows[0], across[-1] - across[0]) // 2) + 8
+    return (
+        max(int(rows[0]) - margin, 0),
+        min(int(rows[-1]) + margin, h),
+        max(int(across[0]) - margin, 0),
+        min(int(across[-1]) + margin, w),
+    )
+
+
+def _points(
+    observation: Observation, rows: slice, across: slice, near_m: float
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Points (n, 3) of every so many-th pixel and their colours (n, 3)."""
+    camera, depth = observation.camera, observation.depth_m[rows, across]
+    # Far background would only shrink what matters when the view is fitted.
+    valid = (depth > 0) & (depth < 2.5 * near_m)
+    v, u = np.nonzero(valid)
+    z = depth[v, u]
+    x = ((np.arange(*across.indices(camera.width)) - camera.cx) / camera.fx).astype(np.float32)
+    y = ((np.arange(*rows.indices(camera.height)) - camera.cy) / camera.fy).astype(np.float32)
+    points = np.stack([x[u] * z, y[v] * z, z], axis=-1)
+    if observation.rgb is None:
+        return points, np.full(points.shape, 150, np.uint8)
+    return points, observation.rgb[rows, across][v, u]
+
+
+def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Chunk]:
     support = problem.observation.support
     assert support is not None
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
@@ -110,34 +154,38 @@ def _log_support(rec: rr.RecordingStream, problem: Problem, T_world_cam: NDArray
         vertex_normals=np.tile(n, (4, 1)),
         albedo_factor=(90, 140, 160, 45),
     )
-    rec.log(entities.PLANE, plane, static=True)
+    yield columns.fixed(entities.PLANE, plane)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
     arrow = rr.Arrows3D(origins=[foot], vectors=[[0, 0, -0.1]], colors=[(120, 190, 220)], labels=["gravity"])
-    rec.log(entities.GRAVITY, arrow, static=True)
+    yield columns.fixed(entities.GRAVITY, arrow)
 
 
-def _log_object(rec: rr.RecordingStream, target: Target, branch: str) -> None:
+def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Chunk]:
+    """An object's meshes; ``own`` is its colour in a scene of several."""
     root = f"{entities.OBJECTS}/{branch}"
     T_gt = target.instance.T_cam_obj_gt
-    rec.send_chunks(_meshes(target.model, branch, T_gt is not None))
+    yield from _meshes(target.model, branch, T_gt is not None, own)
     if target.instance.hypotheses:
-        rec.log(f"{root}/hypotheses", _ghosts(target), static=True)
+        yield columns.fixed(f"{root}/hypotheses", _ghosts(target))
     if T_gt is not None:
         place = rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3])
-        rec.log(f"{root}/ground_truth", place, static=True)
+        yield columns.fixed(f"{root}/ground_truth", place)
 
 
 @lru_cache(maxsize=64)
-def _meshes(model: ObjectModel, branch: str, has_truth: bool) -> tuple[Chunk, ...]:
+def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -> tuple[Chunk, ...]:
     """The object in the colour of each stage, made once for all frames that show it."""
     root = f"{entities.OBJECTS}/{branch}"
+    looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
+    if own is not None:
+        looks |= {"placed": own, "incumbent": own}
     stages = [
         columns.fixed(
             f"{root}/stages/{stage}",
-            _mesh(model, DRAWN_FACES, STAGE_COLORS[stage], STAGE_ALPHA[stage]),
+            _mesh(model, DRAWN_FACES, color, STAGE_ALPHA[stage]),
             rr.CoordinateFrame(entities.stage_frame(branch, stage)),
         )
-        for stage in entities.DRAWN_STAGES
+        for stage, color in looks.items()
     ]
     if has_truth:
         truth = _mesh(model, DRAWN_FACES, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
@@ -197,9 +245,10 @@ def png(image: NDArray[np.uint8] | NDArray[np.uint16], palette: bytes | None = N
 
 def _typical_depth_m(observation: Observation) -> float:
     """Median depth of the objects, of everything where there is none, 1 m in a frame without depth."""
-    for mask in (observation.object_mask, slice(None)):
-        depth = observation.depth_m[mask]
-        depth = depth[depth > 0]
-        if len(depth):
-            return float(np.median(depth))
+    # Every fourth pixel is enough to tell.
+    depth, mask = observation.depth_m[::4, ::4], observation.object_mask[::4, ::4]
+    for part in (depth[mask], depth):
+        known = part[part > 0]
+        if len(known):
+            return float(np.median(known))
     return 1.0

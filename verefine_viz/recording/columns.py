@@ -1,7 +1,7 @@
-"""Arrow columns for rerun, made from plain arrays in one go.
+"""Arrow columns and chunks for rerun, made from plain arrays in one go.
 
-``rr.send_columns`` takes anything that has a descriptor and an Arrow array. Building the lists here, instead of through
-one archetype per row, is what keeps a recording cheap.
+A chunk takes anything that has a descriptor and an Arrow array. Building the lists here, instead of through one
+archetype per row, is what keeps a recording cheap.
 """
 
 from __future__ import annotations
@@ -37,16 +37,24 @@ class Column:
         return self.rows
 
 
-def send(rec: rr.RecordingStream, entity: str, iterations: Sequence[int], columns: Sequence[Any]) -> None:
+def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Any]) -> Chunk:
     """Rows of ``entity`` at ``iterations`` as one chunk."""
-    rec.send_columns(entity, [rr.TimeColumn(TIMELINE, sequence=iterations)], columns)
+    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, sequence=iterations)], columns)
+
+
+def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Chunk:
+    """Archetypes at one iteration, as a chunk."""
+    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, sequence=[iteration])], _parts(archetypes))
 
 
 def fixed(entity: str, *archetypes: rr.AsComponents) -> Chunk:
     """What does not change over time, as a chunk that can be sent to any number of recordings."""
+    return Chunk.from_columns(entity, [], _parts(archetypes))
+
+
+def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Any]:
     batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
-    parts: list[Any] = [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches]
-    return Chunk.from_columns(entity, [], parts)
+    return [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches]
 
 
 def _single(descriptor: rr.ComponentDescriptor, row: pa.Array) -> Column:
@@ -116,7 +124,8 @@ def _flat(rows: Rows, dtype: Any, width: int) -> tuple[list[int], NDArray[Any]]:
 
 
 def _offsets(lengths: Sequence[int]) -> pa.Array:
-    return pa.array(list(accumulate(lengths, initial=0)), pa.int32())
+    # Arrow reads a numpy array as it is, a list item by item.
+    return pa.array(np.array(list(accumulate(lengths, initial=0)), np.int32))
 
 
 def _fixed_width(values: NDArray[np.float32], width: int) -> pa.FixedSizeListArray:

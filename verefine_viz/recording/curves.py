@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -62,35 +62,34 @@ def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Chunk, ...]:
     )
 
 
-def send_start(rec: rr.RecordingStream, branch: Branch, before: int) -> None:
+def start(branch: Branch, before: int) -> Chunk:
     """The initial scores, at the iteration before the object's first."""
     first = [*branch.initial_scores, max(branch.initial_scores)]
-    columns.send(rec, curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
+    return columns.rows_of(curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
 
 
-def send_curves(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row], held: Float) -> None:
-    """Sends the curves of an object.
+def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Chunk]:
+    """The curves of an object.
 
     Args:
-        rec: the stream.
         branch: the object.
         rows: its rows, in order.
         held: (H,) latest kept score of each hypothesis before these rows; updated in place.
     """
     iterations = [r.index for r in rows]
-    scores: list[Float] = []
-    for row in rows:
+    scores = np.empty((len(rows), len(held) + 1))
+    for k, row in enumerate(rows):
         kept = row.score(row.accepted)
-        if not np.isnan(kept):
+        if kept == kept:
             held[row.arm] = kept
-        scores.append(np.append(held, row.best_score[0]))
-    sent = {"score": np.array(scores), "fit": _fit(rows), "physics": _physics(rows)}
+        scores[k, :-1], scores[k, -1] = held, row.best_score[0]
+    drawn = {"score": scores, "fit": _fit(rows), "physics": _physics(rows)}
     if rows[0].choice.shape[1]:
-        sent |= {"ucb": np.array([r.choice[3] for r in rows]), "pulls": np.array([r.choice[0] for r in rows])}
+        drawn |= {"ucb": np.array([r.choice[3] for r in rows]), "pulls": np.array([r.choice[0] for r in rows])}
     if branch.has_truth:
-        sent["error"] = np.array([r.errors for r in rows])
-    for name, values in sent.items():
-        columns.send(rec, curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
+        drawn["error"] = np.array([r.errors for r in rows])
+    for name, values in drawn.items():
+        yield columns.rows_of(curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
 
 
 def _fit(rows: Sequence[Row]) -> Float:

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
-from verefine_viz.recording import columns, entities
-from verefine_viz.recording.curves import send_curves, send_start, styles
-from verefine_viz.recording.exact import send_exact
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
+from verefine_viz.recording import columns, curves, entities
+from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.poses import Poses
 from verefine_viz.recording.row import Row
+from verefine_viz.recording.scene_curves import scene_curves, scene_styles, start_best
+from verefine_viz.recording.tree import Tree
 from verefine_viz.recording.wording import describe
 
-NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
-"""Too small to be seen: what has no valid transform at all would be reported as an error in the view."""
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
-
-
-CONTACT_COLOR = (255, 230, 80)
+CONTACT_COLOR = 0xFFE650FF
+COLLISION_COLOR = 0xFF5A3CFF
+"""Of a contact with another object."""
 PATH_COLOR = STAGE_COLORS["simulated"]
 
 
@@ -32,18 +33,24 @@ class Drawing:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
+        self._poses = Poses(layout)
+        self._tree = Tree(layout)
         self._held = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
-        self._shown: Branch | None = None
+        self._worked_on: int | None = None
         self._started: set[int] = set()
 
-    def start(self, rec: rr.RecordingStream) -> None:
+    def start(self) -> Iterator[Chunk]:
         """Styles of everything that follows."""
-        for branch in self._layout.branches:
-            rec.send_chunks(styles(branch.name, branch.n_arms, branch.has_truth))
-            rec.send_chunks(_object_styles(branch.name))
-            _hide_stages(rec, branch, 0, entities.DRAWN_STAGES)
-        n_arms = max((b.n_arms for b in self._layout.branches), default=0)
-        rec.send_chunks(_lane_styles(tuple(b.name for b in self._layout.branches), n_arms))
+        branches = self._layout.branches
+        for branch in branches:
+            yield from curves.styles(branch.name, branch.n_arms, branch.has_truth)
+            yield from _object_styles(branch.name)
+        yield from self._poses.start()
+        yield from _lane_styles(tuple(b.name for b in branches), max((b.n_arms for b in branches), default=0))
+        if self._layout.is_scene:
+            yield from scene_styles(tuple(b.name for b in branches))
+            yield from start_best(self._layout)
+        yield from self._tree.styles()
 
     def skip(self, rows: Sequence[Row]) -> None:
         """Takes rows as drawn already."""
@@ -51,24 +58,41 @@ class Drawing:
             kept = row.score(row.accepted)
             if not np.isnan(kept):
                 self._held[row.instance_id][row.arm] = kept
-            self._shown = self._layout.branch(row.instance_id)
+            self._worked_on = row.instance_id
             self._started.add(row.instance_id)
+            self._poses.add(row)
+            if row.parts.tree is not None:
+                self._tree.add(row.parts.tree)
+        list(self._poses.chunks())
 
-    def draw(self, rec: rr.RecordingStream, rows: Sequence[Row]) -> None:
-        """Sends the rows, which follow the ones before without a gap."""
-        for block in _by_instance(rows):
-            branch = self._layout.branch(block[0].instance_id)
-            if self._shown is not None and self._shown != branch:
-                _clear(rec, self._shown, block[0].index)
-            self._shown = branch
-            if branch.instance_id not in self._started:
-                self._started.add(branch.instance_id)
-                send_start(rec, branch, block[0].index - 1)
-            _send_poses(rec, branch, block)
-            _send_contacts(rec, branch, block)
-            send_curves(rec, branch, block, self._held[branch.instance_id])
-            _send_events(rec, branch, block)
-        send_exact(rec, rows)
+    def draw(self, rows: Sequence[Row]) -> Iterator[Chunk]:
+        """The rows, which follow the ones before without a gap."""
+        turns = self._turns(rows)
+        for row in rows:
+            self._poses.add(row)
+        yield from self._poses.chunks()
+        for branch in self._layout.branches:
+            own = [r for r in rows if r.instance_id == branch.instance_id]
+            yield from _contacts(branch, own, turns.get(branch.instance_id, []))
+            if own:
+                if branch.instance_id not in self._started:
+                    self._started.add(branch.instance_id)
+                    yield curves.start(branch, own[0].index - 1)
+                yield from curves.curves(branch, own, self._held[branch.instance_id])
+        if self._layout.is_scene:
+            yield from scene_curves(self._layout, rows)
+        yield from self._tree.draw(rows)
+        yield from _events(self._layout, rows)
+        yield exact(rows)
+
+    def _turns(self, rows: Sequence[Row]) -> dict[int, list[int]]:
+        """Iterations at which another object's turn begins, by the object whose turn that ends."""
+        turns: dict[int, list[int]] = {}
+        for row in rows:
+            if self._worked_on is not None and self._worked_on != row.instance_id:
+                turns.setdefault(self._worked_on, []).append(row.index)
+            self._worked_on = row.instance_id
+        return turns
 
 
 @lru_cache(maxsize=64)
@@ -80,112 +104,76 @@ def _object_styles(branch_name: str) -> tuple[Chunk, ...]:
     )
 
 
-def _by_instance(rows: Sequence[Row]) -> list[list[Row]]:
-    blocks: list[list[Row]] = []
-    for row in rows:
-        if not blocks or blocks[-1][0].instance_id != row.instance_id:
-            blocks.append([])
-        blocks[-1].append(row)
-    return blocks
-
-
-def _send_poses(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row]) -> None:
-    """One row of transforms per stage; a stage that an iteration does not have is drawn nowhere."""
-    drawn = entities.DRAWN_STAGES
-    stages = [s for s in drawn if s == "best" or any(s in r.stages for r in rows)]
-    poses = np.array(
-        [[r.T_best if s == "best" else _pose(r, s) for s in stages] for r in rows], dtype=np.float32
-    ).reshape(-1, 4, 4)
-    _send_transforms(rec, branch, [r.index for r in rows for _ in stages], stages * len(rows), poses)
-
-
-def _pose(row: Row, stage: str) -> np.ndarray:
-    pose = row.pose(stage)
-    return NOWHERE if pose is None else pose
-
-
-def _hide_stages(rec: rr.RecordingStream, branch: Branch, iteration: int, stages: Sequence[str]) -> None:
-    nowhere = np.tile(NOWHERE, (len(stages), 1, 1))
-    _send_transforms(rec, branch, [iteration] * len(stages), stages, nowhere)
-
-
-def _clear(rec: rr.RecordingStream, branch: Branch, iteration: int) -> None:
-    """From here on another object is worked on: of this one only the best pose stays."""
-    _hide_stages(rec, branch, iteration, [s for s in entities.DRAWN_STAGES if s != "best"])
-    for what, nothing in _NOTHING.items():
-        columns.send(rec, f"{entities.OBJECTS}/{branch.name}/{what}", [iteration], nothing)
-
-
-def _send_transforms(
-    rec: rr.RecordingStream, branch: Branch, iterations: Sequence[int], stages: Sequence[str], poses: np.ndarray
-) -> None:
-    frames = [[entities.stage_frame(branch.name, s)] for s in stages]
-    # rerun keeps matrices column by column.
-    matrices = poses[:, :3, :3].transpose(0, 2, 1).reshape(-1, 1, 9)
-    parts = [
-        columns.vectors(rr.Transform3D.descriptor_translation(), poses[:, None, :3, 3], 3),
-        columns.vectors(rr.Transform3D.descriptor_mat3x3(), matrices, 9),
-        columns.texts(rr.Transform3D.descriptor_child_frame(), frames),
-        columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * len(poses)),
-    ]
-    columns.send(rec, f"{entities.OBJECTS}/{branch.name}/poses", iterations, parts)
-
-
-def _send_contacts(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row]) -> None:
-    simulated = [r for r in rows if len(r.path)]
-    if not simulated:
+def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iterator[Chunk]:
+    """Contacts and way of the simulation; nothing from an iteration of ``turns`` on."""
+    shown = {r.index: (r.contacts, r.path[:, :3, 3]) for r in rows if len(r.path)}
+    shown |= {k: (_NO_CONTACTS, _NO_PATH) for k in turns}
+    if not shown:
         return
-    root, iterations = f"{entities.OBJECTS}/{branch.name}", [r.index for r in simulated]
-    # Light touches stay visible: an arrow is at least 10 mm long.
-    lengths = [np.maximum(ARROW_M_PER_N * r.contacts[:, 7:8], 0.01) for r in simulated]
-    arrows = [
-        columns.vectors(rr.Arrows3D.descriptor_origins(), [r.contacts[:, :3] for r in simulated], 3),
+    root, iterations = f"{entities.OBJECTS}/{branch.name}", sorted(shown)
+    contacts = [shown[k][0] for k in iterations]
+    arrow = rr.Arrows3D
+    parts = [
+        columns.vectors(arrow.descriptor_origins(), [c[:, :3] for c in contacts], 3),
+        # Light touches stay visible: an arrow is at least 10 mm long.
         columns.vectors(
-            rr.Arrows3D.descriptor_vectors(),
-            [r.contacts[:, 3:6] * n for r, n in zip(simulated, lengths, strict=True)],
-            3,
+            arrow.descriptor_vectors(), [c[:, 3:6] * np.maximum(ARROW_M_PER_N * c[:, 7:8], 0.01) for c in contacts], 3
         ),
     ]
-    columns.send(rec, f"{root}/contacts", iterations, arrows)
-    lines = [columns.strips(rr.LineStrips3D.descriptor_strips(), [r.path[:, :3, 3] for r in simulated])]
-    columns.send(rec, f"{root}/path", iterations, lines)
+    if any((c[:, 8] >= 0).any() for c in contacts):
+        colors = [np.where(c[:, 8] >= 0, COLLISION_COLOR, CONTACT_COLOR) for c in contacts]
+        parts.append(columns.numbers(arrow.descriptor_colors(), colors, np.uint32))
+    yield columns.rows_of(f"{root}/contacts", iterations, parts)
+    lines = [columns.strips(rr.LineStrips3D.descriptor_strips(), [shown[k][1] for k in iterations])]
+    yield columns.rows_of(f"{root}/path", iterations, lines)
 
 
-_NOTHING = {
-    "contacts": [
-        columns.vectors(rr.Arrows3D.descriptor_origins(), [[]], 3),
-        columns.vectors(rr.Arrows3D.descriptor_vectors(), [[]], 3),
-    ],
-    "path": [columns.strips(rr.LineStrips3D.descriptor_strips(), [[]])],
-}
+_NO_CONTACTS: Float = np.zeros((0, 9))
+_NO_PATH: Float = np.zeros((0, 3))
 
 
-def _send_events(rec: rr.RecordingStream, branch: Branch, rows: Sequence[Row]) -> None:
+def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
     iterations = [r.index for r in rows]
-    lane = [[branch.name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
-    columns.send(rec, entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
+    branches = {b.instance_id: b for b in layout.branches}
+    lane = [[branches[r.instance_id].name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
+    yield columns.rows_of(entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
     logged = [(r.index, kind, text) for r in rows for kind, text in zip(r.event_kinds, r.event_texts, strict=True)]
     if logged:
         parts = [
             columns.texts(rr.TextLog.descriptor_text(), [[text] for _, _, text in logged]),
             columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(kind, "INFO")] for _, kind, _ in logged]),
         ]
-        columns.send(rec, entities.LOG, [k for k, _, _ in logged], parts)
-    document = rr.TextDocument.descriptor_text()
-    columns.send(rec, entities.CHOICE, iterations, [columns.texts(document, [[describe(r, branch)] for r in rows])])
-    if rows[0].choice.shape[1]:
-        columns.send(
-            rec,
-            entities.BANDIT,
-            iterations,
-            [columns.bars(rr.BarChart.descriptor_values(), [r.choice[3] for r in rows])],
-        )
+        yield columns.rows_of(entities.LOG, [k for k, _, _ in logged], parts)
+    texts = [[describe(r, layout)] for r in rows]
+    yield columns.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
+    chosen = [r for r in rows if r.choice.shape[1]]
+    if chosen:
+        above = [_above_lowest(r.choice[3]) for r in chosen]
+        bars = columns.bars(rr.BarChart.descriptor_values(), above)
+        yield columns.rows_of(entities.BANDIT, [r.index for r in chosen], [bars])
+
+
+def _above_lowest(ucb: Float) -> Float:
+    """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number."""
+    known = ucb[np.isfinite(ucb)]
+    lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    return np.where(np.isfinite(ucb), ucb, highest) - lowest
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}
 _LEVELS |= {"refiner_stuck": "WARN", "no_physics": "WARN"}
-_NOTABLE = ("nan_score", "empty_render", "unstable", "refiner_stuck", "score_fell", "edited", "new_best")
-"""What the lane shows where several things happened, most important first."""
+_NOTABLE = {
+    "nan_score": "NaN",
+    "empty_render": "empty",
+    "unstable": "tipped",
+    "refiner_stuck": "stuck",
+    "score_fell": "fell",
+    "edited": "edited",
+    "new_best_scene": "scene",
+    "new_best": "best",
+}
+"""What the lane shows where several things happened, most important first, and how it is written where there is little
+room."""
 
 
 def _notable(row: Row) -> str:
@@ -195,11 +183,20 @@ def _notable(row: Row) -> str:
 
 @lru_cache(maxsize=64)
 def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Chunk, ...]:
-    colors: dict[str, tuple[int, int, int]] = {name: (110, 110, 110) for name in branch_names}
-    colors |= {f"hypothesis {j + 1}": ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)}
-    colors |= {s: STAGE_COLORS[s] for s in ("current", "simulated", "mixed", "refined", "edited")}
-    colors |= {kind.replace("_", " "): EVENT_COLORS[kind] for kind in _NOTABLE}
+    colors = {name: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, name in enumerate(branch_names)}
+    labels = {name: name for name in branch_names}
+    for j in range(n_arms):
+        colors[f"hypothesis {j + 1}"], labels[f"hypothesis {j + 1}"] = ARM_COLORS[j % len(ARM_COLORS)], f"h{j + 1}"
+    for stage, short in _SHORT_STAGES.items():
+        colors[stage], labels[stage] = STAGE_COLORS[stage], short
+    for kind, short in _NOTABLE.items():
+        name = kind.replace("_", " ")
+        colors[name], labels[name] = EVENT_COLORS[kind], short
+    look = rr.StateConfiguration(values=list(colors), labels=list(labels.values()), colors=list(colors.values()))
     return (
-        columns.fixed(entities.LANE, rr.StateConfiguration(values=list(colors), colors=list(colors.values()))),
+        columns.fixed(entities.LANE, look),
         columns.fixed(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown")),
     )
+
+
+_SHORT_STAGES = {"current": "cur", "simulated": "sim", "mixed": "mix", "refined": "ref", "edited": "edit"}

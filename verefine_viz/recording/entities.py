@@ -26,17 +26,23 @@ PLANE = f"{SUPPORT}/plane"
 GRAVITY = f"{SUPPORT}/gravity"
 
 MAPS = "/maps"
+SCENE_MAPS = "/scene_maps"
 CURVES = "/curves"
 BANDIT = "/bandit"
 LANE = "/events/lane"
 LOG = "/events/log"
 CHOICE = "/choice"
 EXACT = "/exact"
+GRAPH = "/dependencies"
+EVIDENCE = f"{GRAPH}/evidence"
+TREE = "/tree"
 
-DRAWN_STAGES = ("current", "simulated", "mixed", "refined", "best")
+WORKED_ON = ("current", "simulated", "mixed", "refined")
 """Poses of the object being worked on that are drawn, in this order."""
-
-CURVE_NAMES = ("score", "ucb", "pulls", "fit", "error", "physics")
+DRAWN_STAGES = (*WORKED_ON, "best")
+"""Poses of an object that are drawn where no other plays a part."""
+IN_SCENE = ("placed", "incumbent")
+"""More in a scene: where it stands while others are worked on, and where it is in the best scene ever seen."""
 
 
 def branch(instance: Instance, problem: Problem) -> str:

@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
+from rerun.chunk import Chunk
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.row import Row
+from verefine_viz.recording.scene_parts import ALONE, Flat, SceneParts, flat_of, parts_of
 
 INTEGERS = ("instance_id", "obj_id", "arm", "arm_iteration", "best_arm", "best_iteration")
 """Kept together in the column ``ids``, in this order."""
@@ -31,18 +35,28 @@ WORDS = ("accepted", "best_stage", "reason")
 """Kept together in the column ``words``, in this order."""
 
 
-def send_exact(rec: rr.RecordingStream, rows: Sequence[Row]) -> None:
+def exact(rows: Sequence[Row]) -> Chunk:
     """Rows as one chunk of :data:`entities.EXACT`."""
     sent = [columns.numbers(_named("ids"), [[getattr(r, n) for n in INTEGERS] for r in rows], np.int64)]
     sent += [columns.numbers(_named(n), [getattr(r, n)[..., :3, :] for r in rows], t) for n, t in POSES.items()]
     sent += [columns.numbers(_named(n), [getattr(r, n) for r in rows], t) for n, (t, _) in ARRAYS.items()]
     sent += [columns.texts(_named(n), [getattr(r, n) for r in rows]) for n in TEXTS]
     sent.append(columns.texts(_named("words"), [[getattr(r, n) for n in WORDS] for r in rows]))
-    columns.send(rec, entities.EXACT, [r.index for r in rows], sent)
+    if any(r.parts is not ALONE for r in rows):
+        flat = [flat_of(r.parts) for r in rows]
+        sent.append(columns.numbers(_named("scene_ids"), [f.ids for f in flat], np.int64))
+        sent.append(columns.numbers(_named("scene_poses"), [_upper(f.poses) for f in flat], np.float64))
+        sent.append(columns.numbers(_named("scene_numbers"), [f.numbers for f in flat], np.float64))
+        sent.append(columns.texts(_named("scene_texts"), [f.texts for f in flat]))
+    return columns.rows_of(entities.EXACT, [r.index for r in rows], sent)
+
+
+def _upper(poses: Sequence[Float]) -> Float:
+    return np.array([T[:3] for T in poses], np.float64)
 
 
 def row_from(index: int, values: Mapping[str, Any]) -> Row:
-    """The row that :func:`send_exact` wrote.
+    """The row that :func:`exact` wrote.
 
     Raises:
         KeyError, ValueError, IndexError, TypeError: a column is missing or holds something else.
@@ -52,15 +66,33 @@ def row_from(index: int, values: Mapping[str, Any]) -> Row:
     got |= {n: np.asarray(values[n], t).reshape(shape) for n, (t, shape) in ARRAYS.items() if n != "choice"}
     choice = np.asarray(values["choice"], np.float64)
     got["choice"] = choice.reshape(4, len(choice) // 4)
-    for name, dtype in POSES.items():
-        upper = np.asarray(values[name], dtype).reshape(-1, 3, 4)
-        full = np.zeros((len(upper), 4, 4), dtype)
-        full[:, :3], full[:, 3, 3] = upper, 1
-        got[name] = full
+    got |= {name: _full(values[name], dtype) for name, dtype in POSES.items()}
     got["T_best"] = got["T_best"][0]
     got |= {n: tuple(str(t) for t in values[n]) for n in TEXTS}
     got |= {n: str(v) for n, v in zip(WORDS, values["words"], strict=True)}
+    got["parts"] = _parts(values)
     return Row(**{f.name: got[f.name] for f in fields(Row)})
+
+
+def _parts(values: Mapping[str, Any]) -> SceneParts:
+    """Nothing where the columns are missing: recordings of single objects do not have them."""
+    ids = [int(i) for i in _given(values, "scene_ids")]
+    poses = list(_full(_given(values, "scene_poses"), np.float64))
+    numbers = [float(x) for x in _given(values, "scene_numbers")]
+    return parts_of(Flat(ids, poses, numbers, [str(t) for t in _given(values, "scene_texts")]))
+
+
+def _given(values: Mapping[str, Any], name: str) -> Any:
+    found = values.get(name)
+    return () if found is None else found
+
+
+def _full(upper: Any, dtype: Any) -> NDArray[Any]:
+    """Poses (n, 4, 4) of the upper rows of each, one after another."""
+    rows = np.asarray(upper, dtype).reshape(-1, 3, 4)
+    full = np.zeros((len(rows), 4, 4), dtype)
+    full[:, :3], full[:, 3, 3] = rows, 1
+    return full
 
 
 def _named(name: str) -> rr.ComponentDescriptor:

@@ -1,42 +1,50 @@
 """The journal: a small file beside a recording that is being written, one entry per iteration, never rewritten.
 
-Handing an iteration to rerun and waiting until it is on disk costs 0.3 ms and 1 kB of overhead; an entry here costs a
-tenth. So rows reach the disk one by one here, rerun gets them in blocks, and whoever opens a recording whose writer was
-killed has them all. The journal is removed when the recording is complete.
+The recording itself is made in large pieces, beside the run. Iterations reach the disk one by one here, and whoever
+opens a recording whose writer was killed has them all. The journal is removed when the recording is complete.
 
-An entry is its length, the length of its head and its CRC-32 (4 bytes each, little-endian), then the head, which is
-JSON and names the arrays, then the arrays.
+It begins with what the recording is about (JSON). An entry is its length and its CRC-32 (4 bytes each, little-endian),
+then the counts of what follows, then the arrays, then the texts as JSON.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import struct
 import zlib
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from verefine_viz.recording.row import Row
+from verefine_viz.recording.scene_parts import Flat, flat_of, parts_of
 
-MAGIC = b"VRFJ1\n"
-_FRAME = struct.Struct("<III")
+MAGIC = b"VRFJ2\n"
+_FRAME = struct.Struct("<II")
+_COUNTS = struct.Struct("<14q")
+"""index, instance, object, arm, its iteration, arm and iteration of the best; then how many stages, arms, path poses,
+contacts, and how many ids, poses and numbers of :class:`Flat`."""
 
 
 class Journal:
     """Appends rows; each is with the operating system when :meth:`append` returns."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
         self._path = path
-        self._file = path.open("wb", buffering=0)
-        self._file.write(MAGIC)
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        os.write(self._file, MAGIC + _framed(json.dumps(about).encode()))
 
     def append(self, row: Row) -> None:
-        self._file.write(encode(row))
+        os.write(self._file, encode(row))
 
     def close(self) -> None:
-        self._file.close()
+        """Later calls do nothing."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
 
     def remove(self) -> None:
         """Close and delete: the recording beside it is complete."""
@@ -46,54 +54,109 @@ class Journal:
 
 def encode(row: Row) -> bytes:
     """One entry."""
-    head: dict[str, object] = {}
-    blocks: list[bytes] = []
-    for name in _NAMES:
-        value = getattr(row, name)
-        if isinstance(value, np.ndarray):
-            head[name] = [value.dtype.str, value.shape]
-            blocks.append(value.tobytes())
-        else:
-            head[name] = value
-    text = _to_json(head).encode()
-    body = b"".join([text, *blocks])
-    return _FRAME.pack(len(body), len(text), zlib.crc32(body)) + body
+    flat = flat_of(row.parts)
+    counts = _COUNTS.pack(
+        row.index,
+        row.instance_id,
+        row.obj_id,
+        row.arm,
+        row.arm_iteration,
+        row.best_arm,
+        row.best_iteration,
+        len(row.stages),
+        row.choice.shape[1],
+        len(row.path),
+        len(row.contacts),
+        len(flat.ids),
+        len(flat.poses),
+        len(flat.numbers),
+    )
+    texts = (row.stages, row.accepted, row.best_stage, row.reason, row.event_kinds, row.event_texts, flat.texts)
+    arrays = [getattr(row, name).tobytes() for name, _, _ in _ARRAYS]
+    if flat.ids:
+        arrays += [np.array(flat.ids, "<i8").tobytes(), *(T.tobytes() for T in flat.poses)]
+        arrays.append(np.array(flat.numbers, "<f8").tobytes())
+    return _framed(b"".join((counts, *arrays, _to_json(texts).encode())))
 
 
-def read_journal(path: Path) -> tuple[Row, ...]:
-    """All whole entries of a journal; what was cut off in the middle of the last one is left out."""
+def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
+    """What the journal is about and all its whole entries.
+
+    What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
+    """
     content = path.read_bytes()
-    if not content.startswith(MAGIC):
-        return ()
-    rows: list[Row] = []
+    about, *entries = _whole_entries(content) or [b"{}"]
+    return json.loads(about), tuple(map(_decode, entries))
+
+
+def _framed(body: bytes) -> bytes:
+    return _FRAME.pack(len(body), zlib.crc32(body)) + body
+
+
+def _whole_entries(content: bytes) -> list[bytes]:
+    found: list[bytes] = []
     at = len(MAGIC)
-    while at + _FRAME.size <= len(content):
-        length, text_length, crc = _FRAME.unpack_from(content, at)
+    while content.startswith(MAGIC) and at + _FRAME.size <= len(content):
+        length, crc = _FRAME.unpack_from(content, at)
         body = content[at + _FRAME.size : at + _FRAME.size + length]
         if len(body) < length or zlib.crc32(body) != crc:
             break
-        rows.append(_decode(body, text_length))
+        found.append(body)
         at += _FRAME.size + length
-    return tuple(rows)
+    return found
 
 
-def _decode(body: bytes, text_length: int) -> Row:
-    head = json.loads(body[:text_length])
-    at = text_length
-    values: dict[str, object] = {}
-    for name in _NAMES:
-        value = head[name]
-        if name in _ARRAYS:
-            dtype, shape = np.dtype(value[0]), tuple(value[1])
-            n = int(np.prod(shape))
-            values[name] = np.frombuffer(body, dtype, n, at).reshape(shape)
-            at += n * dtype.itemsize
-        else:
-            values[name] = tuple(value) if isinstance(value, list) else value
-    return Row(**values)  # type: ignore[arg-type]
+def _decode(body: bytes) -> Row:
+    index, instance_id, obj_id, arm, arm_iteration, best_arm, best_iteration, *sizes = _COUNTS.unpack_from(body)
+    n_stages, n_arms, n_path, n_contacts, n_ids, n_poses, n_numbers = sizes
+    known = {"n": n_stages, "n+1": n_stages + 1, "h": n_arms, "p": n_path, "k": n_contacts}
+    at = _COUNTS.size
+
+    def taken(dtype: str, *shape: int) -> Any:
+        nonlocal at
+        count = int(np.prod(shape, dtype=int))
+        array = np.frombuffer(body, dtype, count, at).reshape(shape)
+        at += array.nbytes
+        return array
+
+    arrays = {name: taken(dtype, *(known.get(str(s), s) for s in shape)) for name, dtype, shape in _ARRAYS}
+    flat = Flat()
+    if n_ids:
+        flat.ids = taken("<i8", n_ids).tolist()
+        flat.poses = list(taken("<f8", n_poses, 4, 4))
+        flat.numbers = taken("<f8", n_numbers).tolist()
+    stages, accepted, best_stage, reason, kinds, texts, flat.texts = json.loads(body[at:])
+    return Row(
+        index=index,
+        instance_id=instance_id,
+        obj_id=obj_id,
+        arm=arm,
+        arm_iteration=arm_iteration,
+        stages=tuple(stages),
+        accepted=accepted,
+        best_arm=best_arm,
+        best_iteration=best_iteration,
+        best_stage=best_stage,
+        reason=reason,
+        event_kinds=tuple(kinds),
+        event_texts=tuple(texts),
+        parts=parts_of(flat),
+        **arrays,
+    )
 
 
-_to_json = json.JSONEncoder(separators=(",", ":")).encode
-_NAMES = tuple(f.name for f in fields(Row))
-_ARRAYS = {"Ts_cam_obj", "scores", "pixels", "T_best", "best_score", "best_pixels", "path", "contacts", "choice"}
-_ARRAYS |= {"errors", "ms"}
+_to_json = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False).encode
+_ARRAYS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
+    ("Ts_cam_obj", "<f8", ("n", 4, 4)),
+    ("scores", "<f8", ("n", 3)),
+    ("pixels", "<i8", ("n", 7)),
+    ("T_best", "<f8", (4, 4)),
+    ("best_score", "<f8", (3,)),
+    ("best_pixels", "<i8", (7,)),
+    ("path", "<f4", ("p", 4, 4)),
+    ("contacts", "<f4", ("k", 9)),
+    ("choice", "<f8", (4, "h")),
+    ("errors", "<f8", (3,)),
+    ("ms", "<f4", ("n+1",)),
+)
+"""Field of :class:`Row`, type, shape."""

@@ -44,6 +44,14 @@ class Layout:
     """What the 3D view looks at, the middle of the objects [m]."""
     eye_world: tuple[float, float, float]
     """From where: near the camera, a little to the side [m]."""
+    method: str = ""
+    has_graph: bool = False
+    """Whether it was looked at which objects depend on which."""
+
+    @property
+    def is_scene(self) -> bool:
+        """Whether there is more than one object."""
+        return len(self.branches) > 1
 
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)
@@ -52,8 +60,8 @@ class Layout:
         return json.dumps(asdict(self), separators=(",", ":"))
 
 
-def layout_of(problem: Problem, state: RunState) -> Layout:
-    """The layout of a problem, given the state before the first iteration."""
+def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
+    """The layout of a problem, given the state before the first iteration and the name of the method."""
     branches: list[Branch] = []
     for instance, scores in zip(problem.instances, state.initial, strict=True):
         sources = tuple(h.source for h in instance.hypotheses)
@@ -61,7 +69,7 @@ def layout_of(problem: Problem, state: RunState) -> Layout:
         has_truth = instance.T_cam_obj_gt is not None
         name = branch(instance, problem)
         branches.append(Branch(instance.instance_id, instance.obj_id, name, sources, tuple(initial), has_truth))
-    return Layout(tuple(branches), *_view(problem))
+    return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None)
 
 
 def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -87,4 +95,5 @@ def layout_from_json(text: str) -> Layout:
         Branch(**{**b, "sources": tuple(b["sources"]), "initial_scores": tuple(b["initial_scores"])})
         for b in raw["branches"]
     )
-    return Layout(tuple(branches), tuple(raw["center_world"]), tuple(raw["eye_world"]))
+    center, eye = tuple(raw["center_world"]), tuple(raw["eye_world"])
+    return Layout(tuple(branches), center, eye, raw.get("method", ""), raw.get("has_graph", False))

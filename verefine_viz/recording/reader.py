@@ -6,7 +6,7 @@ import json
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ from verefine_viz.recording.row import Row
 from verefine_viz.recording.viewer_process import executable
 
 _MAGIC = b"RRF2"
-_PROPERTIES = f"/__properties/{entities.PROPERTY}"
+PROPERTIES = f"/__properties/{entities.PROPERTY}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,8 @@ class Recorded:
     """How many of them are drawn in the file; the others come from the journal of a killed run."""
     is_complete: bool
     """Whether the writer finished the file, and nothing was cut off since."""
+    properties: Mapping[str, Any]
+    """All of the above that is not iterations, as it is written."""
 
 
 def read_recording(path: Path) -> Recorded:
@@ -58,14 +60,20 @@ def read_recording(path: Path) -> Recorded:
         InputError: there is no such file, or it is not a recording of this program.
     """
     path = existing(path)
-    with readable(path) as file:
-        properties, rows = _content(file, path)
-        is_whole = file == path
+    properties, rows, is_whole = _read(path)
     n_drawn = len(rows)
     if is_part(path):
-        rows = _continued(rows, journal_path(final_path(path)))
+        journal = journal_path(final_path(path))
+        about, journalled = read_journal(journal) if journal.is_file() else ({}, ())
+        properties = properties or about
+        rows = _continued(rows, journalled)
+    if "schema" not in properties:
+        raise InputError(f"{path} is a rerun recording of another program; expected one that view or batch wrote")
     if int(properties["schema"]) > SCHEMA:
-        raise InputError(f"{path} was written by a later version (recording schema {properties['schema']}); update")
+        raise InputError(
+            f"{path} was written by a later version (recording schema {properties['schema']}, this one reads up to"
+            f" {SCHEMA}); update"
+        )
     try:
         session = Session.model_validate_json(properties["settings"])
         layout = layout_from_json(properties["layout"])
@@ -83,6 +91,7 @@ def read_recording(path: Path) -> Recorded:
         tuple(rows),
         n_drawn,
         is_whole and not is_part(path),
+        properties,
     )
 
 
@@ -92,15 +101,19 @@ def existing(path: Path) -> Path:
     Raises:
         InputError: neither exists, or it is no rerun file.
     """
-    if not path.is_file() and part_path(path).is_file():
+    if not path.is_file() and (part_path(path).is_file() or journal_path(path).is_file()):
         path = part_path(path)
     try:
         with path.open("rb") as file:
             head = file.read(len(_MAGIC))
     except FileNotFoundError:
+        if is_part(path) and journal_path(final_path(path)).is_file():
+            return path
         raise InputError(f"recording {path} does not exist") from None
     except OSError as error:
         raise InputError(f"recording {path} cannot be read: {error.strerror}") from None
+    if is_part(path) and journal_path(final_path(path)).is_file() and _MAGIC.startswith(head):
+        return path
     if not head:
         raise InputError(f"{path} is empty; expected a recording (.rrd) that view or batch wrote")
     if head != _MAGIC:
@@ -116,6 +129,11 @@ def is_part(path: Path) -> bool:
 def final_path(path: Path) -> Path:
     """The name that an unfinished recording would have got."""
     return path.with_name(path.name.removesuffix(".part")) if is_part(path) else path
+
+
+def has_content(path: Path) -> bool:
+    """Whether there is more in the file than the beginning of a head."""
+    return path.is_file() and path.stat().st_size > len(_MAGIC)
 
 
 @contextmanager
@@ -153,17 +171,30 @@ def chunks_of(path: Path) -> list[Chunk]:
         return RrdReader(path).stream().to_chunks()
 
 
+def _read(path: Path) -> tuple[dict[str, Any], list[Row], bool]:
+    """Properties, rows, and whether nothing was cut off; nothing at all of a part that was just begun.
+
+    Raises:
+        InputError: there is something in it that cannot be read.
+    """
+    if is_part(path) and not has_content(path):
+        return {}, [], False
+    with readable(path) as file:
+        properties, rows = _content(file, path)
+        return properties, rows, file == path
+
+
 def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
     """Properties and rows of a readable file.
 
     Raises:
-        InputError: it was not written by this program.
+        InputError: an iteration cannot be read.
     """
     properties: dict[str, Any] = {}
     rows: dict[int, Row] = {}
     try:
         for chunk in chunks_of(file):
-            if chunk.entity_path == _PROPERTIES:
+            if chunk.entity_path == PROPERTIES:
                 properties |= {name: values[0] for name, values in next(_records(chunk)).items()}
             elif chunk.entity_path == entities.EXACT:
                 rows |= {row.index: row for row in map(_row, _records(chunk))}
@@ -171,8 +202,6 @@ def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
         raise InputError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise InputError(f"{path}: an iteration cannot be read ({type(error).__name__}: {error})") from None
-    if "schema" not in properties:
-        raise InputError(f"{path} is a rerun recording of another program; expected one that view or batch wrote")
     return properties, _without_gap(rows)
 
 
@@ -206,9 +235,6 @@ def _without_gap(rows: Mapping[int, Row]) -> list[Row]:
     return found
 
 
-def _continued(rows: list[Row], journal: Path) -> list[Row]:
+def _continued(rows: list[Row], journalled: Sequence[Row]) -> list[Row]:
     """Rows with those that only the journal has."""
-    known = {row.index: row for row in rows}
-    if journal.is_file():
-        known |= {row.index: row for row in read_journal(journal) if row.index not in known}
-    return _without_gap(known)
+    return _without_gap({row.index: row for row in (*journalled, *rows)})

@@ -5,37 +5,42 @@ from __future__ import annotations
 import json
 import math
 import platform
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
+from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
-from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import pose_errors
-from verefine_viz.recording import entities
-from verefine_viz.recording.background import log_background
-from verefine_viz.recording.blueprint import make_blueprint
+from verefine_viz.recording import columns, entities
+from verefine_viz.recording.background import background
+from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.graph import dependency_chunks
 from verefine_viz.recording.journal import Journal
 from verefine_viz.recording.layout import Layout, layout_of
-from verefine_viz.recording.maps import Maps
+from verefine_viz.recording.live_file import LiveFile
+from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.row import Row, row_of
+from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.session.files import session_toml
 
-SCHEMA = 1
-"""Of the recording; a reader refuses a later one."""
+SCHEMA = 2
+"""Of the recording; a reader refuses a later one. 2: what iterations say about whole scenes."""
 BLOCK = 50
-"""Iterations that are handed to rerun together; the journal holds them until then."""
+"""Iterations that are drawn together; the journal holds them until then."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
 
@@ -52,8 +57,8 @@ def journal_path(path: Path) -> Path:
 class Recorder:
     """Records one run to ``path``.
 
-    The file is ``path`` + ``.part`` until the run is over. When :meth:`on_iteration` returns, the iteration is on disk
-    and survives the end of the process. Belongs to the thread of the run (rerun's time is per thread).
+    The file is ``path`` + ``.part`` until the run is over. When :meth:`on_iteration` returns, the iteration is in the
+    journal and survives the end of the process; it is drawn beside the run or, in one go, at its end.
     """
 
     def __init__(
@@ -81,7 +86,7 @@ class Recorder:
         self._verifier = verifier if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
-        self._rec: rr.RecordingStream | None = None
+        self._file: RrdFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
         self._best_error: tuple[Best | None, float] = (None, float("nan"))
@@ -92,84 +97,98 @@ class Recorder:
         Raises:
             InputError: the file cannot be written.
         """
-        layout = layout_of(self._problem, state)
+        self._layout = layout_of(self._problem, state, self._session.method.name)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
-        self._drawing = Drawing(layout)
-        rec = rr.RecordingStream(entities.APPLICATION, send_properties=True)
-        rec.set_log_time_enabled(False)
-        self._open(rec)
-        log_properties(rec, self._session, self._problem, layout)
-        rec.flush()
-        self._rec = rec
-        # What makes the iterations readable is on disk; the pictures of the frame get there while the run goes on.
-        pool = ThreadPoolExecutor(1, "recording")
-        self._opening = pool.submit(self._log_frame, rec, layout)
-        pool.shutdown(wait=self._live_port is not None)
+        self._drawing = Drawing(self._layout)
+        about = properties(self._session, self._problem, self._layout)
+        part = part_path(self._path)
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._journal = Journal(journal_path(self._path), about)
+            part.unlink(missing_ok=True)
+            has_maps = self._verifier is not None
+            port = self._live_port
+            self._file = RrdFile(part) if port is None else LiveFile(part, port, self._layout, has_maps)
+        except (OSError, RuntimeError) as error:
+            raise InputError(f"cannot write the recording {self._path}: {error}") from None
+        self._file.send(self._frame(about))
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
-        """Writes one iteration; it is on disk when this returns."""
-        assert self._rec is not None, "on_start comes first"
+        """Writes one iteration; it is on disk when this returns.
+
+        Raises:
+            InputError: the file cannot be written any more.
+        """
+        assert self._file is not None, "on_start comes first"
         row = row_of(iteration, self._errors(self._targets[iteration.instance_id], iteration))
         self._journal.append(row)
         self._pending.append(row)
         if self._verifier is not None:
-            self._log_maps(self._rec, self._verifier, row)
+            for chunks in self._pictures(self._verifier, row):
+                self._file.send(chunks)
         if len(self._pending) >= self._block:
             self.draw_now()
-        if self._verifier is not None:
-            self._rec.flush()
 
     def draw_now(self) -> None:
-        """Hands the iterations that wait for their block to rerun, for whoever opens the unfinished file."""
-        if self._rec is not None and self._pending:
-            self._opening.result()
-            self._drawing.draw(self._rec, self._pending)
-            self._pending = []
-            self._rec.flush()
+        """Draws the iterations that wait for their block."""
+        if self._file is not None and self._pending:
+            self._file.send(self._drawing.draw(tuple(self._pending)))
+            self._pending.clear()
+
+    def flush(self) -> None:
+        """Waits until all that was drawn is in the file, for whoever opens it unfinished."""
+        if self._file is not None:
+            self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
         """Completes the file and gives it its name."""
         self.close()
 
     def close(self) -> None:
-        """Completes the file with what there is; for a run that is left before its end. Later calls do nothing."""
-        if self._rec is None:
+        """Completes the file with what there is; for a run that is left before its end. Later calls do nothing.
+
+        Raises:
+            InputError: it could not be written.
+        """
+        if self._file is None:
             return
-        self._opening.result()
         self.draw_now()
-        rec, self._rec = self._rec, None
-        rec.disconnect()
+        file, self._file = self._file, None
+        try:
+            file.close(blueprint_messages(self._layout, self._verifier is not None))
+        except BaseException:
+            self._journal.close()
+            raise
         part_path(self._path).replace(self._path)
         self._journal.remove()
 
-    def _open(self, rec: rr.RecordingStream) -> None:
-        part = part_path(self._path)
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._journal = Journal(journal_path(self._path))
-            if self._live_port is None:
-                rec.save(part)
-            else:
-                live = rr.GrpcServerSink(bind_ip="127.0.0.1", port=self._live_port)
-                rec.set_sinks(rr.FileSink(part), live)
-        except (OSError, RuntimeError) as error:
-            raise InputError(f"cannot write the recording {self._path}: {error}") from None
+    def _frame(self, about: Mapping[str, Any]) -> Iterator[Chunk]:
+        """Everything that is known before the first iteration; what makes the iterations readable comes first."""
+        yield from property_chunks(about)
+        yield from self._drawing.start()
+        if self._problem.dependencies is not None:
+            yield from dependency_chunks(self._problem.dependencies, self._layout)
+        yield from background(self._problem, pictures=self._verifier is not None)
 
-    def _log_frame(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        """Everything that is known before the first iteration, all of it outside time, which rerun has per thread."""
-        rec.send_blueprint(make_blueprint(layout, has_maps=self._verifier is not None), make_active=False)
-        self._drawing.start(rec)
-        log_background(rec, self._problem)
-        # Otherwise rerun would wait with the compression until the run's own data come.
-        rec.flush()
-
-    def _log_maps(self, rec: rr.RecordingStream, verifier: Verifier, row: Row) -> None:
-        rec.set_time(entities.TIMELINE, sequence=row.index)
+    def _pictures(self, verifier: Verifier, row: Row) -> Iterator[Iterable[Chunk]]:
+        """The maps of an iteration, and of the scene where it closes a pass."""
+        tau_m = self._session.score.tau_m
+        placed = self._placed(row.parts.placed) if self._session.method.occluders == "placed" else ()
         if self._maps is None or self._maps[0] != row.instance_id:
-            maps = Maps(self._targets[row.instance_id], verifier, self._session.score.tau_m)
-            maps.log_observed(rec)
+            maps = Maps([self._targets[row.instance_id]], verifier, tau_m)
             self._maps = (row.instance_id, maps)
-        self._maps[1].log(rec, row)
+            yield [maps.observed(row.index)]
+        yield self._maps[1].pair(row, placed)
+        scene = row.parts.scene
+        if scene is not None:
+            targets = [self._targets[p.instance_id] for p in scene.poses]
+            own = {p.instance_id for p in scene.poses}
+            others = [p for p in placed if p.instance_id not in own]
+            maps = Maps(targets, verifier, tau_m, SCENE_TILE_PX)
+            yield maps.scene(row.index, np.array([p.T_cam_obj for p in scene.poses]), others)
+
+    def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
+        return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
 
     def _errors(self, target: Target, iteration: Iteration) -> Float:
         """What ``Row.errors`` says. ADD(-S) needs a search over all points, so only when the best pose changed."""
@@ -183,22 +202,33 @@ class Recorder:
         return np.array([_rotation_deg(target.model, T_kept, T_gt), translation_mm, self._best_error[1]])
 
 
-def log_properties(rec: rr.RecordingStream, session: Session, problem: Problem, layout: Layout) -> None:
+def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, Any]:
     """Everything that is needed to run it again, and who made it."""
-    title = session.title or problem.title
-    rec.send_recording_name(f"{title} {problem.frame} {session.method.name}".strip())
-    properties = rr.AnyValues(
-        schema=SCHEMA,
-        title=title,
-        frame=problem.frame,
-        method=session.method.name,
-        seed=session.method.seed,
-        settings=session.model_dump_json(),
-        session=session_toml(session),
-        layout=layout.to_json(),
-        versions=json.dumps(versions()),
-    )
-    rec.send_property(entities.PROPERTY, properties)
+    settings = session.model_dump_json()
+    return {
+        "schema": SCHEMA,
+        "title": session.title or problem.title,
+        "frame": problem.frame,
+        "method": session.method.name,
+        "seed": session.method.seed,
+        "settings": settings,
+        "session": _toml(settings),
+        "layout": layout.to_json(),
+        "versions": json.dumps(versions()),
+    }
+
+
+@lru_cache(maxsize=8)
+def _toml(settings: str) -> str:
+    """A session as a file; made once for all frames of a batch."""
+    return session_toml(Session.model_validate_json(settings))
+
+
+def property_chunks(about: Mapping[str, Any]) -> Iterator[Chunk]:
+    """The same as a recording holds them, and its name."""
+    yield Chunk.from_property(entities.PROPERTY, rr.AnyValues(**about))
+    name = f"{about['title']} {about['frame']} {about['method']}".strip()
+    yield columns.fixed("/__properties", rr.archetypes.RecordingInfo(name=name))
 
 
 def _rotation_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:

@@ -5,18 +5,29 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-import rerun as rr
+from rerun.chunk import Chunk
 
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.records import Iteration
-from verefine_viz.recording.blueprint import make_blueprint
+from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.entities import APPLICATION, MAPS
-from verefine_viz.recording.reader import Recorded, chunks_of, existing, final_path, read_recording, readable
-from verefine_viz.recording.recorder import versions
+from verefine_viz.recording.entities import MAPS
+from verefine_viz.recording.reader import (
+    PROPERTIES,
+    Recorded,
+    chunks_of,
+    existing,
+    final_path,
+    has_content,
+    read_recording,
+    readable,
+)
+from verefine_viz.recording.recorder import property_chunks, versions
 from verefine_viz.recording.row import Row, row_of
+from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.viewer_process import free_port, has_display, start_viewer
 from verefine_viz.session.engine import Run
 
@@ -47,27 +58,60 @@ def open_viewer(path: Path, web: bool | None = None) -> subprocess.Popen[bytes]:
 def completed(recorded: Recorded, folder: Path) -> Path:
     """A copy of an unfinished recording in ``folder``, with the iterations drawn that only the journal had."""
     target = folder / final_path(recorded.path).name
-    with readable(recorded.path) as file:
-        chunks = chunks_of(file)
+    chunks: list[Chunk] = []
+    if recorded.n_drawn or has_content(recorded.path):
+        with readable(recorded.path) as file:
+            chunks = chunks_of(file)
     has_maps = any(chunk.entity_path.startswith(MAPS) for chunk in chunks)
-    rec = rr.RecordingStream(APPLICATION, send_properties=False)
-    rec.set_log_time_enabled(False)
-    rec.save(target, default_blueprint=make_blueprint(recorded.layout, has_maps))
-    rec.send_chunks(chunks)
     drawing = Drawing(recorded.layout)
     drawing.skip(recorded.rows[: recorded.n_drawn])
     missing = recorded.rows[recorded.n_drawn :]
+    file = RrdFile(target)
+    if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
+        file.send(property_chunks(recorded.properties))
+    file.send(chunks)
     if missing:
-        drawing.draw(rec, missing)
-    rec.flush()
-    rec.disconnect()
+        file.send(drawing.draw(missing))
+    file.close(blueprint_messages(recorded.layout, has_maps))
     return target
 
 
-def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
-    """Runs the recorded session again and says where the new run first differs, bit by bit; None = nowhere.
+@dataclass(frozen=True)
+class Verdict:
+    """A recording against a new run of its session."""
 
-    A recording whose end is missing is compared as far as it goes; that it ends early is said as well.
+    n_compared: int
+    """Iterations of both that were looked at and found the same, from the first."""
+    difference: str | None
+    """Where the new run first differs, and how; None = nowhere."""
+    n_planned: int
+    """Iterations that the new run has in all."""
+    is_complete: bool
+    """Whether the recording goes to its end."""
+
+    @property
+    def ends_early(self) -> bool:
+        """Nothing differs, but the end of the recording is missing: it was stopped, or cut off."""
+        return self.difference is None and not self.is_complete
+
+    @property
+    def in_words(self) -> str:
+        if self.difference is not None:
+            return f"differs: {self.difference}"
+        if not self.ends_early:
+            short = "" if self.n_compared == self.n_planned else f"; the whole run has {self.n_planned}"
+            return f"no difference in {self.n_compared} iterations{short}"
+        early = f"ended early, after {self.n_compared} of {self.n_planned} iterations (it was stopped or cut off)"
+        return f"{early}; the same up to iteration {self.n_compared}" if self.n_compared else early
+
+
+def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
+    """Where a new run of the recorded session first differs, and how; None = nowhere. See :func:`verdict`."""
+    return verdict(path, make_run).difference
+
+
+def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
+    """Runs the recorded session again and compares bit by bit, as far as the recording goes.
 
     Args:
         path: the recording.
@@ -78,20 +122,20 @@ def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
     """
     recorded = read_recording(path)
     run = (make_run or run_again)(recorded)
+    difference = None
+    n_compared = 0
     for row in recorded.rows:
         if run.is_done:
-            return f"iteration {row.index}: recorded, but the new run ended after {run.length}{_other(recorded)}"
-        difference = compare(row, run.step())
-        if difference:
-            return f"iteration {row.index}: {difference}{_other(recorded)}"
-    if not recorded.is_complete:
-        return _ends_early(len(recorded.rows), run.n_iterations)
-    return None
-
-
-def _ends_early(n: int, n_planned: int) -> str:
-    same = "nothing in it can be compared" if n == 0 else f"iterations 1 to {n} are the same"
-    return f"the recording ends early, after {n} of {n_planned} iterations (it was stopped or cut off); {same}"
+            difference = f"iteration {row.index}: recorded, but the new run ended after {run.length}"
+            break
+        found = compare(row, run.step())
+        if found:
+            difference = f"iteration {row.index}: {found}"
+            break
+        n_compared += 1
+    if difference is not None:
+        difference += _other(recorded)
+    return Verdict(n_compared, difference, run.n_iterations, recorded.is_complete)
 
 
 def run_again(recorded: Recorded) -> Run:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import TIMING, Contacts, Iteration
-from verefine_viz.core.scores import PoseScore, Scores
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.recording.scene_parts import ALONE, SceneParts
 
 NOT_JUDGED = (np.nan, np.nan, np.nan)
 NO_PIXELS = (-1,) * 7
@@ -62,6 +63,8 @@ class Row:
     NaN where there is no ground truth."""
     ms: NDArray[np.float32] = field(metadata=TIMING)
     """(n + 1,) time for each pose, then for all scores [ms]."""
+    parts: SceneParts = ALONE
+    """What it says about other objects and the scene."""
 
     def pose(self, stage: str) -> Float | None:
         """The pose (4, 4) of that stage, or None."""
@@ -77,64 +80,54 @@ class Row:
         return self.Ts_cam_obj[self.stages.index(self.accepted)]
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """The hypotheses of one instance and what they scored before the first iteration."""
-
-    instance_id: int
-    obj_id: int
-    Ts_cam_obj: Float
-    """(H, 4, 4) [m]."""
-    scores: Float
-    """(H, 3) as in :class:`Row`."""
-    pixels: NDArray[np.int64]
-    """(H, 7) as in :class:`Row`."""
-
-
 def row_of(iteration: Iteration, errors: Float) -> Row:
     """The columns of a record, with the ``errors`` (3,) that :class:`Row` describes."""
-    best, path, choice = iteration.best, iteration.path, iteration.choice
+    best, path, choice, stages = iteration.best, iteration.path, iteration.choice, iteration.stages
+    # All at once: many small arrays are what costs.
+    values = np.array([*(_values(s.score) for s in stages), _values(best.score)], np.float64)
+    pixels = np.array([*(_pixels(s.score) for s in stages), _pixels(best.score)], np.int64)
+    poses = np.concatenate([*(s.T_cam_obj for s in stages), best.T_cam_obj]).reshape(-1, 4, 4)
     return Row(
         index=iteration.index,
         instance_id=iteration.instance_id,
         obj_id=iteration.obj_id,
         arm=iteration.arm,
         arm_iteration=iteration.arm_iteration,
-        stages=tuple(s.name for s in iteration.stages),
+        stages=tuple(s.name for s in stages),
         accepted=iteration.accepted,
-        Ts_cam_obj=np.array([s.T_cam_obj for s in iteration.stages]),
-        scores=np.array([_values(s.score) for s in iteration.stages], np.float64),
-        pixels=np.array([_pixels(s.score) for s in iteration.stages], np.int64),
+        Ts_cam_obj=poses[:-1],
+        scores=values[:-1],
+        pixels=pixels[:-1],
         best_arm=best.arm,
         best_iteration=best.iteration,
         best_stage=best.stage,
-        T_best=np.array(best.T_cam_obj),
-        best_score=np.array(_values(best.score), np.float64),
-        best_pixels=np.array(_pixels(best.score), np.int64),
-        path=np.zeros((0, 4, 4), np.float32) if path is None else path.Ts_cam_obj.astype(np.float32),
+        T_best=poses[-1],
+        best_score=values[-1],
+        best_pixels=pixels[-1],
+        path=_NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
         contacts=_contacts(path.contacts[-1] if path is not None and path.contacts else None),
-        choice=np.zeros((4, 0))
+        choice=_NO_CHOICE
         if choice is None
-        else np.array([choice.plays, choice.mean, choice.exploration, choice.ucb]),
+        else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
         reason="" if choice is None else choice.reason,
         event_kinds=tuple(e.kind for e in iteration.events),
         event_texts=tuple(e.text for e in iteration.events),
         errors=errors,
-        ms=np.array([*(s.ms for s in iteration.stages), iteration.score_ms], np.float32),
+        ms=np.array([*(s.ms for s in stages), iteration.score_ms], np.float32),
+        parts=_parts(iteration),
     )
 
 
-def start_of(instance_id: int, obj_id: int, Ts_cam_obj: Float, scores: Scores | None) -> Start:
-    """The columns of an instance's first hypotheses (H, 4, 4); ``scores`` is None where its pool is empty."""
-    n = 0 if scores is None else len(scores)
-    judged = [] if scores is None else [scores[i] for i in range(n)]
-    return Start(
-        instance_id,
-        obj_id,
-        np.asarray(Ts_cam_obj, np.float64).reshape(-1, 4, 4),
-        np.array([_values(s) for s in judged], np.float64).reshape(n, 3),
-        np.array([_pixels(s) for s in judged], np.int64).reshape(n, 7),
-    )
+_NO_PATH = np.zeros((0, 4, 4), np.float32)
+_NO_CHOICE = np.zeros((4, 0))
+_NO_CONTACTS = np.zeros((0, 9), np.float32)
+
+
+def _parts(iteration: Iteration) -> SceneParts:
+    i = iteration
+    if not i.placed and i.scene_pass is None and i.scene is None and i.tree is None:
+        return ALONE
+    return SceneParts(i.placed, i.scene_pass, i.scene, i.tree)
 
 
 def _values(score: PoseScore | None) -> tuple[float, float, float]:
@@ -147,7 +140,7 @@ def _pixels(score: PoseScore | None) -> tuple[int, ...]:
 
 def _contacts(contacts: Contacts | None) -> NDArray[np.float32]:
     if contacts is None or len(contacts.depths_m) == 0:
-        return np.zeros((0, 9), np.float32)
+        return _NO_CONTACTS
     columns = (
         contacts.points_cam,
         contacts.normals_cam,

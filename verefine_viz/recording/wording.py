@@ -3,53 +3,105 @@
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from collections.abc import Iterator, Sequence
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.recording.layout import Branch
+from verefine_viz.core.records import PlacedPose, SceneRecord, TreeStep
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.row import Row
 
 
-def describe(row: Row, branch: Branch) -> str:
+def describe(row: Row, layout: Layout) -> str:
     """What happened in this iteration and why, for the text panel."""
+    branch = layout.branch(row.instance_id)
     source = plain(branch.sources[row.arm]) if row.arm < branch.n_arms else ""
+    in_pass = "" if row.parts.scene_pass is None else f", pass {row.parts.scene_pass}"
     lines = [
-        f"## Iteration {row.index}: {branch.name}",
+        f"## Iteration {row.index}: {branch.name}{in_pass}",
         f"**Hypothesis {row.arm + 1} of {branch.n_arms}** ({source}), its iteration {row.arm_iteration}.",
     ]
     if row.reason:
         lines.append(f"Why this one: {plain(row.reason)}")
-    lines.append("| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|")
-    moved_mm, turned_deg = differences(row.Ts_cam_obj)
-    for k, stage in enumerate(row.stages):
-        score, pixels = row.scores[k], int(row.pixels[k, 0])
-        judged = (
-            "– | – | – | –" if np.isnan(score[0]) else f"{score[0]:.3f} | {score[1]:.3f} | {score[2]:.3f} | {pixels}"
-        )
-        name = f"**{stage} ✔**" if stage == row.accepted else stage
-        lines[-1] += f"\n| {name} | {judged} | {moved_mm[k]:.1f} mm | {turned_deg[k]:.1f}° |"
+    lines.append(_stages(row))
+    score, *_ = row.best_score.tolist()
     where = f"iteration {row.best_iteration}" if row.best_iteration else "the start"
-    lines.append(f"Best so far: {row.best_score[0]:.3f}, hypothesis {row.best_arm + 1}, {row.best_stage}, {where}.")
+    lines.append(f"Best so far: {score:.3f}, hypothesis {row.best_arm + 1}, {row.best_stage}, {where}.")
     if branch.has_truth:
-        rotation_deg, translation_mm, add_mm = row.errors
+        rotation_deg, translation_mm, add_mm = row.errors.tolist()
         lines.append(
             f"Against ground truth: kept pose {rotation_deg:.1f}° and {translation_mm:.1f} mm off;"
             f" best pose ADD(-S) {add_mm:.1f} mm."
         )
+    lines += _scene(row, layout)
     if row.event_texts:
         lines.append("\n".join(f"- {plain(text)}" for text in row.event_texts))
     return "\n\n".join(lines)
 
 
+def _stages(row: Row) -> str:
+    """The table of the stages."""
+    # Plain floats: for a handful of numbers arrays cost more than they save.
+    scores, pixels = row.scores.tolist(), row.pixels.tolist()
+    moved_mm, turned_deg = differences(row.Ts_cam_obj)
+    lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
+    for k, stage in enumerate(row.stages):
+        f, depth_fit, normal_fit = scores[k]
+        judged = "– | – | – | –" if f != f else f"{f:.3f} | {depth_fit:.3f} | {normal_fit:.3f} | {pixels[k][0]}"
+        name = f"**{stage} ✔**" if stage == row.accepted else stage
+        lines.append(f"| {name} | {judged} | {moved_mm[k]:.1f} mm | {turned_deg[k]:.1f}° |")
+    return "\n".join(lines)
+
+
+def _scene(row: Row, layout: Layout) -> Iterator[str]:
+    parts = row.parts
+    if parts.placed:
+        yield f"Already placed: {_names(parts.placed, layout)}."
+    if parts.scene is not None:
+        yield _scene_record(parts.scene)
+    if parts.tree is not None:
+        yield from _tree_step(parts.tree, layout)
+
+
+def _scene_record(scene: SceneRecord) -> str:
+    return (
+        f"**The pass as a scene: {scene.score.score:.3f}** (f_d {scene.score.depth_fit:.3f},"
+        f" f_n {scene.score.normal_fit:.3f}); each object at its best {scene.best_known.score:.3f};"
+        f" best scene so far {scene.incumbent_score:.3f}. The arms of this pass got {scene.reward:.3f}."
+    )
+
+
+def _tree_step(step: TreeStep, layout: Layout) -> Iterator[str]:
+    branch = " → ".join(str(n) for n in step.branch)
+    added = "a new node" if step.node is not None else "known to its end"
+    yield f"**Search tree {step.cluster + 1}:** branch {branch} ({added})."
+    if step.choices:
+        yield "\n".join(f"- {plain(choice)}" for choice in step.choices)
+    if step.rollout:
+        rest = ", ".join(
+            f"{_name(pose, layout)} h{arm + 1}" for pose, arm in zip(step.rollout, step.rollout_arms, strict=True)
+        )
+        yield f"Completed with {rest}."
+    yield f"Not explained: {step.cost_px:.0f} px; best scene so far {step.incumbent_cost_px:.0f} px."
+
+
+def _names(poses: Sequence[PlacedPose], layout: Layout) -> str:
+    return ", ".join(_name(pose, layout) for pose in poses)
+
+
+def _name(pose: PlacedPose, layout: Layout) -> str:
+    known = (b.name for b in layout.branches if b.instance_id == pose.instance_id)
+    return plain(next(known, f"#{pose.instance_id}"))
+
+
 def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
     """How far each of the poses (n, 4, 4) is from the first: mm between origins, degrees."""
     # A handful of poses: numbers one by one are faster than arrays here.
-    (*first, _), *_ = poses = Ts_cam_obj.tolist()
-    moved_mm, turned_deg = [], []
-    for pose in poses:
-        moved_mm.append(1e3 * math.dist([row[3] for row in first], [row[3] for row in pose[:3]]))
-        trace = sum(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] for a, b in zip(first, pose[:3], strict=True))
+    poses = Ts_cam_obj.reshape(-1, 16).tolist()
+    a, b, c, x, d, e, f, y, g, h, i, z, *_ = poses[0]
+    moved_mm, turned_deg = [0.0], [0.0]
+    for p in poses[1:]:
+        moved_mm.append(1e3 * math.hypot(p[3] - x, p[7] - y, p[11] - z))
+        trace = a * p[0] + b * p[1] + c * p[2] + d * p[4] + e * p[5] + f * p[6] + g * p[8] + h * p[9] + i * p[10]
         turned_deg.append(math.degrees(math.acos(min(1.0, max(-1.0, (trace - 1) / 2)))))
     return moved_mm, turned_deg
 

@@ -1,0 +1,64 @@
+"""Which objects depend on which, as a graph and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import rerun as rr
+from rerun.chunk import Chunk
+
+from verefine_viz.core.dependency import DependencyGraph, EdgeKind
+from verefine_viz.core.palette import OBJECT_COLORS
+from verefine_viz.recording import columns, entities
+from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.wording import plain
+
+DIRECTED: Mapping[EdgeKind, bool] = {"contact": False, "occlusion": True, "support": True}
+VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "carries"}
+
+
+def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]:
+    """Nodes, edges by kind and evidence; static."""
+    names = {b.instance_id: b.name for b in layout.branches}
+    colors = {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(layout.branches)}
+    place = {i: n for n, i in enumerate(graph.order, start=1)}
+    known = [i for i in graph.order if i in names]
+    nodes = rr.GraphNodes(
+        node_ids=[names[i] for i in known],
+        labels=[f"{place[i]}. {names[i]} (cluster {graph.cluster_of(i) + 1})" for i in known],
+        colors=[colors[i] for i in known],
+        radii=[12.0] * len(known),
+    )
+    yield columns.fixed(f"{entities.GRAPH}/objects", nodes)
+    for kind, directed in DIRECTED.items():
+        pairs = [
+            (names[e.first], names[e.second])
+            for e in graph.edges
+            if e.kind == kind and e.state == "used" and e.first in names and e.second in names
+        ]
+        if pairs:
+            look = rr.GraphEdges(pairs, graph_type="directed" if directed else "undirected")
+            yield columns.fixed(f"{entities.GRAPH}/{kind}", look)
+    text = rr.TextDocument(_evidence(graph, names), media_type="text/markdown")
+    yield columns.fixed(entities.EVIDENCE, text)
+
+
+def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
+    """The order and what it follows from, as markdown."""
+
+    def name(instance_id: int) -> str:
+        return plain(names.get(instance_id, f"#{instance_id}"))
+
+    lines = [f"## Order ({graph.source})"]
+    for k, cluster in enumerate(graph.clusters, start=1):
+        lines.append(f"{k}. {' → '.join(name(i) for i in cluster)}")
+    carried = [c for c in graph.support_lists if len(c) > 1]
+    if carried:
+        lines.append("\n## Stacks")
+        lines += [f"- {name(base)} carries {', '.join(name(i) for i in rest)}" for base, *rest in carried]
+    lines.append("\n## Evidence\n| | | | how one can tell | |\n|-|-|-|-|-|")
+    for e in graph.edges:
+        state = "" if e.state == "used" else f"**{e.state}**"
+        lines[-1] += f"\n| {name(e.first)} | {VERBS[e.kind]} | {name(e.second)} | {plain(e.evidence)} | {state} |"
+    lines += [f"- {plain(note)}" for note in graph.notes]
+    return "\n".join(lines)

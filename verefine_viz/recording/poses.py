@@ -1,0 +1,101 @@
+"""Where every object's meshes are over the iterations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import rerun as rr
+from rerun.chunk import Chunk
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.records import PlacedPose
+from verefine_viz.recording import columns, entities
+from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.row import Row
+
+NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
+"""Too small to be seen: what has no valid transform at all would be reported as an error in the view."""
+
+Moves = list[tuple[int, str, Float]]
+"""Iteration, stage, pose."""
+
+
+class Poses:
+    """Follows the stages of all objects from row to row; knows what is shown, and sends what changes."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._branches = {b.instance_id: b for b in layout.branches}
+        self._stages = entities.DRAWN_STAGES + (entities.IN_SCENE if layout.is_scene else ())
+        self._moves: dict[int, Moves] = {i: [] for i in self._branches}
+        self._worked_on: int | None = None
+        self._best: dict[int, Float] = {}
+        self._placed: dict[int, Float] = {}
+        self._incumbent: dict[int, Float] = {}
+
+    def start(self) -> Iterator[Chunk]:
+        """Nothing is shown before the first iteration."""
+        for branch in self._branches.values():
+            yield _transforms(branch, [(0, stage, NOWHERE) for stage in self._stages])
+
+    def add(self, row: Row) -> None:
+        """Takes the next iteration."""
+        k, own, before = row.index, self._moves[row.instance_id], self._worked_on
+        if before is not None and before != row.instance_id:
+            # Another object's turn: of this one only what it came to stays.
+            self._moves[before] += [(k, stage, NOWHERE) for stage in entities.WORKED_ON]
+        self._worked_on = row.instance_id
+        self._place(k, row)
+        shown = dict(zip(row.stages, row.Ts_cam_obj, strict=True))
+        own += [(k, stage, shown.get(stage, NOWHERE)) for stage in entities.WORKED_ON]
+        own.append((k, "best", row.T_best))
+        self._best[row.instance_id] = row.T_best
+        for pose in _incumbent(row):
+            known = self._incumbent.get(pose.instance_id)
+            if known is None or not np.array_equal(known, pose.T_cam_obj):
+                self._moves[pose.instance_id].append((k, "incumbent", pose.T_cam_obj))
+                self._incumbent[pose.instance_id] = pose.T_cam_obj
+
+    def chunks(self) -> Iterator[Chunk]:
+        """What moved since the last call."""
+        for instance_id, moves in self._moves.items():
+            if moves:
+                yield _transforms(self._branches[instance_id], moves)
+                moves.clear()
+
+    def _place(self, k: int, row: Row) -> None:
+        """Objects that stand while this one is worked on; where one stands at its best, only that is drawn."""
+        tree = row.parts.tree
+        standing = {p.instance_id: p.T_cam_obj for p in (*row.parts.placed, *(tree.rollout if tree else ()))}
+        standing.pop(row.instance_id, None)
+        for instance_id in self._placed.keys() | standing.keys():
+            was, now = self._placed.get(instance_id), standing.get(instance_id)
+            if was is now or (was is not None and now is not None and np.array_equal(was, now)):
+                continue
+            moves = self._moves[instance_id]
+            moves.append((k, "placed", NOWHERE if now is None else now))
+            best = self._best.get(instance_id)
+            if best is not None and instance_id != row.instance_id:
+                hidden = now is not None and np.array_equal(best, now)
+                moves.append((k, "best", NOWHERE if hidden else best))
+        self._placed = standing
+
+
+def _incumbent(row: Row) -> Sequence[PlacedPose]:
+    if row.parts.scene is not None:
+        return row.parts.scene.incumbent
+    return row.parts.tree.incumbent if row.parts.tree is not None else ()
+
+
+def _transforms(branch: Branch, moves: Moves) -> Chunk:
+    frames = {stage: [entities.stage_frame(branch.name, stage)] for stage in {stage for _, stage, _ in moves}}
+    poses = np.array([T for _, _, T in moves]).astype(np.float32)
+    # rerun keeps matrices column by column.
+    matrices = poses[:, :3, :3].transpose(0, 2, 1).reshape(-1, 1, 9)
+    parts = [
+        columns.vectors(rr.Transform3D.descriptor_translation(), poses[:, None, :3, 3], 3),
+        columns.vectors(rr.Transform3D.descriptor_mat3x3(), matrices, 9),
+        columns.texts(rr.Transform3D.descriptor_child_frame(), [frames[stage] for _, stage, _ in moves]),
+        columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * len(moves)),
+    ]
+    return columns.rows_of(f"{entities.OBJECTS}/{branch.name}/poses", [k for k, _, _ in moves], parts)
