@@ -38,7 +38,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import IcpSettings
-from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop
+from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop, refined_pose
 from verefine_viz.refiners.nearest import NearestIndex
 
 FINAL_GATE = 0.1
@@ -87,7 +87,6 @@ def icp_align(
     settings: IcpSettings,
     target_normals: Float | None = None,
     source_normals: Float | None = None,
-    pivot: Float | None = None,
     extent_m: float | None = None,
 ) -> IcpResult:
     """Aligns a cloud to another, starting where they are.
@@ -98,7 +97,6 @@ def icp_align(
         settings: metric, stop rule, gate, matches.
         target_normals: (M, 3) unit normals, needed for ``metric = "plane"``; used by ``matches = "same_side"``.
         source_normals: (N, 3) unit normals, zero where unknown; without them every match within the gate counts.
-        pivot: (3,) the point whose shift the tolerance looks at; the origin if not given.
         extent_m: what the gate is a share of [m]; the source's largest extent along an axis if not given.
 
     Returns:
@@ -127,12 +125,17 @@ def icp_align(
         target.index,
         target.normals,
         gates_m,
-        0 if settings.stop == "published" else int(np.argmin(gates_m)),
+        _n_shrinking(gates_m, settings),
         _STOP[settings.stop],
         settings.metric == "plane",
-        np.zeros(3) if pivot is None else _writable(pivot),
+        np.zeros(3),
     )
     return IcpResult(transform(R, t), n_iterations, n_matches, float(np.sqrt(mse)))
+
+
+def _n_shrinking(gates_m: Float, settings: IcpSettings) -> int:
+    """Iterations in which no small step ends the loop, because the gate still changes."""
+    return 0 if settings.stop == "published" else int(gates_m.argmin())
 
 
 def _writable(array: Float) -> Float:
@@ -154,44 +157,55 @@ def gate_schedule_m(extent_m: float, settings: IcpSettings) -> Float:
     return gates * extent_m
 
 
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """What of a target does not depend on the pose."""
+
+    points_cam: Float
+    """(N, 3) [m]."""
+    normals_cam: Float
+    """(N, 3), or (0, 3) where sides are not checked."""
+    gates_m: Float
+    """(max_iterations,)."""
+
+
 class Icp:
     """Refines a pose by ICP between the instance's observed cloud and its model's."""
 
     def __init__(self, settings: IcpSettings) -> None:
         self.settings = settings
         self._targets: WeakKeyDictionary[ObjectModel, IcpTarget] = WeakKeyDictionary()
-        self._normals: WeakKeyDictionary[Target, Float] = WeakKeyDictionary()
+        self._observed: WeakKeyDictionary[Target, _Observed] = WeakKeyDictionary()
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); the given one where the observed cloud is empty or nothing lies within the gate."""
-        points_cam = target.instance.points_cam
-        if len(points_cam) == 0 or len(target.model.points) == 0:
+        if len(target.instance.points_cam) == 0 or len(target.model.points) == 0:
             return T_cam_obj
-        R_cam_obj, t_cam_obj = T_cam_obj[:3, :3], T_cam_obj[:3, 3]
-        source_normals = None
-        if self.settings.matches == "same_side":
-            source_normals = self._observed_normals(target) @ R_cam_obj
-        result = icp_align(
-            (points_cam - t_cam_obj) @ R_cam_obj,
-            self._target(target.model),
-            self.settings,
-            source_normals=source_normals,
-            # The published gate and tolerance are those of the camera's frame.
-            pivot=-t_cam_obj @ R_cam_obj,
-            extent_m=largest_extent_m(points_cam),
+        observed, model = self._seen(target), self._target(target.model)
+        pose = finite(T_cam_obj, "pose to refine", (4, 4))
+        R, t, n_iterations = refined_pose(
+            pose[:3, :3].copy(),
+            pose[:3, 3].copy(),
+            observed.points_cam,
+            observed.normals_cam,
+            model.index,
+            model.normals,
+            observed.gates_m,
+            _n_shrinking(observed.gates_m, self.settings),
+            _STOP[self.settings.stop],
+            self.settings.metric == "plane",
         )
-        if result.n_iterations == 0:
-            return T_cam_obj
-        # The observed points moved by Y in the model's frame, so the model moves by its inverse: T · Y⁻¹.
-        R, t = result.T_target_source[:3, :3], result.T_target_source[:3, 3]
-        R_new = R_cam_obj @ R.T
-        return transform(R_new, t_cam_obj - R_new @ t)
+        return T_cam_obj if n_iterations == 0 else transform(R, t)
 
-    def _observed_normals(self, target: Target) -> Float:
-        normals = self._normals.get(target)
-        if normals is None:
-            normals = self._normals[target] = observed_normals(target.observation, target.instance.points_cam)
-        return normals
+    def _seen(self, target: Target) -> _Observed:
+        observed = self._observed.get(target)
+        if observed is None:
+            points_cam = target.instance.points_cam
+            checks_sides = self.settings.matches == "same_side" and len(target.model.point_normals) > 0
+            normals_cam = observed_normals(target.observation, points_cam) if checks_sides else _NO_NORMALS
+            gates_m = gate_schedule_m(largest_extent_m(points_cam), self.settings)
+            observed = self._observed[target] = _Observed(_writable(points_cam), _writable(normals_cam), gates_m)
+        return observed
 
     def _target(self, model: ObjectModel) -> IcpTarget:
         ready = self._targets.get(model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from verefine_viz.refiners.nearest import NearestIndex, nearest
+from verefine_viz.refiners.nearest import NearestIndex, nearest_of_all
 
 ALL_ITERATIONS, TOLERANCE, PUBLISHED = 0, 1, 2
 """Stop rules, as the kernel takes them."""
@@ -50,6 +50,7 @@ def icp_loop(
     R, t = np.eye(3), np.zeros(3)
     moved = np.empty((n, 3))
     match = np.zeros(n, dtype=np.int64)
+    squared = np.empty(n)
     kept = np.empty(n, dtype=np.bool_)
     points = index.points
     n_matches, mse, previous_mse = 0, 0.0, np.inf
@@ -57,15 +58,15 @@ def icp_loop(
         gate_squared = gates_m[iteration] * gates_m[iteration]
         n_matches, total = 0, 0.0
         for i in range(n):
-            x, y, z = apply(R, t, source[i])
-            moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z
-            match[i], squared = nearest(x, y, z, gate_squared, index)
-            kept[i] = squared <= gate_squared
+            moved[i, 0], moved[i, 1], moved[i, 2] = apply(R, t, source[i])
+        nearest_of_all(moved, gate_squared, index, match, squared)
+        for i in range(n):
+            kept[i] = squared[i] <= gate_squared
             if kept[i] and check_sides:
                 kept[i] = _turned_dot(R, source_normals[i], normals[match[i]]) >= 0.0
             if kept[i]:
                 n_matches += 1
-                total += squared
+                total += squared[i]
         if n_matches < 3:
             return R, t, iteration, n_matches, 0.0
         mse = total / n_matches
@@ -88,6 +89,55 @@ def icp_loop(
                 return R, t, iteration + 1, n_matches, mse
         previous_mse = mse
     return R, t, len(gates_m), n_matches, mse
+
+
+@njit(cache=True)
+def refined_pose(
+    R: np.ndarray,
+    t: np.ndarray,
+    points_cam: np.ndarray,
+    normals_cam: np.ndarray,
+    index: NearestIndex,
+    normals: np.ndarray,
+    gates_m: np.ndarray,
+    n_shrinking: int,
+    stop: int,
+    plane: bool,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """:func:`icp_loop` from a pose (R, t) of the model in the camera frame: the refined pose and the iterations.
+
+    Args:
+        R: (3, 3) of T_cam_obj.
+        t: (3,).
+        points_cam: (N, 3) the observed cloud.
+        normals_cam: (N, 3) its normals, or (0, 3); both are moved into the model's frame.
+        index: of the model's cloud.
+        normals: as in :func:`icp_loop`.
+        gates_m: as there.
+        n_shrinking: as there.
+        stop: as there.
+        plane: as there.
+    """
+    # The published gate and tolerance are those of the camera's frame, whose origin is the pivot.
+    pivot = -(R.T @ t)
+    source, source_normals = np.empty_like(points_cam), np.empty_like(normals_cam)
+    _turn_back(R, t, points_cam, source)
+    _turn_back(R, np.zeros(3), normals_cam, source_normals)
+    step_R, step_t, n_iterations, _, _ = icp_loop(
+        source, source_normals, index, normals, gates_m, n_shrinking, stop, plane, pivot
+    )
+    # The observed points moved by Y in the model's frame, so the model moves by its inverse: T · Y⁻¹.
+    R_new = R @ step_R.T
+    return R_new, t - R_new @ step_t, n_iterations
+
+
+@njit(cache=True)
+def _turn_back(R: np.ndarray, t: np.ndarray, points: np.ndarray, out: np.ndarray) -> None:
+    """``out`` = Rᵀ (p − t) for each of ``points`` (N, 3)."""
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - t[0], points[i, 1] - t[1], points[i, 2] - t[2]
+        for k in range(3):
+            out[i, k] = R[0, k] * x + R[1, k] * y + R[2, k] * z
 
 
 @njit(cache=True)
@@ -115,23 +165,37 @@ def point_step(
     moved: np.ndarray, points: np.ndarray, match: np.ndarray, kept: np.ndarray, n_matches: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step with the least sum of squared distances (Umeyama without scale)."""
-    a, b = np.zeros(3), np.zeros(3)
-    for i in range(len(moved)):
-        if kept[i]:
-            for k in range(3):
-                a[k] += moved[i, k]
-                b[k] += points[match[i], k]
-    a /= n_matches
-    b /= n_matches
-    H = np.zeros((3, 3))
+    # One pass, about a point near both clouds: what is taken off again afterwards is then no larger than what stays.
+    ox, oy, oz = points[match[0], 0], points[match[0], 1], points[match[0], 2]
+    ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(moved)):
         if kept[i]:
             j = match[i]
-            for k in range(3):
-                d = points[j, k] - b[k]
-                H[k, 0] += d * (moved[i, 0] - a[0])
-                H[k, 1] += d * (moved[i, 1] - a[1])
-                H[k, 2] += d * (moved[i, 2] - a[2])
+            px, py, pz = moved[i, 0] - ox, moved[i, 1] - oy, moved[i, 2] - oz
+            qx, qy, qz = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
+            ax, ay, az = ax + px, ay + py, az + pz
+            bx, by, bz = bx + qx, by + qy, bz + qz
+            xx, xy, xz = xx + qx * px, xy + qx * py, xz + qx * pz
+            yx, yy, yz = yx + qy * px, yy + qy * py, yz + qy * pz
+            zx, zy, zz = zx + qz * px, zy + qz * py, zz + qz * pz
+    ax, ay, az, bx, by, bz = (
+        ax / n_matches,
+        ay / n_matches,
+        az / n_matches,
+        bx / n_matches,
+        by / n_matches,
+        bz / n_matches,
+    )
+    nx, ny, nz = n_matches * bx, n_matches * by, n_matches * bz
+    H = np.array(
+        [
+            [xx - nx * ax, xy - nx * ay, xz - nx * az],
+            [yx - ny * ax, yy - ny * ay, yz - ny * az],
+            [zx - nz * ax, zy - nz * ay, zz - nz * az],
+        ]
+    )
+    a, b = np.array([ax + ox, ay + oy, az + oz]), np.array([bx + ox, by + oy, bz + oz])
     U, _, Vt = np.linalg.svd(H)
     if np.linalg.det(U) * np.linalg.det(Vt) < 0.0:
         U[:, 2] *= -1.0

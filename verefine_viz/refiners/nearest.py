@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 
-MAX_CELLS = 2**15
-"""Most cubes: about 8 mm a side around an object of 200 mm."""
-CELLS_PER_POINT = 16
+MAX_CELLS = 2**16
+"""Most cubes: about 6 mm a side around an object of 200 mm."""
+CELLS_PER_POINT = 32
 """Cubes for clouds below 2048 points, which do not need as many."""
 PADDING = 0.3
 """How far the cubes reach beyond the cloud, as a share of its largest extent; farther away every point is compared."""
@@ -36,6 +36,8 @@ class NearestIndex(NamedTuple):
     """(3,) where the cubes begin."""
     side: float
     """Side of a cube."""
+    per_side: float
+    """Its inverse."""
     counts: NDArray[np.int64]
     """(3,) cubes along x, y, z."""
     starts: NDArray[np.int64]
@@ -57,52 +59,65 @@ class NearestIndex(NamedTuple):
         counts = np.ceil(size / side).astype(np.int64)
         low = bounds[0] - padding
         starts, candidates = _fill(points, low, side, counts)
-        return NearestIndex(points, bounds, low, side, counts, starts, candidates)
+        return NearestIndex(points, bounds, low, side, 1.0 / side, counts, starts, candidates)
 
     def query(self, points: Float) -> tuple[Float, NDArray[np.int64]]:
         """Distance to, and index of, the nearest neighbour of each of ``points`` (M, 3)."""
-        squared, found = _query_all(np.array(points, dtype=np.float64, order="C"), self)
+        found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+        nearest_of_all(np.array(points, dtype=np.float64, order="C"), np.inf, self, found, squared)
         return np.sqrt(squared), found
 
 
 @njit(cache=True)
-def nearest(x: float, y: float, z: float, limit_squared: float, index: NearestIndex) -> tuple[int, float]:
-    """The nearest point's index and squared distance to (x, y, z); (0, inf) if it is surely beyond the limit."""
-    points = index.points
-    best, best_squared = 0, np.inf
-    u = (x - index.low[0]) / index.side
-    v = (y - index.low[1]) / index.side
-    w = (z - index.low[2]) / index.side
+def nearest_of_all(
+    queries: np.ndarray, limit_squared: float, index: NearestIndex, found: np.ndarray, squared: np.ndarray
+) -> None:
+    """Finds the nearest points of all queries in one call; a function that is called for each would take longer.
+
+    Args:
+        queries: (M, 3).
+        limit_squared: how far one looks [m²].
+        index: of the cloud.
+        found: (M,) filled with the nearest points' indices; 0 where they are surely beyond the limit.
+        squared: (M,) filled with the squared distances; infinite there.
+    """
+    points, starts, candidates = index.points, index.starts, index.candidates
+    low_x, low_y, low_z, per_side = index.low[0], index.low[1], index.low[2], index.per_side
     nx, ny, nz = index.counts[0], index.counts[1], index.counts[2]
-    if u >= 0.0 and v >= 0.0 and w >= 0.0 and u < nx and v < ny and w < nz:
-        cell = (int(u) * ny + int(v)) * nz + int(w)
-        for k in range(index.starts[cell], index.starts[cell + 1]):
-            i = index.candidates[k]
-            dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-            squared = dx * dx + dy * dy + dz * dz
-            if squared < best_squared:
-                best, best_squared = i, squared
-        return best, best_squared
-    dx = max(index.bounds[0, 0] - x, x - index.bounds[1, 0], 0.0)
-    dy = max(index.bounds[0, 1] - y, y - index.bounds[1, 1], 0.0)
-    dz = max(index.bounds[0, 2] - z, z - index.bounds[1, 2], 0.0)
+    for m in range(len(queries)):
+        x, y, z = queries[m, 0], queries[m, 1], queries[m, 2]
+        u, v, w = (x - low_x) * per_side, (y - low_y) * per_side, (z - low_z) * per_side
+        best, best_squared = 0, np.inf
+        if u >= 0.0 and v >= 0.0 and w >= 0.0 and u < nx and v < ny and w < nz:
+            cell = (int(u) * ny + int(v)) * nz + int(w)
+            for k in range(starts[cell], starts[cell + 1]):
+                i = candidates[k]
+                dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+                distance = dx * dx + dy * dy + dz * dz
+                if distance < best_squared:
+                    best, best_squared = i, distance
+        else:
+            best, best_squared = _beyond_the_cubes(x, y, z, limit_squared, points, index.bounds)
+        found[m], squared[m] = best, best_squared
+
+
+@njit(cache=True)
+def _beyond_the_cubes(
+    x: float, y: float, z: float, limit_squared: float, points: np.ndarray, bounds: np.ndarray
+) -> tuple[int, float]:
+    """The nearest point's index and squared distance by a look at all of them; (0, inf) beyond the limit."""
+    best, best_squared = 0, np.inf
+    dx = max(bounds[0, 0] - x, x - bounds[1, 0], 0.0)
+    dy = max(bounds[0, 1] - y, y - bounds[1, 1], 0.0)
+    dz = max(bounds[0, 2] - z, z - bounds[1, 2], 0.0)
     if dx * dx + dy * dy + dz * dz > limit_squared:
-        return 0, np.inf
+        return best, best_squared
     for i in range(len(points)):
         dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
         squared = dx * dx + dy * dy + dz * dz
         if squared < best_squared:
             best, best_squared = i, squared
     return best, best_squared
-
-
-@njit(cache=True)
-def _query_all(queries: np.ndarray, index: NearestIndex) -> tuple[np.ndarray, np.ndarray]:
-    squared = np.empty(len(queries))
-    found = np.empty(len(queries), dtype=np.int64)
-    for i in range(len(queries)):
-        found[i], squared[i] = nearest(queries[i, 0], queries[i, 1], queries[i, 2], np.inf, index)
-    return squared, found
 
 
 @njit(cache=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from verefine_viz.refiners.icp_kernel import apply, point_step
-from verefine_viz.refiners.nearest import NearestIndex, nearest
+from verefine_viz.refiners.nearest import NearestIndex, nearest_of_all
 from verefine_viz.refiners.trimmed_afar import Leaves, nearest_from_afar
 
 NEAR_ONLY = -1.0
@@ -31,14 +31,16 @@ def trimmed_loop(
     R, t = np.eye(3), np.zeros(3)
     match = np.zeros(n, dtype=np.int64)
     squared = np.empty(n)
+    moved = np.empty((n, 3))
     kept = np.ones(n, dtype=np.bool_)
     energy, previous = 0.0, np.inf
     for k in range(max_passes):
         for i in range(n):
-            x, y, z = apply(R, t, source[i])
-            match[i], squared[i] = nearest(x, y, z, NEAR_ONLY, index)
+            moved[i, 0], moved[i, 1], moved[i, 2] = apply(R, t, source[i])
+        nearest_of_all(moved, NEAR_ONLY, index, match, squared)
+        for i in range(n):
             if squared[i] == np.inf:
-                match[i], squared[i] = nearest_from_afar(x, y, z, leaves)
+                match[i], squared[i] = nearest_from_afar(moved[i, 0], moved[i, 1], moved[i, 2], leaves)
         energy = _keep_best(squared, n_used, kept)
         # From where the points were at first, not from where the last pass left them: errors do not add up.
         R, t = point_step(source, index.points, match, kept, n_used)
@@ -75,7 +77,6 @@ def _keep_best(squared: np.ndarray, n_used: int, kept: np.ndarray) -> float:
 def unexplained(points: np.ndarray, index: NearestIndex, limit_m: float) -> np.ndarray:
     """Which of ``points`` (N, 3) have no point of the indexed cloud within ``limit_m``; (N,) bool."""
     limit_squared = limit_m * limit_m
-    free = np.empty(len(points), dtype=np.bool_)
-    for i in range(len(points)):
-        free[i] = nearest(points[i, 0], points[i, 1], points[i, 2], limit_squared, index)[1] > limit_squared
-    return free
+    found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+    nearest_of_all(points, limit_squared, index, found, squared)
+    return squared > limit_squared
