@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -44,7 +44,7 @@ def trace(name: str) -> list[dict[str, object]]:
 
 def main() -> None:
     """Writes one file per method."""
-    for name in METHOD_NAMES:
+    for name in ALL_METHOD_NAMES:
         trace_file(name).write_text(json.dumps(trace(name), indent=1) + "\n")
 
 

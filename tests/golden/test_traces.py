@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tests.golden.regenerate import trace, trace_file
-from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
 
 CHOSEN = ("instance", "arm", "accepted")
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
+@pytest.mark.parametrize("name", ALL_METHOD_NAMES)
 def test_the_trace_is_the_reviewed_one(name: str) -> None:
     golden = json.loads(trace_file(name).read_text())
     made = trace(name)

@@ -11,7 +11,7 @@ import pytest
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
-from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -23,6 +23,7 @@ def session_of(name: str, preset: str = "recommended") -> dict[str, object]:
         "scene": {"demo": "clutter"},
         "hypotheses": {"max_per_object": 3},
         "method": {"name": name, "iterations": 2},
+        "mcts": {"expansions": 4},
     }
 
 
@@ -59,7 +60,7 @@ def digest_in_a_fresh_process(name: str) -> str:
 
 
 @pytest.mark.parametrize("preset", ["recommended", "published"])
-@pytest.mark.parametrize("name", METHOD_NAMES)
+@pytest.mark.parametrize("name", ALL_METHOD_NAMES)
 def test_stepping_headless_and_rewinding_are_the_same(
     name: str, preset: str, toolbox: Toolbox, problem: Problem
 ) -> None:
@@ -80,8 +81,8 @@ def test_stepping_headless_and_rewinding_are_the_same(
 
 def test_another_process_gives_the_same_bits(toolbox: Toolbox) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        theirs = pool.map(digest_in_a_fresh_process, ["rir", "even"])
-    ours = [digest_in_a_fresh_process(name) for name in ("rir", "even")]
+        theirs = pool.map(digest_in_a_fresh_process, ["rir", "vf_depth", "physim_mcts"])
+    ours = [digest_in_a_fresh_process(name) for name in ("rir", "vf_depth", "physim_mcts")]
     assert theirs == ours
 
 

@@ -89,7 +89,13 @@ _METHODS: dict[str, Callable[[_Parts], PerObject]] = {
     "vf_depth": _Parts.vf_depth,
 }
 
+SEARCH = "physim_mcts"
+"""The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py)."""
+
 METHOD_NAMES = tuple(_METHODS)
+"""Composed here from the session's refiner and simulator."""
+
+ALL_METHOD_NAMES = (*METHOD_NAMES, SEARCH)
 
 
 def make_method(
@@ -101,5 +107,5 @@ def make_method(
         SettingsError: there is no such method.
     """
     if settings.name not in _METHODS:
-        raise SettingsError(unknown("method", settings.name, METHOD_NAMES))
+        raise SettingsError(unknown("method", settings.name, ALL_METHOD_NAMES))
     return _METHODS[settings.name](_Parts(settings, simulator, refiner, verifier, n_steps))

@@ -11,10 +11,13 @@ from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.registry import make_method
+from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
+from verefine_viz.methods.registry import SEARCH, make_method
 from verefine_viz.observation.dependency import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.engine import Run
@@ -58,6 +61,11 @@ class Toolbox:
     @cached_property
     def method(self) -> Method[Any]:
         s = self.session
+        if s.method.name == SEARCH:
+            physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
+            simulator = BulletSimulator(physics) if physics.enabled else None
+            pixels = ExplainedPixels(s.mcts.explained_m, s.score)
+            return make_physim_mcts(s.mcts, simulator, TrimmedIcp(tricp), self.verifier, pixels, physics.steps)
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps)
 
     @property

@@ -6,7 +6,7 @@ from typing import Any
 
 import viser
 
-from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.view import View
@@ -19,7 +19,7 @@ class SettingsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._fields: dict[str, Any] = {
-            "method.name": gui.add_dropdown("Method", METHOD_NAMES, hint="the algorithm"),
+            "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
             "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
             "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
             "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
