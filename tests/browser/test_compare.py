@@ -35,6 +35,7 @@ def test_rir_against_sir_on_the_mug(look: Look) -> None:
     screen.text("Nothing is compared yet")
     screen.shot("compare_0_nothing")
     screen.click("Run")
+    screen.app.wait_until_idle(240)
     screen.text("Run finished")
     choose(screen, "Method of B", "sir")
     screen.click("Run B with these")
@@ -57,6 +58,7 @@ def test_rir_against_sir_on_the_mug(look: Look) -> None:
 def test_published_against_recommended_on_the_mug(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")
+    screen.app.wait_until_idle(240)
     screen.text("Run finished")
     screen.tab("A/B")
     choose(screen, "Preset of B", "published")

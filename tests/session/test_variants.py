@@ -9,7 +9,7 @@ import pytest
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import PUBLISHED, Change, Edit, MethodSettings, ScoreSettings, Session
 from verefine_viz.session.files import resolve
-from verefine_viz.session.variants import scores_alike, settings_between, variant
+from verefine_viz.session.variants import parsed, scores_alike, settings_between, variant
 
 SESSION = Session(title="mug", method=MethodSettings(name="rir", iterations=3, exploration=0.2))
 
@@ -67,3 +67,14 @@ def test_nonsense_is_refused_in_one_line(changes: Any, words: str) -> None:
         variant(SESSION, changes)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_settings_can_be_written_as_a_line() -> None:
+    line = "score.tau_m = 0.01; physics.collider = hull;\nphysics.enabled=false ; method.name = 'sir'"
+    assert parsed(line) == (
+        ("score.tau_m", 0.01), ("physics.collider", "hull"), ("physics.enabled", False), ("method.name", "sir")
+    )  # fmt: skip
+    assert parsed("") == parsed(" ; ") == ()
+    for bad in ("score.tau_m", "= 3", "score.tau_m =", "a b = 3"):
+        with pytest.raises(SettingsError, match="is no setting; expected a name and a value"):
+            parsed(bad)

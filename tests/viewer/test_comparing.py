@@ -12,6 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.viewer.client import client
+from tests.viewer.test_app import until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
@@ -20,9 +22,11 @@ from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.side_view import SidesView
-from verefine_viz.viewer.side_words import summary
+from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
 
 SESSION = Session(method=MethodSettings(iterations=2))
 SIR = (("method.name", "sir"),)
@@ -350,3 +354,65 @@ def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> N
             assert words in str(caught.value)
             assert "\n" not in str(caught.value)
     same(d, before)
+
+
+def test_a_page_opens_with_two_recordings_or_says_why_not(tmp_path: Path) -> None:
+    one = record(tmp_path / "rir.rrd", SESSION)
+    other = record(tmp_path / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2)))
+    elsewhere = record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
+    app = App(SESSION, None, port=0, make_tools=Numbered, first=(s.OpenRecording(str(one)),)).start()
+    try:
+        app.wait_until_idle()
+        app.send(s.CompareRecording(str(other)))
+        app.wait_until_idle()
+        assert "leaves A (rir, rir.rrd)" in app.layout.compare._words._handle.content
+        app.send(s.CompareRecording(str(elsewhere)))
+        app.wait_until_idle()
+        assert "two runs are compared on the same frame" in app.debugger.message
+    finally:
+        app.stop()
+    bad = (s.OpenRecording(str(one)), s.CompareRecording(str(elsewhere)))
+    app = App(SESSION, None, port=0, make_tools=Numbered, first=bad).start()
+    try:
+        with pytest.raises(VerefineError, match="two runs are compared on the same frame"):
+            app.wait_until_ready(30)
+    finally:
+        app.stop()
+
+
+def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_path: Path) -> None:
+    app = App(SESSION, None, port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        app.send(c.RunUntil("end"))
+        app.wait_until_idle()
+        with client(app.url) as browser, client(app.url) as another:
+            browser.set(app.layout.compare.choice.fields["method.name"], "sir")
+            browser.set(app.layout.compare.choice.run, True)
+            until(app, lambda: app.debugger.view().sides is not None)
+            app.wait_until_idle()
+            assert sides(app.debugger).effort_b.iterations == 2
+            another.set(app.layout.compare.slider, 2)
+            until(app, lambda: app.debugger.workspace.run.cursor == 2)
+            another.set(app.layout.compare.moves, "First difference")
+            until(app, lambda: sides(app.debugger).which == "kept")
+            browser.set(app.layout.compare.choice.more, "score.tau_m")
+            browser.set(app.layout.compare.choice.run, True)
+            until(app, lambda: "is no setting; expected a name and a value" in app.debugger.message)
+    finally:
+        app.stop()
+
+
+def test_names_from_data_are_text() -> None:
+    evil = "<img src=x onerror=alert(1)>"
+
+    class Evil(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            problem = super().problem(frame)
+            return replace(problem, models={k: replace(m, name=evil) for k, m in problem.models.items()})
+
+    d = Debugger(SESSION, None, Evil).carry_out([TWO, c.RunUntil("end"), s.CompareRun()])
+    v = replace(sides(d), name_a=evil, name_b=evil, settings=(("method.name", evil, evil),))
+    shown = "".join([sentence(summary(v)), legend(v), now_table(v), outcome_table(v), settings_list(v)])
+    assert "<img src=x" not in shown
+    assert "&lt;img src=x" in shown

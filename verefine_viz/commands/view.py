@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 
 
@@ -19,8 +20,10 @@ from verefine_viz.core.settings import Session
 class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
-    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR]")] = None
-    """A session file (.toml) or the folder of a batch run; none = a built-in scene."""
+    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR|A.rrd]")] = None
+    """A session file (.toml), the folder of a batch run, or a recording (.rrd); none = a built-in scene."""
+    other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[B.rrd]")] = None
+    """A recording of the same frame, to stand beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
     """Address to listen on. The page has no login: keep it on loopback and reach it from elsewhere by ssh -L."""
     port: int = 8080
@@ -31,7 +34,11 @@ class View:
 
     def run(self, arguments: Sequence[str]) -> int:
         overrides = given(self.settings, arguments)
-        if self.session is not None and self.session.is_dir():
+        recordings = _recordings(self.session, self.other, overrides)
+        if is_recording(self.session):
+            assert self.session is not None
+            session = _recorded_session(self.session)
+        elif self.session is not None and self.session.is_dir():
             session = _batch_session(self.session, overrides)
         else:
             from verefine_viz.session.files import load_session
@@ -41,12 +48,40 @@ class View:
 
         serve(
             session,
-            session_path=self.session,
+            session_path=None if is_recording(self.session) else self.session,
+            recordings=recordings,
             host=self.host,
             port=self.port,
             open_browser=self.open_browser and has_desktop(),
         )
         return 0
+
+
+def is_recording(path: Path | None) -> bool:
+    """Whether a path is that of a recording, finished or not."""
+    return path is not None and path.name.removesuffix(".part").endswith(".rrd")
+
+
+def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:
+    """Which recordings are A and B.
+
+    Raises:
+        InputError: B is no recording, A is none to which it could belong, or settings are given for one.
+    """
+    if b is not None and not is_recording(b):
+        raise InputError(f"{b} is no recording; expected a second file (.rrd) of the same frame, or none")
+    if is_recording(a) and overrides:
+        raise InputError(f"{a} is a recording, whose settings are fixed; leave out the options, or open its session")
+    return a if is_recording(a) else None, b
+
+
+def _recorded_session(path: Path) -> Session:
+    """The session of a recording, on its frame only."""
+    from verefine_viz.recording.reader import read_recording
+
+    recorded = read_recording(path)
+    scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
+    return recorded.session.model_copy(update={"scene": scene})
 
 
 def _batch_session(folder: Path, overrides: Mapping[str, Any]) -> Session:

@@ -6,7 +6,7 @@ import logging
 import threading
 import webbrowser
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -22,6 +22,7 @@ from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
+from verefine_viz.viewer.side_commands import CompareRecording, OpenRecording
 from verefine_viz.viewer.side_nodes import SideNodes
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import later
@@ -45,6 +46,7 @@ class App:
         make_tools: builds the algorithm's parts from a session; None = the real ones.
         batch: a batch run whose frames are listed; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
+        first: what is done before the page is shown; what cannot be done keeps the session from opening.
     """
 
     def __init__(
@@ -56,12 +58,14 @@ class App:
         make_tools: Callable[[Session], Tools] | None = None,
         folder: Path | None = None,
         batch: BatchIndex | None = None,
+        first: Sequence[c.Command] = (),
     ) -> None:
         self._session, self._path = session, session_path
         self._host, self._port = host, port
         self._make_tools = make_tools
         self._folder = folder if folder is not None else Path("sessions")
         self._batch = batch
+        self._first = first
         self._queue: deque[c.Command] = deque()
         self._wake = threading.Condition()
         self._stopping = False
@@ -172,7 +176,7 @@ class App:
             batch=self._batch,
             tell=self._tell,
             overlap=overlap,
-        )
+        ).carry_out(self._first)
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
         self.sides = SideNodes(self.server)
@@ -294,6 +298,11 @@ def real_parts(
     return make_tools, *checks, tuple(demo_names())
 
 
+def _of_recordings(a: Path | None, b: Path | None) -> tuple[c.Command, ...]:
+    """What opens them."""
+    return (*([OpenRecording(str(a))] if a else []), *([CompareRecording(str(b))] if b else []))
+
+
 def serve(
     session: Session,
     *,
@@ -301,16 +310,20 @@ def serve(
     host: str = "127.0.0.1",
     port: int = 8080,
     open_browser: bool = True,
+    recordings: tuple[Path | None, Path | None] = (None, None),
 ) -> None:
     """Serves the page until Ctrl-C; prints its address, one line.
 
-    A ``session_path`` that is the folder of a batch run lists the frames of the batch.
+    A ``session_path`` that is the folder of a batch run lists the frames of the batch. ``recordings`` are
+    A, the open run, and B beside it.
 
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
     batch = read_batch(session_path) if session_path is not None and session_path.is_dir() else None
-    app = App(session, None if batch else session_path, host, port, batch=batch).start()
+    app = App(
+        session, None if batch else session_path, host, port, batch=batch, first=_of_recordings(*recordings)
+    ).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         app.wait_until_ready()

@@ -302,5 +302,6 @@ def _matching(problem: Problem, like: Problem) -> Problem:
 
 
 def _named(changes: Sequence[tuple[str, Any]]) -> str:
-    what = ", ".join(f"{name.rpartition('.')[2]} = {value}" for name, value in changes)
+    short = [name.rpartition(".")[2] if name != "method.name" else "method" for name, _ in changes]
+    what = ", ".join(f"{name} = {value}" for name, (_, value) in zip(short, changes, strict=True))
     return f"B: {what or 'same settings'}"

@@ -7,8 +7,9 @@ from typing import Any
 
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.session.comparison import Answer, Difference, Effort, Outcome, tally
+from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
-from verefine_viz.viewer.markup import Row, swatch, table, text
+from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.side_view import SideNow, SidesView
 from verefine_viz.viewer.tables import cut, number
 
@@ -89,7 +90,8 @@ def legend(v: SidesView) -> str:
     """Which colour is which run."""
     a, b = swatch(SIDE_COLORS["A"]), swatch(SIDE_COLORS["B"])
     return (
-        f"<p>{a}<b>A</b> {cut_name(v.name_a)}, solid &nbsp; {b}<b>B</b> {cut_name(v.name_b)}, outlined and dashed</p>"
+        f"<p>{a}<b>A</b> {cut_name(v.name_a)}, solid; {b}<b>B</b> {cut_name(v.name_b)}, outline; "
+        f"{link('end A/B', s.StopComparing(), 'shows the open run alone again; B stays as a branch')}</p>"
     )
 
 
@@ -105,7 +107,7 @@ def where(v: SidesView) -> str:
     m = v.moment
     calls = f"{m.calls} refiner call{'s' if m.calls != 1 else ''} on {v.focus}"
     sides = [f"A {_index(m.a)}", f"B {_index(m.b)}"]
-    return f"moment {v.place} / {len(v.timeline)} · after {calls} · {', '.join(sides)}"
+    return f"moment {v.place} / {len(v.timeline)}: after {calls}, {', '.join(sides)}"
 
 
 def _index(k: int | None) -> str:

@@ -21,7 +21,6 @@ MOVES: dict[str, s.Command] = {
     "▶": s.StepMoment(1),
     "First difference": s.SeekDifference(),
     "Swap": s.SwapSides(),
-    "End A/B": s.StopComparing(),
 }
 POSES: dict[str, s.SidePose] = {"best so far": "best", "kept now": "kept"}
 AS_A = "as A"
