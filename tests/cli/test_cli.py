@@ -29,7 +29,7 @@ def overrides(*words: str) -> dict[str, Any]:
     return flags.given(command.settings, words)
 
 
-@pytest.mark.parametrize("command", [[], ["view"], ["batch"], ["replay"], ["doctor"]])
+@pytest.mark.parametrize("command", [[], ["view"], ["batch"], ["estimate"], ["replay"], ["doctor"]])
 def test_help_is_instant_because_nothing_heavy_is_imported(command: Sequence[str]) -> None:
     code = (
         "import sys, contextlib\nfrom verefine_viz import cli\n"
@@ -46,7 +46,7 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) ->
         cli.main(["--help"])
     assert ended.value.code == 0
     text = capsys.readouterr().out
-    for name in ("view", "batch", "replay", "doctor"):
+    for name in ("view", "batch", "estimate", "replay", "doctor"):
         assert name in text
 
 
@@ -109,8 +109,8 @@ def test_batch_takes_several_sessions() -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], "Expected one of {view, batch, replay, doctor}"),
-        (["veiw"], "Available subcommands: view, batch, replay, doctor"),
+        ([], "Expected one of {view, batch, estimate, replay, doctor}"),
+        (["veiw"], "Available subcommands: view, batch, estimate, replay, doctor"),
         (["view", "--scor.tau-m", "1"], "Unrecognized options: --scor.tau-m"),
         (["view", "--score.tau-m", "ten"], "could not convert string to float: 'ten'"),
         (["view", "--score.renderer", "vulkan"], "invalid choice 'vulkan'"),

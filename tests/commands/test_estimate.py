@@ -1,0 +1,110 @@
+"""``verefine-viz estimate``: what it writes is what the estimator found; what fails is said and costs nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.batch.frames import make_frames, write_session
+from verefine_viz import cli
+from verefine_viz.estimators import ppf_cache
+from verefine_viz.scenes.results import read_results
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
+
+ROOT = Path(__file__).resolve().parents[2]
+CLUTTER = ROOT / "sessions" / "clutter.toml"
+BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ppf_cache, "cache_folder", lambda: tmp_path / "cache")
+
+
+def run(*words: object) -> int:
+    return cli.main(["estimate", *(str(word) for word in words)])
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    assert run(*words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    return lines[0].removeprefix("verefine-viz: ")
+
+
+def test_the_file_holds_what_the_session_s_problem_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "ppf_demo-test.csv"
+    words = (*BY_PPF, "--hypotheses.max-per-object", "2", "--scene.frames", "0/1")
+    assert run(CLUTTER, "--out", out, *words) == 0
+    assert "1 frames, 6 objects" in capsys.readouterr().out
+    overrides = {
+        "hypotheses": {"source": "ppf", "max_per_object": 2},
+        "ppf": {"step": 0.08},
+        "scene": {"frames": ("0/1",)},
+        "physics": {"enabled": False},
+    }
+    problem = Toolbox(load_session(CLUTTER, overrides)).problem("0/1")
+    wanted = [(i.obj_id, h) for i in problem.instances for h in i.hypotheses]
+    rows = read_results(out)
+    assert len(rows) == len(wanted) > 6
+    for row, (obj_id, h) in zip(rows, wanted, strict=True):
+        assert (row.scene_id, row.im_id, row.obj_id, row.score) == (0, 1, obj_id, h.confidence)
+        assert np.allclose(row.T_cam_obj, h.T_cam_obj, atol=1e-9)
+    assert list(out.parent.iterdir()) == [out]
+
+
+def test_a_session_can_start_from_the_file(tmp_path: Path) -> None:
+    out = tmp_path / "pool.csv"
+    words = (*BY_PPF, "--scene.frames", "0/1", "--scene.objects", "2")
+    assert run(CLUTTER, "--out", out, *words) == 0
+    overrides = {
+        "hypotheses": {"source": "results", "files": (str(out),)},
+        "scene": {"frames": ("0/1",), "objects": (2,)},
+    }
+    (instance,) = Toolbox(load_session(CLUTTER, overrides)).problem("0/1").instances
+    assert [h.confidence for h in instance.hypotheses] == [row.score for row in read_results(out)]
+
+
+def test_a_frame_that_fails_is_named_and_the_others_are_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = make_frames(tmp_path / "data", 3)
+    session = write_session(tmp_path, made)
+    (made.scene / "depth" / "000001.png").unlink()
+    out = tmp_path / "pool.csv"
+    assert run(session, "--out", out, *BY_PPF) == 1
+    said = capsys.readouterr().out.splitlines()
+    (failure,) = [line for line in said if "failed" in line]
+    assert "/1 failed: " in failure
+    assert {row.im_id for row in read_results(out)} == {0, 2}
+
+
+def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = make_frames(tmp_path / "data", 1)
+    session = write_session(tmp_path, made)
+    (made.scene / "depth" / "000000.png").unlink()
+    out = tmp_path / "pool.csv"
+    out.write_text("older")
+    assert run(session, "--out", out, *BY_PPF) == 1
+    assert "was not written" in capsys.readouterr().out
+    assert out.read_text() == "older"
+
+
+def test_a_session_without_an_estimator_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = refused(capsys, CLUTTER, "--out", tmp_path / "pool.csv")
+    assert said.startswith("hypotheses.source is 'perturb', expected an estimator (ppf, pcs)")
+    assert not (tmp_path / "pool.csv").exists()
+
+
+def test_a_folder_is_no_results_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is a folder" in refused(capsys, CLUTTER, "--out", tmp_path, *BY_PPF)
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert "cannot write" in refused(capsys, CLUTTER, "--out", tmp_path / "file" / "pool.csv", *BY_PPF)
