@@ -1,97 +1,76 @@
-"""What recording costs: a RIR frame with and without it, and the bytes it writes."""
+"""What recording costs: frames with and without it, in turns, each closed and complete on disk before the clock stops.
+
+Three cases: one object, a scene of several, and a batch-like sequence of different frames in one process. The share is
+that of pairs of frames measured right after one another; processor time counts all threads of the process, the writer
+of the recording too.
+"""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.records import Iteration
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
-REPEATS = 12
-
-
-class Timed:
-    """A watcher that measures another."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self.start_ms = self.iterations_ms = self.finish_ms = 0.0
-
-    def on_start(self, state: Any) -> None:
-        began = perf_counter()
-        self._recorder.on_start(state)
-        self.start_ms = (perf_counter() - began) * 1e3
-
-    def on_iteration(self, state: Any, iteration: Iteration) -> None:
-        began = perf_counter()
-        self._recorder.on_iteration(state, iteration)
-        self.iterations_ms += (perf_counter() - began) * 1e3
-
-    def on_finish(self, state: Any) -> None:
-        began = perf_counter()
-        self._recorder.draw_now()
-        self.iterations_ms += (perf_counter() - began) * 1e3
-        began = perf_counter()
-        self._recorder.on_finish(state)
-        self.finish_ms = (perf_counter() - began) * 1e3
+REPEATS = 15
+MUG: dict[str, Any] = {"method": {"name": "rir"}, "scene": {"demo": "mug"}}
+CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": {"demo": "clutter"}}
 
 
 def run() -> list[dict[str, object]]:
-    """One row without recording, one without maps, one with them; medians, measured in turns."""
-    toolboxes = {
-        "without recording": None,
-        "recording, no maps": _toolbox(maps=False),
-        "recording with maps": _toolbox(maps=True),
-    }
-    plain = _toolbox(maps=False)
-    problem = plain.problem(plain.frames[0])
-    plain.run(problem).finish()  # compiles kernels, builds colliders and search structures
-    n_iterations = plain.run(problem).n_iterations
-    found: dict[str, list[tuple[float, float, float, float, int]]] = {name: [] for name in toolboxes}
+    """A row per case, without maps and (one object) with them."""
+    mug, clutter = _toolbox(MUG, maps=False), _toolbox(CLUTTER, maps=False)
+    first, scenes = [mug.problem(mug.frames[0])], [clutter.problem(f) for f in clutter.frames]
+    return [
+        _row("one object", mug, first, REPEATS),
+        _row("whole scene", clutter, scenes[:1], max(REPEATS // 3, 1)),
+        _row("frames of a batch", clutter, scenes, max(REPEATS // 5, 1)),
+        _row("one object, maps", _toolbox(MUG, maps=True), first, max(REPEATS // 3, 1)),
+    ]
+
+
+def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:
+    return Toolbox(resolve({**session, "recording": {"maps": maps}}))
+
+
+def _row(what: str, toolbox: Toolbox, problems: Sequence[Problem], repeats: int) -> dict[str, object]:
+    """Measured in pairs, after each frame was run once: kernels, colliders, search structures, meshes are made."""
+    pairs: list[tuple[tuple[float, float], tuple[float, float]]] = []
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(REPEATS):
-            for name, toolbox in toolboxes.items():
-                found[name].append(_measured(plain, problem, toolbox, Path(folder) / "run.rrd"))
-    rows: list[dict[str, object]] = []
-    off_ms = float(np.median([f[0] for f in found["without recording"]]))
-    for name, values in found.items():
-        frame, start, iterations, finish, size = np.median(np.array(values), axis=0)
-        rows.append(
-            {
-                "what": f"rir frame, {n_iterations} iterations, {name}",
-                "ms": float(frame),
-                "ms to open and close": float(start + finish),
-                "ms per iteration": float(iterations / n_iterations),
-                "% of the iterations": float(100 * iterations / off_ms),
-                "kB": float(size / 1e3),
-            }
-        )
-    return rows
+        path = Path(folder) / "run.rrd"
+        for problem in problems:
+            _measured(toolbox, problem, path)
+        for k in range(repeats):
+            for problem in problems:
+                # In turns: the first of a pair would otherwise always meet the colder caches.
+                order = (None, path) if k % 2 else (path, None)
+                found = {file: _measured(toolbox, problem, file) for file in order}
+                pairs.append((found[None], found[path]))
+        n_iterations = toolbox.run(problems[-1]).n_iterations
+        size = path.stat().st_size
+    off, on = np.array(pairs)[:, 0] * 1e3, np.array(pairs)[:, 1] * 1e3
+    return {
+        "what": f"rir, {what}, {n_iterations} iterations",
+        "ms without": float(np.median(off[:, 0])),
+        "ms with": float(np.median(on[:, 0])),
+        "% (median of pairs)": float(100 * np.median(on[:, 0] / off[:, 0] - 1)),
+        "% (best of each)": float(100 * (on[:, 0].min() / off[:, 0].min() - 1)),
+        "% processor time": float(100 * np.median(on[:, 1] / off[:, 1] - 1)),
+        "kB": float(size / 1e3),
+    }
 
 
-def _toolbox(maps: bool) -> Toolbox:
-    return Toolbox(resolve({"method": {"name": "rir"}, "scene": {"demo": "mug"}, "recording": {"maps": maps}}))
-
-
-def _measured(
-    plain: Toolbox, problem: Problem, toolbox: Toolbox | None, path: Path
-) -> tuple[float, float, float, float, int]:
-    """Milliseconds of a frame and of the three parts of its recording, and bytes."""
-    watchers = []
-    if toolbox is not None:
-        watchers = [Timed(Recorder(path, toolbox.session, problem, plain.verifier))]
-    began = perf_counter()
-    plain.run(problem, watchers).finish()
-    frame_ms = (perf_counter() - began) * 1e3
-    if not watchers:
-        return frame_ms, 0.0, 0.0, 0.0, 0
-    w = watchers[0]
-    return frame_ms, w.start_ms, w.iterations_ms, w.finish_ms, path.stat().st_size
+def _measured(toolbox: Toolbox, problem: Problem, path: Path | None) -> tuple[float, float]:
+    """Wall and processor time [s] of a frame, with its recording where there is a ``path``."""
+    wall, processor = perf_counter(), process_time()
+    recorders = [] if path is None else [Recorder(path, toolbox.session, problem, toolbox.verifier)]
+    toolbox.run(problem, recorders).finish()
+    return perf_counter() - wall, process_time() - processor
