@@ -78,7 +78,7 @@ def trained(name: str, targets: list[tuple[str, Target]]) -> tuple[Estimator, fl
             middle = process_time()
             estimator.hypotheses(target, WANTED)
             spent.append(2e3 * middle - 1e3 * (began + process_time()))
-    return estimator, float(np.mean(spent))
+    return estimator, max(0.0, float(np.mean(spent)))
 
 
 def found(estimator: Estimator, frame: str, target: Target) -> Found:
