@@ -44,11 +44,13 @@ def test_published_sets_every_choice_and_explicit_fields_win() -> None:
 
 def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = '[scene]\nsource="bop"\ndataset="../data"\nmasks="d.json"\n[hypotheses]\nfiles=["a.csv"]'
+    text += '\n[dependency]\norder_file="o.json"'
     path = write(tmp_path, text)
     session = load_session(path)
     assert session.scene.dataset == str((tmp_path / ".." / "data").resolve())
     assert session.scene.masks == str(tmp_path / "d.json")
     assert session.hypotheses.files == (str(tmp_path / "a.csv"),)
+    assert session.dependency.order_file == str(tmp_path / "o.json")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)

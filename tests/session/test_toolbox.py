@@ -29,6 +29,24 @@ def test_what_does_not_change_is_shared() -> None:
     assert box.changed({"physics": {"steps": 5}}).simulator is not box.simulator
 
 
+def test_the_order_can_change_at_the_start_of_a_run_and_the_rest_is_kept() -> None:
+    box = Toolbox(resolve({**RAW, "scene": {"demo": "stack"}, "physics": {"enabled": False}}))
+    problem = box.problem("0/0")
+    other = box.restarted({"dependency": {"order": (("#2", "#0", "#1"),)}, "method": {"exploration": 0.3}})
+    assert other.source is box.source
+    assert other.verifier is box.verifier
+    reordered = other.ordered(problem)
+    assert reordered.clusters == ((2, 0, 1),)
+    assert reordered.instances is problem.instances
+    assert any("seems to carry it" in note for note in reordered.notes)
+    back = other.restarted({"dependency": {"order": ()}}).ordered(reordered)
+    assert (back.notes, back.dependencies) == (problem.notes, problem.dependencies)
+    with pytest.raises(SettingsError, match="unknown section that can change during a run 'dependency'"):
+        box.changed({"dependency": {"order": ()}})
+    with pytest.raises(SettingsError, match="unknown section that can change at the start of a run 'scene'"):
+        box.restarted({"scene": {"seed": 3}})
+
+
 def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None:
     box = Toolbox(resolve(RAW))
     problem = box.problem(box.frames[0])

@@ -19,8 +19,8 @@ from verefine_viz.viewer.reordering import moved
 
 WIDTH_PX = 352
 ROW_PX, GAP_PX, MARGIN_PX = 25, 9, 4
-SWATCH_X, INDENT_PX, ARC_X, LABEL_X, LABEL_PX = 22, 11, 172, 246, 13
-NAME_CHARACTERS = 17
+SWATCH_X, INDENT_PX, ARC_X, LABEL_X, LABEL_PX = 22, 11, 184, 252, 13
+MOVERS_PX, CHARACTER_PX = 36, 7.3
 VERBS: Mapping[EdgeKind, str] = {"support": "carries", "occlusion": "hides", "contact": "may touch"}
 DASHES: Mapping[EdgeKind, str] = {"support": "none", "occlusion": "6 4", "contact": "1.5 4"}
 TELLING: Mapping[EdgeKind, int] = {"support": 0, "occlusion": 1, "contact": 2}
@@ -58,7 +58,7 @@ def short(edge: Edge) -> str:
     """An edge in two words: "carries 64%", "hides 38 mm"."""
     number = re.match(r"[\d.]+ ?(%|mm)", edge.evidence)
     said = f"{VERBS[edge.kind]} {number.group() if number else ''}".strip()
-    return said + {"used": "", "ambiguous": " (circle)", "cut": " (cut)"}[edge.state]
+    return said + {"used": "", "ambiguous": " ⟲", "cut": " ✂"}[edge.state]
 
 
 def full(edge: Edge, first: str, second: str) -> str:
@@ -97,7 +97,7 @@ def _object(graph: DependencyGraph, instance_id: int, node: Node, y: float) -> s
     """Place, colour, name, and what moves it."""
     place = graph.order.index(instance_id) + 1
     x = SWATCH_X + INDENT_PX * min(_level(graph, instance_id), 3)
-    room = NAME_CHARACTERS - 2 * min(_level(graph, instance_id), 3)
+    room = int((ARC_X - MOVERS_PX - x - 15) / CHARACTER_PX)
     name = node.label if len(node.label) <= room else f"{node.label[: room - 1]}…"
     weight = ' font-weight="700"' if node.in_focus else ""
     return (
@@ -114,7 +114,7 @@ def _mover(graph: DependencyGraph, instance_id: int, by: int, y: float) -> str:
     """A small triangle that solves the object earlier or later."""
     if moved(graph.clusters, instance_id, by) is None:
         return ""
-    x = ARC_X - 32 if by < 0 else ARC_X - 19
+    x = ARC_X - 33 if by < 0 else ARC_X - 20
     points = f"{x},{y - 3.5 * by:.1f} {x + 9},{y - 3.5 * by:.1f} {x + 4.5},{y + 3.5 * by:.1f}"
     title = f"solve it {'earlier' if by < 0 else 'later'} (restarts the run)"
     return (
@@ -125,11 +125,11 @@ def _mover(graph: DependencyGraph, instance_id: int, by: int, y: float) -> str:
 
 
 def _level(graph: DependencyGraph, instance_id: int) -> int:
-    """How many objects lie below it in its support list."""
+    """How many objects carry each other below it, of those that come before it in its support list."""
     below = {e.second: e.first for e in graph.edges if e.kind == "support" and e.state == "used"}
     chain = next(chain for chain in graph.support_lists if instance_id in chain)
     level = 0
-    while instance_id in below and below[instance_id] in chain and level < len(chain):
+    while below.get(instance_id) in chain[: chain.index(instance_id)]:
         instance_id, level = below[instance_id], level + 1
     return level
 

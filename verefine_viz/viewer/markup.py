@@ -116,5 +116,6 @@ STYLE = """<style>
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
+[data-dock-tab]{padding:0 7px!important}
 #webgl-software-rendering{display:none}
 </style>"""

@@ -11,7 +11,7 @@ from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
 from verefine_viz.viewer.markup import link, sentence, text, warning
 from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
 from verefine_viz.viewer.scene_now import color_of, labels_of
-from verefine_viz.viewer.scene_words import ALONE, method_name
+from verefine_viz.viewer.scene_words import ALONE, alone_warning, method_name
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send
 
@@ -58,14 +58,19 @@ def order_html(view: View) -> str:
 
 
 def order_sentence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
-    """As in: Solved in this order: bowl, sugar box; apart from these, tuna can."""
-    said = "; apart from these, ".join(", ".join(names[i] for i in cluster) for cluster in graph.clusters)
+    """As in: Solved in 2 groups: first tuna can, then bowl, sugar box. sugar box stands on bowl."""
+    groups = [", ".join(names[i] for i in cluster) for cluster in graph.clusters]
+    said = (
+        f"in this order: {groups[0]}"
+        if len(groups) == 1
+        else f"in {len(groups)} groups: first {'; then '.join(groups)}"
+    )
     carried = [
         f"{' and '.join(names[i] for i in rest)} {'stands' if len(rest) == 1 else 'stand'} on {names[base]}"
         for base, *rest in graph.support_lists
         if rest and graph.source == "recommended" and _carries_all(graph, base, rest)
     ]
-    return f"Solved in this order: {said}." + (f" {'; '.join(carried)}." if carried else "")
+    return f"Solved {said}." + (f" {'; '.join(carried)}." if carried else "")
 
 
 def pairs(graph: DependencyGraph) -> list[list[Edge]]:
@@ -83,7 +88,7 @@ def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
 
 def _use(view: View) -> str:
     name = view.session.method.name
-    if name not in ALONE:
+    if name not in ALONE or alone_warning(view):  # The warning beside the run says it already.
         return ""
     said = f"{method_name(name)} solves each object alone; VF_b, VF_d and PHYSIM-MCTS place what carries first."
     return f'<p class="dim">{text(said)}</p>'

@@ -1,0 +1,69 @@
+"""The dependency graph in the page: seen, reordered and cut by clicking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.browser.conftest import SLOW_MS, Screen
+from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
+
+pytestmark = pytest.mark.browser
+Look = Callable[..., Screen]
+STACK = """
+title = "stack"
+[scene]
+demo = "stack"
+[hypotheses]
+max_per_object = 1
+[method]
+name = "vf_breadth"
+iterations = 1
+"""
+
+
+def click(screen: Screen, command: type, title: str = "") -> None:
+    """The first thing in the picture or below it that sends such a command."""
+    shown = screen.page.locator(f".vz.order [data-cmd*='\"{command.__name__}\"']")
+    (shown.filter(has_text=title) if title else shown).first.click(timeout=SLOW_MS)
+
+
+def test_the_order_is_seen_and_changed_by_clicking(look: Look, tmp_path: Path) -> None:
+    path = tmp_path / "stack.toml"
+    path.write_text(STACK)
+    screen = look(path)
+
+    def order() -> tuple[int, ...]:
+        graph = screen.app.debugger.workspace.work.problem.dependencies
+        assert graph is not None
+        return graph.order
+
+    by_rule = order()
+    screen.tab("Order")
+    screen.text("duck and can stand on cereal")
+    screen.text("^carries 100%")
+    screen.shot("order_by_rule")
+
+    click(screen, MoveInOrder, "later")
+    screen.until(lambda: order() == (by_rule[1], by_rule[0], by_rule[2]))
+    screen.text("It was given by hand")
+    screen.text("which seems to carry it")
+    screen.shot("order_by_hand")
+
+    click(screen, ResetOrder)
+    screen.until(lambda: order() == by_rule)
+
+    click(screen, CutDependency)
+    screen.until(lambda: screen.app.debugger.workspace.session.dependency.cut == ((0, 1),))
+    screen.text("^carries 100% ✂")
+    screen.text("restore")
+    screen.text("Solved in 2 groups")
+    screen.shot("order_cut")
+    click(screen, CutDependency, "restore")
+    screen.until(lambda: screen.app.debugger.workspace.session.dependency.cut == ())
+
+    screen.click("Run")
+    screen.app.wait_until_idle(120)
+    assert [i.instance_id for i in screen.app.debugger.workspace.run.iterations] == list(by_rule)
