@@ -56,7 +56,7 @@ class Pcs:
     """
 
     def __init__(self, settings: PcsSettings) -> None:
-        self._settings = settings
+        self.settings = settings
         self._models: WeakKeyDictionary[ObjectModel, PcsModel] = WeakKeyDictionary()
 
     def hypotheses(
@@ -67,7 +67,7 @@ class Pcs:
         The confidence is the LCP of the pose that a hypothesis stands for, in (0, 1]: of a model whose front alone is
         seen, about the share of its surface that is seen.
         """
-        s, model = self._settings, target.model
+        s, model = self.settings, target.model
         segment = large_parts(thinned(segment_cloud(target), s.grid_m), s.grid_m, s.part_share)
         if len(segment) < MIN_POINTS:
             return ()

@@ -68,7 +68,7 @@ def segment_gap(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> t
     Source: Ericson, Real-Time Collision Detection, 5.1.9.
     """
     u, v, w = b - a, d - c, a - c
-    uu, vv, uv, uw, vw = u @ u, v @ v, u @ v, u @ w, v @ w
+    uu, vv, uv, uw, vw = float(u @ u), float(v @ v), float(u @ v), float(u @ w), float(v @ w)
     s, t = 0.0, 0.0
     if uu > 0.0 and vv > 0.0:
         denominator = uu * vv - uv * uv
@@ -84,7 +84,7 @@ def segment_gap(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> t
     elif vv > 0.0:
         t = min(1.0, max(0.0, vw / vv))
     gap = w + s * u - t * v
-    return np.sqrt(gap @ gap), s, t
+    return float(np.sqrt(gap @ gap)), s, t
 
 
 @njit(cache=True)

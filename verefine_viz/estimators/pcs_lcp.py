@@ -61,20 +61,25 @@ def _counts(Ts: np.ndarray, points: np.ndarray, grid: NearGrid) -> np.ndarray:
 @njit(cache=True)
 def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid) -> int:
     """How many of ``points`` (M, 3), turned by R (3, 3) and moved by t (3,), lie within δ of a point of the grid."""
-    limit = grid.radius_m * grid.radius_m
+    # Everything in locals: in the loop, a look into a tuple or a strided matrix costs more than the arithmetic.
+    r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
+    r20, r21, r22, tx, ty, tz = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
+    cloud, starts, candidates = grid.points, grid.starts, grid.candidates
+    lx, ly, lz, per_side = grid.low[0], grid.low[1], grid.low[2], 1.0 / grid.side
     nx, ny, nz = grid.counts[0], grid.counts[1], grid.counts[2]
+    limit = grid.radius_m * grid.radius_m
     n = 0
     for i in range(len(points)):
         a, b, c = points[i, 0], points[i, 1], points[i, 2]
-        x = R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + t[0]
-        y = R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + t[1]
-        z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + t[2]
-        u, v, w = (x - grid.low[0]) / grid.side, (y - grid.low[1]) / grid.side, (z - grid.low[2]) / grid.side
+        x = r00 * a + r01 * b + r02 * c + tx
+        y = r10 * a + r11 * b + r12 * c + ty
+        z = r20 * a + r21 * b + r22 * c + tz
+        u, v, w = (x - lx) * per_side, (y - ly) * per_side, (z - lz) * per_side
         if u >= 0.0 and v >= 0.0 and w >= 0.0 and u < nx and v < ny and w < nz:
             cell = (int(u) * ny + int(v)) * nz + int(w)
-            for k in range(grid.starts[cell], grid.starts[cell + 1]):
-                p = grid.candidates[k]
-                dx, dy, dz = grid.points[p, 0] - x, grid.points[p, 1] - y, grid.points[p, 2] - z
+            for k in range(starts[cell], starts[cell + 1]):
+                p = candidates[k]
+                dx, dy, dz = cloud[p, 0] - x, cloud[p, 1] - y, cloud[p, 2] - z
                 if dx * dx + dy * dy + dz * dz <= limit:
                     n += 1
                     break

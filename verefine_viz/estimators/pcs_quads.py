@@ -45,7 +45,7 @@ def congruent_quads(
     # Each pair may lie on the segment either way round.
     first, second = np.concatenate([first, first[:, ::-1]]), np.concatenate([second, second[:, ::-1]])
     if rng is not None:
-        rng.shuffle(second)
+        second = second[rng.permutation(len(second))]
     first, starts, low, counts = _in_cells(points, first, base.r1, tolerance)
     return _meeting(points, first, starts, low, counts, second, base.points, base.r1, base.r2, tolerance, most)
 
