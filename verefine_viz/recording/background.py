@@ -28,7 +28,7 @@ CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
 """About how many pixels around the objects are drawn as points; the rest of the frame gets far fewer."""
 SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
-DRAWN_FACES = 1200
+DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
@@ -140,7 +140,7 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Chu
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
     if not clouds:
         return
-    points = np.concatenate(clouds) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    points = np.concatenate([cloud[::4] for cloud in clouds]) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
     # Masks leak: a few points far behind must not decide how much of the plane is drawn.
     extent = np.ptp(np.percentile(points[:, :2], [5, 95], axis=0), axis=0)
     center, reach = np.median(points, axis=0), max(0.15, 0.7 * float(extent.max()))
@@ -175,20 +175,20 @@ def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Chunk]:
 @lru_cache(maxsize=64)
 def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -> tuple[Chunk, ...]:
     """The object in the colour of each stage, made once for all frames that show it."""
-    root = f"{entities.OBJECTS}/{branch}"
+    root, n_faces = f"{entities.OBJECTS}/{branch}", DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
     looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
     if own is not None:
         looks |= {"placed": own, "incumbent": own}
     stages = [
         columns.fixed(
             f"{root}/stages/{stage}",
-            _mesh(model, DRAWN_FACES, color, STAGE_ALPHA[stage]),
+            _mesh(model, n_faces, color, STAGE_ALPHA[stage]),
             rr.CoordinateFrame(entities.stage_frame(branch, stage)),
         )
         for stage, color in looks.items()
     ]
     if has_truth:
-        truth = _mesh(model, DRAWN_FACES, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
+        truth = _mesh(model, n_faces, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
         stages.append(columns.fixed(f"{root}/ground_truth", truth))
     return tuple(stages)
 

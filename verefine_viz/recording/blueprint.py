@@ -244,10 +244,7 @@ def _pictures(scene: rrb.Spatial3DView, what: Shown) -> rrb.Container:
     if what.has_maps:
         views.append(
             rrb.Spatial2DView(
-                origin=entities.CAMERA,
-                contents=[f"+ {entities.CAMERA}/**", f"- {entities.DEPTH}", f"+ {entities.OBJECTS}/**"],
-                name="Camera",
-                overrides=_hidden(what),
+                origin=entities.CAMERA, contents=[f"+ {entities.IMAGE}", f"+ {entities.MASKS}"], name="Camera"
             )
         )
         views.append(rrb.Spatial2DView(origin=entities.DEPTH, name="Depth"))
@@ -265,7 +262,7 @@ def _maps(what: Shown) -> rrb.Container:
             rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)
             for name, title in SCENE_MAP_TITLES.items()
         ]
-        tabs.append(rrb.Grid(*scene, grid_columns=1, name="Scene of the last pass"))
+        tabs.append(rrb.Grid(*scene, grid_columns=2, name="Scene of the last pass"))
     return rrb.Tabs(*tabs)
 
 

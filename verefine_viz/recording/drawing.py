@@ -46,7 +46,7 @@ class Drawing:
             yield from curves.styles(branch.name, branch.n_arms, branch.has_truth)
             yield from _object_styles(branch.name)
         yield from self._poses.start()
-        yield from _lane_styles(tuple(b.name for b in branches), max((b.n_arms for b in branches), default=0))
+        yield from _lane_styles(tuple(b.name for b in branches), max((b.n_arms for b in branches), default=0) + 1)
         if self._layout.is_scene:
             yield from scene_styles(tuple(b.name for b in branches))
             yield from start_best(self._layout)

@@ -7,18 +7,17 @@ from collections.abc import Iterator, Mapping
 import rerun as rr
 from rerun.chunk import Chunk
 
-from verefine_viz.core.dependency import DependencyGraph, EdgeKind
+from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import OBJECT_COLORS
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.wording import plain
 
-DIRECTED: Mapping[EdgeKind, bool] = {"contact": False, "occlusion": True, "support": True}
 VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "carries"}
 
 
 def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]:
-    """Nodes, edges by kind and evidence; static."""
+    """Nodes, edges and evidence; static."""
     names = {b.instance_id: b.name for b in layout.branches}
     colors = {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(layout.branches)}
     place = {i: n for n, i in enumerate(graph.order, start=1)}
@@ -29,18 +28,22 @@ def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]
         colors=[colors[i] for i in known],
         radii=[12.0] * len(known),
     )
-    yield columns.fixed(f"{entities.GRAPH}/objects", nodes)
-    for kind, directed in DIRECTED.items():
-        pairs = [
-            (names[e.first], names[e.second])
-            for e in graph.edges
-            if e.kind == kind and e.state == "used" and e.first in names and e.second in names
-        ]
-        if pairs:
-            look = rr.GraphEdges(pairs, graph_type="directed" if directed else "undirected")
-            yield columns.fixed(f"{entities.GRAPH}/{kind}", look)
+    pairs = [
+        pair
+        for e in graph.edges
+        if e.state == "used" and {e.first, e.second} <= set(known)
+        for pair in _arrows(e, names)
+    ]
+    # Nodes and edges of different entities would be different graphs.
+    yield columns.fixed(f"{entities.GRAPH}/objects", nodes, rr.GraphEdges(pairs, graph_type="directed"))
     text = rr.TextDocument(_evidence(graph, names), media_type="text/markdown")
     yield columns.fixed(entities.EVIDENCE, text)
+
+
+def _arrows(edge: Edge, names: Mapping[int, str]) -> list[tuple[str, str]]:
+    """From the object that carries or hides to the other; both ways where they only may touch."""
+    first, second = names[edge.first], names[edge.second]
+    return [(first, second), (second, first)] if edge.kind == "contact" else [(first, second)]
 
 
 def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:

@@ -29,15 +29,13 @@ _LOOKS: dict[str, tuple[tuple[str, RGB], ...]] = {
 @lru_cache(maxsize=64)
 def scene_styles(branch_names: tuple[str, ...]) -> tuple[Chunk, ...]:
     """Names and colours of all curves of a scene."""
-    made = [
-        columns.fixed(
-            curve(name, "all"), rr.SeriesLines(names=[n for n, _ in lines], colors=[c for _, c in lines], widths=2.0)
-        )
-        for name, lines in _LOOKS.items()
-    ]
+    made: list[Chunk] = []
     for k, name in enumerate(branch_names):
         look = rr.SeriesLines(names=[name], colors=[OBJECT_COLORS[k % len(OBJECT_COLORS)]], widths=2.0)
         made.append(columns.fixed(curve("best", name), look))
+        # Clusters have curves of their own, called after their first object.
+        for group, lines in _LOOKS.items():
+            made.append(columns.fixed(curve(group, name), _lines(lines)))
     return tuple(made)
 
 
@@ -54,14 +52,32 @@ def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
         own = [r for r in rows if r.instance_id == branch.instance_id]
         if own:
             yield _best(branch, [r.index for r in own], [r.best_score[0] for r in own])
-    passes = [(r.index, r.parts.scene) for r in rows if r.parts.scene is not None]
-    if passes:
-        values = [[s.score.score, s.best_known.score, s.incumbent_score, s.reward] for _, s in passes]
-        yield columns.rows_of(curve("scene", "all"), [k for k, _ in passes], [columns.numbers(_SCALARS, values)])
-    steps = [(r.index, r.parts.tree) for r in rows if r.parts.tree is not None]
-    if steps:
-        values = [[t.cost_px, t.incumbent_cost_px] for _, t in steps]
-        yield columns.rows_of(curve("cost", "all"), [k for k, _ in steps], [columns.numbers(_SCALARS, values)])
+    yield from _per_cluster("scene", layout, rows)
+    yield from _per_cluster("cost", layout, rows)
+
+
+def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
+    found: dict[str, tuple[list[int], list[list[float]]]] = {}
+    names = {b.instance_id: b.name for b in layout.branches}
+    for row in rows:
+        scene, tree = row.parts.scene, row.parts.tree
+        if group == "scene" and scene is not None:
+            values = [scene.score.score, scene.best_known.score, scene.incumbent_score, scene.reward]
+            poses = scene.poses
+        elif group == "cost" and tree is not None:
+            values, poses = [tree.cost_px, tree.incumbent_cost_px], tree.incumbent
+        else:
+            continue
+        first = min((p.instance_id for p in poses), default=row.instance_id)
+        iterations, numbers = found.setdefault(names[first], ([], []))
+        iterations.append(row.index)
+        numbers.append(values)
+    for name, (iterations, numbers) in found.items():
+        yield columns.rows_of(curve(group, name), iterations, [columns.numbers(_SCALARS, numbers)])
+
+
+def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
+    return rr.SeriesLines(names=[n for n, _ in lines], colors=[c for _, c in lines], widths=[2.0] * len(lines))
 
 
 def _best(branch: Branch, iterations: Sequence[int], scores: Sequence[float]) -> Chunk:

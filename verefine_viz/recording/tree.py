@@ -16,8 +16,8 @@ from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.row import Row
 
-ACROSS, DOWN = 130.0, 130.0
-"""Between neighbouring leaves, and between a node and its children."""
+BESIDE, DEEPER = 34.0, 290.0
+"""Between neighbouring leaves, one below the other, and from a node to its children, to the right."""
 ROOT_COLOR: RGB = (150, 150, 150)
 ON_BRANCH: RGB = (255, 255, 255)
 
@@ -89,20 +89,19 @@ class Tree:
 
     def _label(self, node: _Node) -> str:
         if not node.depth:
-            return f"nothing placed\n{node.visits} visits"
+            return f"nothing placed, {node.visits}×"
         name = self._names.get(node.instance_id, f"#{node.instance_id}")
         mean_px = node.cost_px / max(node.visits, 1)
-        return f"{name} h{node.arm + 1}\n{node.visits}×, {mean_px:.0f} px"
+        return f"{name} h{node.arm + 1}, {node.visits}×, {mean_px:.0f} px"
 
     def _color(self, node: _Node) -> RGB:
         return self._colors.get(node.instance_id, ROOT_COLOR)
 
 
 def _places(nodes: dict[int, _Node]) -> dict[int, tuple[float, float]]:
-    """Leaves side by side, parents above the middle of their children."""
+    """Leaves one below the other, parents to the left of the middle of their children."""
     places: dict[int, tuple[float, float]] = {}
     leaves = 0
-    # A parent is always numbered before its children.
     order: list[int] = []
     waiting = [0]
     while waiting:
@@ -111,13 +110,13 @@ def _places(nodes: dict[int, _Node]) -> dict[int, tuple[float, float]]:
         waiting += reversed(nodes[n].children)
     for n in order:
         if not nodes[n].children:
-            places[n] = (ACROSS * leaves, DOWN * nodes[n].depth)
+            places[n] = (DEEPER * nodes[n].depth, BESIDE * leaves)
             leaves += 1
     for n in reversed(order):
         children = nodes[n].children
         if children:
-            across = (places[children[0]][0] + places[children[-1]][0]) / 2
-            places[n] = (across, DOWN * nodes[n].depth)
+            middle = (places[children[0]][1] + places[children[-1]][1]) / 2
+            places[n] = (DEEPER * nodes[n].depth, middle)
     return places
 
 
