@@ -25,6 +25,7 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.panels.compare import computing
 from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
 
@@ -67,6 +68,24 @@ def test_b_is_computed_beside_the_open_run() -> None:
     d.carry_out([s.RunB()])
     assert sides(d).effort_b.iterations == sides(d).effort_b.planned == 4
     assert not sides(d).running
+
+
+def test_b_waits_for_a_run_that_is_on() -> None:
+    d = debugger()
+    d.apply(TWO)
+    d.apply(c.RunUntil("end"))
+    d.tick()
+    d.apply(s.CompareRun(SIR))
+    assert "when A is through" in computing(sides(d), a_is_running=True)
+    d.tick()
+    assert (d.workspace.run.length, sides(d).effort_b.iterations) == (2, 0), "A goes on first"
+    while d.is_busy:
+        d.tick()
+    assert d.workspace.run.is_done
+    assert sides(d).effort_b.iterations == sides(d).effort_b.planned
+    assert sides(d).place == len(sides(d).timeline)
+    assert computing(sides(d), a_is_running=False) == ""
+    same(debugger().carry_out(d.log), d)
 
 
 def test_both_move_along_one_timeline() -> None:

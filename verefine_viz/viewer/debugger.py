@@ -24,11 +24,11 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
+from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.comparing import Comparing, as_done
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
 from verefine_viz.viewer.reordering import as_restart
-from verefine_viz.viewer.side_commands import OpenRecording
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
@@ -119,10 +119,10 @@ class Debugger:
         if self.goal is None:
             self.comparing.tick()
             return None
-        run.seek(run.length)
         if run.is_done or (isinstance(self.goal, int) and run.length >= self.goal):
             self.pause()
             return None
+        run.seek(run.length)
         began = perf_counter()
         iteration = run.step()
         self._seconds.append(perf_counter() - began)
@@ -194,7 +194,7 @@ class Debugger:
                 self.goal = iteration if iteration > run.length and not run.is_done else None
             case c.OpenDemo(name):
                 self._open_demo(name)
-            case OpenRecording(path):
+            case s.OpenRecording(path):
                 self.workspace.open_recording(Path(path))
                 self._reset_look()
             case c.OpenSession(path):
@@ -391,9 +391,10 @@ def _as_done(command: c.Command, cursor: int) -> tuple[c.Command, ...]:
 
 
 def _may_wait(command: c.Command) -> bool:
-    """Whether a run may go on while this is done: looking does not disturb it."""
+    """Whether a run may go on while this is done: neither looking nor what stands beside it disturbs it."""
     return isinstance(
         command,
         c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer
-        | c.Animate | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export,
+        | c.Animate | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export | s.CompareRun | s.CompareBranch
+        | s.CompareRecording | s.RunB | s.PauseB | s.StopComparing | s.ShowSide | s.ShowSidePoses,
     )  # fmt: skip

@@ -75,7 +75,7 @@ class ComparePanel:
             return
         b = v.effort_b
         self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
-        self._words.show(sentence(summary(v)) + legend(v) + _computing(v))
+        self._words.show(sentence(summary(v)) + legend(v) + computing(v, view.progress.running))
         self.slider.max = max(len(v.timeline), 1)
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{now_table(v)}')
@@ -108,9 +108,11 @@ def _caption(words: str) -> str:
     return f'<div style="font-size:11px;margin-bottom:-8px">{text(words)}</div>'
 
 
-def _computing(v: SidesView) -> str:
+def computing(v: SidesView, a_is_running: bool) -> str:
     """How far B is, and what can be done about it."""
     b = v.effort_b
+    if v.running and a_is_running:
+        return f"<p>B begins when A is through, or paused. {link('Leave B for later', s.PauseB())}</p>"
     if v.running:
         return f"<p>B: {b.iterations} of {b.planned} iterations. {link('Pause', s.PauseB())}</p>"
     if b.iterations < b.planned:
