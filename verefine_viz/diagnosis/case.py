@@ -1,0 +1,192 @@
+"""One failed instance on the bench: what happened to it, and what would have happened if something had been otherwise.
+
+A re-run solves this instance alone, with the run's own method and budget, among the objects that stood there in the
+run. Methods of whole scenes (vf_depth, physim_mcts) are stood in for by RIR among the placed objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Hypothesis, Placed, Target
+from verefine_viz.core.protocols import Refiner, Simulator
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings
+from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.methods.object_method import ObjectMethod
+from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
+from verefine_viz.methods.registry import SEARCH, make_method
+from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.session.trace import Trace
+
+LAST_POSE = frozenset({"refine", "phys_before", "phys_after", "pir"})
+"""Methods whose answer is the last pose, whatever its score."""
+FIRST_ONLY = LAST_POSE | {"sir"}
+"""Methods that look at the first hypothesis only."""
+WHOLE_SCENE = frozenset({"vf_depth", SEARCH})
+"""Methods in which the answer of one object depends on the others' poses as a scene."""
+CLEARLY = 0.8
+"""A repair that leaves more than this share of the error repairs nothing."""
+
+
+class Lab:
+    """What re-runs are made with; everything is built once."""
+
+    def __init__(self, toolbox: Toolbox) -> None:
+        session = toolbox.session
+        self.toolbox = toolbox
+        self.name = session.method.name
+        self.physics: PhysicsSettings = session.physics
+        self.refiner: Refiner
+        self.method_settings: MethodSettings = session.method
+        if self.name == SEARCH:
+            self.physics = mcts_physics(session.mcts, session.physics)
+            self.refiner = TrimmedIcp(mcts_tricp(session.mcts, session.tricp))
+            self.method_settings = session.method.model_copy(update={"name": "vf_breadth"})
+        else:
+            self.refiner = toolbox.refiner
+        self.verifier = toolbox.verifier
+        self.n_reruns = 0
+        self._simulators: dict[PhysicsSettings, BulletSimulator] = {}
+        if toolbox.simulator is not None:
+            self._simulators[session.physics] = toolbox.simulator
+
+    @property
+    def simulator(self) -> BulletSimulator | None:
+        """The run's own."""
+        return self.simulator_with(self.physics)
+
+    def simulator_with(self, physics: PhysicsSettings) -> BulletSimulator | None:
+        """One with other settings; None where they switch physics off."""
+        if not physics.enabled:
+            return None
+        if physics not in self._simulators:
+            self._simulators[physics] = BulletSimulator(physics)
+        return self._simulators[physics]
+
+    def method(
+        self, simulator: Simulator | None, refiner: Refiner | None = None, iterations: int | None = None
+    ) -> ObjectMethod:
+        """The run's method for one object, with other parts or another budget per hypothesis."""
+        made = make_method(
+            self.method_settings, simulator, refiner or self.refiner, self.verifier, self.physics.steps
+        ).method
+        return replace(made, iterations=iterations or made.iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class Rerun:
+    """How a re-run came out."""
+
+    best: Best | None
+    error: float
+    """ADD(-S) as a share of the diameter; infinite where there is no answer."""
+    repaired: bool
+    """Whether the answer is right now, and clearly better than it was."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One instance whose answer is further from ground truth than ``threshold``."""
+
+    trace: Trace
+    lab: Lab
+    target: Target
+    T_true: Float
+    frame: FrameTruth
+    threshold: float
+    answer: Best | None
+    """None: no answer."""
+    placed: tuple[Placed, ...]
+    """Other objects as they stood there when this one was last worked on."""
+    reruns: dict[str, Rerun] = field(default_factory=dict)
+    """Those made so far, by what was done otherwise."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return self.target.model.name
+
+    @property
+    def instance_id(self) -> int:
+        return self.target.instance.instance_id
+
+    @cached_property
+    def error_of(self) -> ErrorOf:
+        return ErrorOf(self.target.model, self.T_true)
+
+    @cached_property
+    def error(self) -> float:
+        """Of the answer, as a share of the diameter; infinite where there is none."""
+        return float("inf") if self.answer is None else self.error_of(self.answer.T_cam_obj)
+
+    @cached_property
+    def own(self) -> tuple[Iteration, ...]:
+        """The iterations spent on it."""
+        return self.trace.own[self.instance_id]
+
+    @cached_property
+    def initial_errors(self) -> Float:
+        """(H,) of the hypotheses."""
+        return np.array([self.error_of(h.T_cam_obj) for h in self.target.instance.hypotheses])
+
+    @property
+    def truth_as_placed(self) -> Placed:
+        return Placed(self.instance_id, self.target.model, self.T_true)
+
+    @cached_property
+    def true_placed(self) -> tuple[Placed, ...]:
+        """The same other objects where they really were; those without ground truth as they stood."""
+        return tuple(self.frame.placed.get(p.instance_id, p) for p in self.placed)
+
+    def rerun(
+        self,
+        what: str,
+        target: Target | None = None,
+        fixed: Sequence[Placed] | None = None,
+        method: ObjectMethod | None = None,
+    ) -> Rerun:
+        """Solves the instance again with something otherwise; the same question is answered once.
+
+        Args:
+            what: names what is otherwise.
+            target: instead of its own: another mask, depth, plane or pool.
+            fixed: instead of the objects as they stood there.
+            method: instead of the run's.
+        """
+        if what not in self.reruns:
+            self.lab.n_reruns += 1
+            best = solved(
+                method or self.lab.method(self.lab.simulator),
+                target or self.target,
+                self.placed if fixed is None else fixed,
+            )
+            error = float("inf") if best is None else self.error_of(best.T_cam_obj)
+            repaired = error < self.threshold and error < CLEARLY * self.error
+            self.reruns[what] = Rerun(best, error, repaired)
+        return self.reruns[what]
+
+    def with_pool(self, *poses: Float) -> Target:
+        """The target with these first poses instead."""
+        pool = tuple(Hypothesis(T, 1.0, f"re-run {k + 1}") for k, T in enumerate(poses))
+        return replace(self.target, instance=replace(self.target.instance, hypotheses=pool))
+
+
+def solved(method: ObjectMethod, target: Target, fixed: Sequence[Placed]) -> Best | None:
+    """The answer of a method for one object; None where the pool is empty."""
+    state = method.start(target, fixed)
+    if state is None:
+        return None
+    k = 0
+    while not method.is_done(state):
+        k += 1
+        state, _ = method.step(state, k, fixed)
+    return state.best

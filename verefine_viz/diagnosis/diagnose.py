@@ -1,0 +1,120 @@
+"""Why did it fail? One main cause per failed instance, with numbers, found by asking what would have saved it.
+
+What was given is asked first (a symmetry nobody declared, depth, mask, neighbours placed before), then the score, the
+world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without it; the
+first confirmed one is the main cause, and only re-runs that are needed until then are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from time import perf_counter
+
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.records import Best
+from verefine_viz.diagnosis.case import WHOLE_SCENE, Case, Lab
+from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
+from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.diagnosis.of_input import INPUT_TESTS
+from verefine_viz.diagnosis.of_scene import SCENE_TESTS, neighbour
+from verefine_viz.diagnosis.of_score import score
+from verefine_viz.diagnosis.of_search import SEARCH_TESTS
+from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.session.engine import Run
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.session.trace import Trace, trace_of
+
+THRESHOLD = 0.1
+"""An answer whose ADD(-S) is at least this share of the diameter has failed."""
+
+_TESTS: tuple[Callable[[Case], Finding | None], ...] = (*INPUT_TESTS, neighbour, score, *SCENE_TESTS, *SEARCH_TESTS)
+_NO_RERUN = (score,)
+"""Asked even after a cause is confirmed, as it costs next to nothing."""
+
+
+def diagnose(
+    run: Run | Trace, toolbox: Toolbox, threshold: float = THRESHOLD, every_cause: bool = False
+) -> tuple[Diagnosis, ...]:
+    """Why each failed instance of a finished run failed; instances without ground truth are passed over.
+
+    The answer depends on the arguments only, times aside. Poses moved by hand and settings changed on the way are not
+    repeated in re-runs.
+
+    Args:
+        run: the run, or what it did.
+        toolbox: the one that made it.
+        threshold: an answer fails if its ADD(-S) is at least this share of the diameter; an instance without answer
+            fails in any case.
+        every_cause: goes on after the main cause is confirmed, so that all others are looked at as well.
+    """
+    trace = trace_of(run) if isinstance(run, Run) else run
+    frame = FrameTruth(trace.problem)
+    lab = Lab(toolbox)
+    found: list[Diagnosis] = []
+    for target in trace.problem.targets:
+        T_true = target.instance.T_cam_obj_gt
+        if T_true is None:
+            continue
+        answer = trace.answers[-1].get(target.instance.instance_id)
+        if answer is not None and ErrorOf(target.model, T_true)(answer.T_cam_obj) < threshold:
+            continue
+        case = Case(trace, lab, target, T_true, frame, threshold, answer, _placed(trace, target, answer))
+        found.append(_diagnosed(case, every_cause))
+    return tuple(found)
+
+
+def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
+    began, before = perf_counter(), case.lab.n_reruns
+    findings: list[Finding] = []
+    main: Finding | None = None
+    tests = _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, *SEARCH_TESTS)
+    for test in tests:
+        if main is not None and not every_cause and test not in _NO_RERUN:
+            continue
+        finding = test(case)
+        if finding is not None:
+            findings.append(finding)
+            if main is None and finding.is_confirmed:
+                main = finding
+    main = main or _likeliest(findings)
+    others = tuple(sorted((f for f in findings if f is not main), key=lambda f: not f.is_confirmed))
+    return Diagnosis(
+        case.instance_id,
+        main.cause,
+        main.sentence,
+        main.evidence,
+        main.is_confirmed,
+        others,
+        case.lab.n_reruns - before,
+        (perf_counter() - began) * 1e3,
+    )
+
+
+def _solved_alone(case: Case) -> bool:
+    """Whether a method of whole scenes failed on what the object alone would have got right.
+
+    Then no repair of what was given proves anything.
+    """
+    return case.lab.name in WHOLE_SCENE and case.answer is not None and case.rerun("alone").repaired
+
+
+def _likeliest(findings: Iterable[Finding]) -> Finding:
+    """Where no single repair saves it: the one that helps most; the last test always has something to say."""
+    every = list(findings)
+    helps = [f for f in every if f.evidence.get("error_repaired", 1.0) < 0.7 * f.evidence.get("error", 0.0)]
+    if helps:
+        return min(helps, key=lambda f: f.evidence["error_repaired"])
+    return every[-1]
+
+
+def _placed(trace: Trace, target: Target, answer: Best | None) -> tuple[Placed, ...]:
+    """The other objects as they stood when the answer was found, or when the instance was last worked on."""
+    own = trace.own[target.instance.instance_id]
+    if not own:
+        return ()
+    made_it = next((i for i in own if answer is not None and i.index == answer.iteration), own[-1])
+    models = {t.instance.instance_id: t.model for t in trace.problem.targets}
+    return tuple(Placed(p.instance_id, models[p.instance_id], p.T_cam_obj) for p in made_it.placed)
+
+
+__all__ = ["THRESHOLD", "Cause", "Diagnosis", "Finding", "diagnose"]

@@ -1,0 +1,82 @@
+"""Does the verification score prefer the wrong answer to the truth, and because of which pixels?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
+from verefine_viz.diagnosis.case import LAST_POSE, WHOLE_SCENE, Case
+from verefine_viz.diagnosis.causes import Cause, Finding
+
+POLISHING = 3
+"""Refiner calls from ground truth: a true pose that is a millimetre off must not lose by that."""
+BLAMED = ("missed", "protruding")
+"""Classes that cost a pose its score."""
+
+
+def score(case: Case) -> Finding | None:
+    """The answer scores no lower than the truth (or than what the refiner makes of the truth)."""
+    if case.answer is None or case.lab.name in LAST_POSE:
+        return None
+    true_poses = true_poses_of(case)
+    wrong = _judged(case, case.answer.T_cam_obj[None])[0]
+    scores = _judged(case, true_poses)
+    right = max(scores, key=lambda s: s.score)
+    if wrong.score < right.score:
+        return None
+    blame = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
+    evidence = {
+        "score": wrong.score,
+        "score_of_truth": right.score,
+        "error": case.error,
+        **{f"{name}_share": wrong.shares[name] for name in PIXEL_CLASSES},
+        **{f"{name}_share_of_truth": right.shares[name] for name in PIXEL_CLASSES},
+        "depth_fit": wrong.depth_fit,
+        "depth_fit_of_truth": right.depth_fit,
+        "normal_fit": wrong.normal_fit,
+        "normal_fit_of_truth": right.normal_fit,
+    }
+    text = (
+        f"The score prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: {wrong.score:.2f} "
+        f"against {right.score:.2f} for the truth, {_why(blame, wrong, right)}."
+    )
+    return Finding(Cause.SCORE, text, evidence, True)
+
+
+def true_poses_of(case: Case) -> Float:
+    """(n, 4, 4) ground truth, and what the refiner makes of it as long as that is right."""
+    poses = [case.T_true]
+    for _ in range(POLISHING):
+        T = case.lab.refiner.refine(case.target, poses[-1], case.placed)
+        if case.error_of(T) > case.threshold / 2:
+            break
+        poses.append(T)
+    return np.array(poses)
+
+
+def _judged(case: Case, poses: Float) -> list[PoseScore]:
+    """The score that decided: of the object, or of the whole scene with the others at their answers."""
+    if case.lab.name not in WHOLE_SCENE:
+        fixed = case.placed if case.lab.method(None).placed_may_hide else ()
+        found = case.lab.verifier.score(case.target, poses, fixed)
+        return [found[k] for k in range(len(poses))]
+    problem, answers = case.trace.problem, case.trace.answers[-1]
+    cluster = next(c for c in problem.clusters if case.instance_id in c)
+    targets = [t for t in problem.targets if t.instance.instance_id in cluster and t.instance.instance_id in answers]
+    own = next(k for k, t in enumerate(targets) if t.instance.instance_id == case.instance_id)
+    Ts = np.array([[answers[t.instance.instance_id].T_cam_obj for t in targets]] * len(poses))
+    Ts[:, own] = poses
+    found = case.lab.verifier.score_scene(targets, Ts)
+    return [found[k] for k in range(len(poses))]
+
+
+def _why(blame: dict[str, float], wrong: PoseScore, right: PoseScore) -> str:
+    """The pixels that did it."""
+    name = max(blame, key=lambda n: blame[n])
+    if blame[name] > 0.01:
+        what = {"missed": "missed (measured, and not where the model is)", "protruding": "protruding into free space"}
+        return f"of which {right.shares[name]:.0%} of the pixels count as {what[name]}, {wrong.shares[name]:.0%} of the answer's"
+    if wrong.depth_fit - right.depth_fit > wrong.normal_fit - right.normal_fit:
+        return f"whose depth fits less well ({right.depth_fit:.2f} against {wrong.depth_fit:.2f})"
+    return f"whose normals fit less well ({right.normal_fit:.2f} against {wrong.normal_fit:.2f})"

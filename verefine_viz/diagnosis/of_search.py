@@ -1,0 +1,189 @@
+"""Causes that lie in the search: starved hypotheses, too small a budget, a refiner that went astray, a bad pool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from verefine_viz.core.records import StageName
+from verefine_viz.diagnosis.case import FIRST_ONLY, Case
+from verefine_viz.diagnosis.causes import Cause, Finding
+from verefine_viz.diagnosis.words import instead, share
+
+FAR = 0.35
+"""A start further away than this share of the diameter is not near, whatever the refiner."""
+STARVED = 0.5
+"""A hypothesis that got less than this share of an even split of the budget was starved."""
+TRIED_ALONE = 3
+"""Hypotheses that are tried with the whole budget, the nearest first."""
+MULTIPLES = (2, 4, 8)
+"""Budgets tried, in multiples of the run's."""
+IMPROVING = 0.004
+"""A hypothesis is still improving if its last iteration took more than this off the error (share of the diameter)."""
+WORSE = 0.03
+"""The answer is worse than a pose before by more than this share of the diameter …"""
+WORSE_BY = 1.2
+"""… and by more than this factor: then something led it astray."""
+
+
+def starved(case: Case) -> Finding | None:
+    """A hypothesis that got few iterations comes out right when it gets them all."""
+    pulls = np.bincount([i.arm for i in case.own], minlength=len(case.initial_errors))
+    if len(pulls) < 2:
+        return None
+    fair = len(case.own) / len(pulls)
+    for j in np.argsort(case.initial_errors)[:TRIED_ALONE].tolist():
+        if pulls[j] >= STARVED * max(fair, 1) or case.initial_errors[j] > FAR:
+            continue
+        own = case.lab.method(case.lab.simulator)
+        each = own.iterations * (1 if case.lab.name in FIRST_ONLY else len(pulls))
+        again = case.rerun(
+            f"all on hypothesis {j + 1}",
+            case.with_pool(case.target.instance.hypotheses[j].T_cam_obj),
+            method=case.lab.method(case.lab.simulator, iterations=each),
+        )
+        if again.repaired:
+            got = f"got {pulls[j]} of {len(case.own)} iterations"
+            if case.lab.name in FIRST_ONLY:
+                got = f"was never tried, as {case.lab.name.upper()} looks at the first only"
+            return Finding(
+                Cause.ARM_STARVED,
+                f"Hypothesis {j + 1} of the {case.name} {got}; with the whole budget {instead(again.error, case.error)}.",
+                {
+                    "hypothesis": float(j),
+                    "iterations_of_it": float(pulls[j]),
+                    "iterations": float(len(case.own)),
+                    "initial_error_of_it": float(case.initial_errors[j]),
+                    "error": case.error,
+                    "error_repaired": again.error,
+                },
+                True,
+            )
+    return None
+
+
+def budget(case: Case) -> Finding | None:
+    """The answer's hypothesis was still getting better at the end, and a larger budget brings it home."""
+    accepted = _accepted(case)
+    if len(accepted) < 2 or accepted[0] > FAR:
+        return None
+    falling = accepted[-2] - accepted[-1]
+    if falling < IMPROVING:
+        return None
+    own = case.lab.method(case.lab.simulator)
+    for times in MULTIPLES:
+        longer = case.lab.method(case.lab.simulator, iterations=times * own.iterations)
+        again = case.rerun(f"{times} × the budget", method=longer)
+        if again.repaired:
+            return Finding(
+                Cause.BUDGET,
+                f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration; with "
+                f"{times} × the budget {instead(again.error, case.error)}.",
+                {"falling": falling, "times": float(times), "error": case.error, "error_repaired": again.error},
+                True,
+            )
+    return None
+
+
+def refiner(case: Case) -> Finding | None:
+    """The answer is worse than a pose that it came from, and refinement made it so."""
+    track = _track(case)
+    if len(track) < 2 or case.answer is None:
+        return None
+    best = min(range(len(track)), key=lambda k: track[k].error)
+    before, at_end = track[best], case.error
+    if before.error > FAR or at_end - before.error < WORSE or at_end < WORSE_BY * before.error:
+        return None
+    lost = {"refined": 0.0, "simulated": 0.0}
+    for a, b in zip(track[best:], track[best + 1 :], strict=False):
+        by = "simulated" if b.stage in ("simulated", "mixed") else "refined"
+        lost[by] += max(b.error - a.error, 0.0)
+    if lost["refined"] <= lost["simulated"]:
+        return None
+    where = "It started" if before.iteration == 0 else f"After iteration {before.iteration} it was"
+    return Finding(
+        Cause.REFINER,
+        f"The refiner led the {case.name} astray: {where[0].lower()}{where[1:]} {share(before.error)} of the diameter "
+        f"from the truth (hypothesis {case.answer.arm + 1}), and ended {share(at_end)} away.",
+        {
+            "hypothesis": float(case.answer.arm),
+            "best_iteration": float(before.iteration),
+            "error_before": before.error,
+            "error": at_end,
+            "added_by_refiner": lost["refined"],
+            "added_by_simulation": lost["simulated"],
+        },
+        True,
+    )
+
+
+def pool(case: Case) -> Finding | None:
+    """No hypothesis leads there, and the truth itself as a start does."""
+    again = case.rerun("started at ground truth", case.with_pool(case.T_true))
+    if not len(case.initial_errors):
+        said = f"There is no hypothesis for the {case.name}; started at the truth, the method ends {share(again.error)} away."
+        return Finding(Cause.POOL, said, {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+    j = int(np.argmin(case.initial_errors))
+    nearest = float(case.initial_errors[j])
+    evidence = {
+        "hypotheses": float(len(case.initial_errors)),
+        "nearest": float(j),
+        "nearest_error": nearest,
+        "error": case.error,
+        "error_from_truth": again.error,
+    }
+    if again.error >= case.threshold:
+        said = f"Even started at the truth, the {case.name} ends {share(again.error)} of the diameter away."
+        return Finding(Cause.REFINER, said, evidence, False)
+    if nearest < case.threshold:
+        said = (
+            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the truth, and refinement "
+            f"lost it: the error is {share(case.error)}."
+        )
+        return Finding(Cause.REFINER, said, evidence, False)
+    return Finding(
+        Cause.POOL,
+        f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
+        f"{j + 1}) starts {share(nearest)} of the diameter away; started at the truth {instead(again.error, case.error)}.",
+        evidence,
+        True,
+    )
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A pose on the way to the answer."""
+
+    error: float
+    stage: StageName
+    iteration: int
+    """0 = the hypothesis itself."""
+
+
+def _track(case: Case) -> list[_Point]:
+    """The poses of the answer's hypothesis, up to the answer's iteration: those that each was made from the one before."""
+    if case.answer is None or not len(case.initial_errors):
+        return []
+    arm = case.answer.arm
+    if arm >= len(case.target.instance.hypotheses):
+        return []
+    track = [_Point(float(case.initial_errors[arm]), "initial", 0)]
+    for iteration in case.own:
+        if iteration.arm != arm or iteration.index > case.answer.iteration:
+            continue
+        for stage in iteration.stages[1:]:
+            track.append(_Point(case.error_of(stage.T_cam_obj), stage.name, iteration.index))
+    return track
+
+
+def _accepted(case: Case) -> list[float]:
+    """Errors of what was kept of the answer's hypothesis, iteration by iteration, its start first."""
+    if case.answer is None or case.answer.arm >= len(case.initial_errors):
+        return []
+    kept = [case.error_of(i.accepted_stage.T_cam_obj) for i in case.own if i.arm == case.answer.arm]
+    return [float(case.initial_errors[case.answer.arm]), *kept]
+
+
+SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, pool)
