@@ -12,9 +12,10 @@ from verefine_viz.batch.rows import FrameResult
 from verefine_viz.core.settings import Session
 
 DIES, EXITS = "0/13", "0/17"
+DIES_ONCE = "0/19"
 
 
-def work(channel: connection.Connection, session: Session, out: Path) -> None:
+def work(channel: connection.Connection, session: Session, out: Path, task: str) -> None:
     """Answers each frame; is killed by one and leaves at another."""
     while True:
         try:
@@ -22,6 +23,9 @@ def work(channel: connection.Connection, session: Session, out: Path) -> None:
         except EOFError:
             return
         if frame == DIES:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if frame == DIES_ONCE and not (out / "died").exists():
+            (out / "died").touch()
             os.kill(os.getpid(), signal.SIGKILL)
         if frame == EXITS:
             sys.exit(3)

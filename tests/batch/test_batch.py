@@ -166,8 +166,13 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     assert bad["status"] == "failed"
     assert str(file) in bad["message"]
     assert [o for o in objects if o is not bad] == [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
-    # Mended and started again: only the failed frame is solved, and all is as if nothing had happened.
-    again = run_batch(session, out, "--workers", 2)
+    # Mended, but not asked to try again: it stays as it was.
+    as_it_was = run_batch(session, out, "--workers", 1)
+    assert as_it_was.returncode == 1
+    assert f"({N_FRAMES} done before)" in as_it_was.stdout
+    assert "--retry-failed" in as_it_was.stdout
+    # Asked to: only the failed frame is solved, and all is as if nothing had happened.
+    again = run_batch(session, out, "--workers", 2, "--retry-failed")
     assert again.returncode == 0
     assert f"({N_FRAMES - 1} done before)" in again.stdout
     assert without_times(out) == without_times(uninterrupted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -32,23 +33,28 @@ def test_a_new_folder_holds_the_session_that_runs(tmp_path: Path) -> None:
 
 def test_finished_frames_are_found_again(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.keep(finished("1/2", 1 / 3))
-    folder.keep(finished("1/3"))
+    folder.journal.keep(finished("1/2", 1 / 3))
+    folder.journal.keep(finished("1/3"))
     folder.close()
     again = RunFolder(tmp_path, SESSION)
-    assert again.finished() == {"1/2": finished("1/2", 1 / 3), "1/3": finished("1/3")}
+    assert list(again.journal.results(["1/3", "1/4", "1/2"])) == [finished("1/3"), finished("1/2", 1 / 3)]
     again.close()
 
 
-def test_failed_and_damaged_frames_are_tried_again(tmp_path: Path) -> None:
+def test_damaged_entries_do_not_count(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.keep(failed_frame("1/2", "no depth"))
-    folder.keep(finished("1/3"))
+    failed = failed_frame("1/2", "no depth", SESSION)
+    folder.journal.keep(failed)
+    folder.journal.keep(finished("1/3"))
     (tmp_path / "frames" / "000001_000004.json").write_text('{"frame": "1/4", "fai')
     (tmp_path / "frames" / "000001_000005.json").write_text(finished("1/6").model_dump_json())
-    (tmp_path / "frames" / "000001_000007.json.part").write_text(finished("1/7").model_dump_json())
-    assert list(folder.finished()) == ["1/3"]
+    half = tmp_path / "frames" / "000001_000007.json.12-34.part"
+    half.write_text(finished("1/7").model_dump_json())
+    assert list(folder.journal.results(f"1/{k}" for k in range(10))) == [failed, finished("1/3")]
+    assert (failed.objects[0].method, failed.objects[0].seed) == ("sir", 0)
     folder.close()
+    RunFolder(tmp_path, SESSION).close()
+    assert not half.exists()
 
 
 def test_another_session_is_refused_by_its_first_difference(tmp_path: Path) -> None:
@@ -109,13 +115,21 @@ def test_a_killed_writer_leaves_no_lock(tmp_path: Path) -> None:
     RunFolder(tmp_path, SESSION).close()
 
 
-def test_nothing_is_half_written(tmp_path: Path) -> None:
+def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.write("frames.csv", "old")
-    (tmp_path / "frames.csv.part").mkdir()  # writing the new one fails
-    with pytest.raises(InputError, match=r"cannot write .*frames\.csv"):
-        folder.write("frames.csv", "new")
-    assert (tmp_path / "frames.csv").read_text() == "old"
+    folder.write("run.json", "old")
+
+    def full(self: Path, *_: object, **__: object) -> int:
+        self.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(InputError, match=r"cannot write .*run\.json: No space left on device"):
+        folder.write("run.json", "new")
+    with pytest.raises(InputError, match=r"cannot write .*000001_000002\.json: No space left on device"):
+        folder.journal.keep(finished("1/2"))
+    assert (tmp_path / "run.json").read_text() == "old"
+    assert list((tmp_path / "frames").iterdir()) == []
     folder.close()
 
 

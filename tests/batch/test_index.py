@@ -8,7 +8,7 @@ import pytest
 
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, Order, is_batch_folder, read_batch
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, frames_csv
+from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
 
@@ -32,7 +32,7 @@ ROWS = (
 def index(tmp_path: Path) -> BatchIndex:
     folder = RunFolder(tmp_path, SESSION)
     results = [FrameResult(frame=f"1/{r.im_id}", failed=False, seconds=1.0, objects=(r,)) for r in ROWS]
-    folder.write("frames.csv", frames_csv([*results, failed_frame("1/5", "no depth")]))
+    write_frames_csv(tmp_path / "frames.csv", [*results, failed_frame("1/5", "no depth")])
     folder.write_json("run.json", {"status": "finished"})
     folder.close()
     assert is_batch_folder(tmp_path)

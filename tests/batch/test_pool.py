@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
@@ -43,6 +44,46 @@ def test_a_worker_that_dies_takes_only_its_frame_with_it(n_workers: int, tmp_pat
     assert "killed by SIGKILL" in messages.pop(fragile.DIES)
     assert "exit code 3" in messages.pop(fragile.EXITS)
     assert set(messages.values()) == {""}
+
+
+@pytest.mark.parametrize("n_workers", [1, 2])
+def test_a_frame_whose_worker_was_killed_is_given_out_once_more(n_workers: int, tmp_path: Path) -> None:
+    frames = ["0/1", fragile.DIES_ONCE, "0/2", "0/3"]
+    assert solved(frames, n_workers, tmp_path) == dict.fromkeys(frames, "")
+
+
+def test_frames_are_asked_for_only_when_a_worker_is_free(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    def frames() -> Iterator[str]:
+        for i in range(100_000):
+            asked.append(f"0/{100 + i}")
+            yield asked[-1]
+
+    pool = Pool(Session(), tmp_path, 2)
+    results = pool.solve(frames())
+    for n_done in range(1, 6):
+        next(results)
+        assert len(asked) <= n_done + 2
+    pool.close()
+
+
+def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
+    pool = Pool(Session(), tmp_path, 1, limit_bytes=1)
+    assert pool.warning == ""
+    pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
+    pool.close()
+    assert len(set(pids)) == 3
+    assert "fewer --workers" in pool.warning
+    assert pool.needs.startswith("1 × ")
+
+
+def test_a_worker_within_its_limit_stays(tmp_path: Path) -> None:
+    pool = Pool(Session(), tmp_path, 1)
+    pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
+    pool.close()
+    assert len(set(pids)) == 1
+    assert pool.warning == ""
 
 
 def test_the_last_frame_may_kill_its_worker(tmp_path: Path) -> None:

@@ -13,12 +13,12 @@ from verefine_viz.batch.rows import (
     failed_frame,
     frame_ids,
     frame_name,
-    frames_csv,
     read_frames_csv,
+    write_frames_csv,
 )
 from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import MethodSettings
+from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 
@@ -40,7 +40,7 @@ def solved(problem: Problem, method: str = "rir") -> tuple[Run, FrameResult]:
     made = make_method(MethodSettings(name=method, iterations=3), FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
     run = Run(made, problem)
     run.finish()
-    return run, frame_result(run)
+    return run, frame_result(run, Session())
 
 
 @given(st.lists(rows, max_size=3), finite)
@@ -53,7 +53,7 @@ def test_a_result_survives_the_journal(objects: list[ObjectRow], seconds: float)
 def test_frames_csv_is_read_as_it_was_written(tmp_path_factory: pytest.TempPathFactory, row: ObjectRow) -> None:
     file = tmp_path_factory.mktemp("csv") / "frames.csv"
     row = row.model_copy(update={"message": " ".join(row.message.split())})
-    file.write_text(frames_csv([FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))]), encoding="utf-8")
+    write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
     (read,) = read_frames_csv(file)
     assert read.name == row.name
     assert read.message == row.message

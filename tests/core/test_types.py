@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -120,3 +121,18 @@ def test_files_appear_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"), atomic(path / "below.txt") as part:
         part.write_text("three")
     assert [p.name for p in path.parent.iterdir()] == ["f.txt"]
+
+
+def test_two_writers_of_a_file_do_not_share_what_is_half_written(tmp_path: Path) -> None:
+    path = tmp_path / "f.txt"
+    with atomic(path) as part, ThreadPoolExecutor(1) as other:
+        part.write_text("mine")
+        other.submit(_written, path, "theirs").result()
+        assert path.read_text() == "theirs"
+    assert path.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _written(path: Path, text: str) -> None:
+    with atomic(path) as part:
+        part.write_text(text)

@@ -1,4 +1,4 @@
-"""What ``verefine-viz batch`` shows while it works and when it is done."""
+"""What ``verefine-viz batch`` does with several sessions, and what it says when it is done."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from verefine_viz.batch.rows import FrameResult
-from verefine_viz.batch.runner import Outcome, check, run_batch, totals
+from verefine_viz.batch.progress import shown_progress
+from verefine_viz.batch.runner import Outcome, Place, check, run_batch
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
-SHOWN_FAILURES = 10
 
-
-def run_sessions(paths: Sequence[Path], out: Path, n_workers: int, overrides: Mapping[str, Any]) -> int:
+def run_sessions(
+    paths: Sequence[Path], out: Path, place: Place, overrides: Mapping[str, Any], retry_failed: bool = False
+) -> int:
     """Runs each session; the exit code: 0, or 1 where frames failed.
 
     Raises:
-        VerefineError: a session or ``out`` cannot be used.
+        VerefineError: a session or ``out`` cannot be used, or the cluster does not answer.
     """
     jobs = folders(paths, out)
     sessions = {path: load_session(path, overrides) for path in jobs}
@@ -31,8 +30,8 @@ def run_sessions(paths: Sequence[Path], out: Path, n_workers: int, overrides: Ma
         # A mistake in the last of several sessions should not show after hours.
         for session in sessions.values():
             check(session)
-    outcomes = [_run(sessions[path], folder, n_workers) for path, folder in jobs.items()]
-    return 1 if any(outcome.failed for outcome in outcomes) else 0
+    outcomes = [_run(sessions[path], folder, place, retry_failed) for path, folder in jobs.items()]
+    return 1 if any(outcome.n_failed for outcome in outcomes) else 0
 
 
 def folders(paths: Sequence[Path], out: Path) -> dict[Path, Path]:
@@ -50,32 +49,16 @@ def folders(paths: Sequence[Path], out: Path) -> dict[Path, Path]:
     return {path: out / path.stem for path in paths}
 
 
-def _run(session: Session, out: Path, n_workers: int) -> Outcome:
-    errors = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-        task = bar.add_task(escape(out.name), total=None, note="starting")
-        n_failed = 0
-
-        def progress(result: FrameResult | None, done: int, n_frames: int) -> None:
-            nonlocal n_failed
-            n_failed += bool(result and result.failed)
-            bar.update(task, completed=done, total=n_frames, note=f"{n_failed} failed" if n_failed else "")
-
-        outcome = run_batch(session, out, n_workers, progress)
+def _run(session: Session, out: Path, place: Place, retry_failed: bool) -> Outcome:
+    with shown_progress(out.name, Console(stderr=True)) as tell:
+        outcome = run_batch(session, out, place, tell, retry_failed)
     _print_summary(outcome)
     return outcome
 
 
 def _print_summary(outcome: Outcome) -> None:
     console = Console(highlight=False, soft_wrap=True)
-    numbers = totals(outcome.results, len(outcome.results))
+    numbers = outcome.totals
     parts = [
         f"{numbers['frames']} frames" + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
         f"{numbers['objects']} objects",
@@ -84,11 +67,16 @@ def _print_summary(outcome: Outcome) -> None:
         parts.append(f"{numbers['objects_without_answer']} without a hypothesis")
     if numbers["median_add_s_mm"] is not None:
         parts.append(f"median ADD(-S) {numbers['median_add_s_mm']:.1f} mm")
-        parts.append(f"{numbers['correct_share']:.0%} below 10 % of the diameter")
+        if numbers["recall"] is not None:
+            parts.append(f"{numbers['recall']:.0%} below 10 % of the diameter")
     elif numbers["median_score"] is not None:
         parts.append(f"median score {numbers['median_score']:.3f}")
-    console.print(f"{', '.join(parts)}; {outcome.seconds:.1f} s. Results in {escape(str(outcome.folder))}")
-    for result in outcome.failed[:SHOWN_FAILURES]:
-        console.print(f"frame {result.frame} failed: {escape(result.objects[0].message)}")
-    if len(outcome.failed) > SHOWN_FAILURES:
-        console.print(f"… and {len(outcome.failed) - SHOWN_FAILURES} more, see frames.csv")
+    took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
+    console.print(escape(f"{', '.join(parts)}; {took}. Results in {outcome.folder}"))
+    for frame, why in outcome.failures:
+        console.print(escape(f"frame {frame} failed: {why}"))
+    n_more = outcome.n_failed - len(outcome.failures)
+    if n_more:
+        console.print(f"… and {n_more} more, see frames.csv")
+    if outcome.n_failed:
+        console.print("The same command with --retry-failed tries them again.")

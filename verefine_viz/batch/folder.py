@@ -18,10 +18,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from pydantic import ValidationError
-
 import verefine_viz
-from verefine_viz.batch.rows import FrameResult, frame_name
+from verefine_viz.batch.journal import Journal
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
@@ -48,6 +47,8 @@ class RunFolder:
             save_session(session, path / SESSION_FILE)
             for name in ("frames", "recordings"):
                 (path / name).mkdir(exist_ok=True)
+            self.journal = Journal(path / "frames")
+            self.journal.clear_parts()
         except OSError as error:
             self.close()
             raise InputError(f"cannot write to {path}: {error.strerror}") from None
@@ -59,31 +60,14 @@ class RunFolder:
         """Lets others write to the folder."""
         self._lock.close()
 
-    def finished(self) -> dict[str, FrameResult]:
-        """The frames that are done, by frame. Failed ones are not among them: they are tried again."""
-        results: dict[str, FrameResult] = {}
-        for file in sorted((self.path / "frames").glob("*.json")):
-            try:
-                result = FrameResult.model_validate_json(file.read_bytes())
-            except (OSError, ValidationError):
-                continue  # Not ours, or damaged: the frame is solved again.
-            if not result.failed and file.stem == frame_name(result.frame):
-                results[result.frame] = result
-        return results
-
-    def keep(self, result: FrameResult) -> None:
-        """Notes a finished frame; from now on a restart does not repeat it."""
-        self.write(f"frames/{frame_name(result.frame)}.json", result.model_dump_json())
-
     def write(self, name: str, text: str) -> None:
-        """Writes a file of the folder, whole or not at all."""
-        file = self.path / name
-        part = file.with_name(file.name + ".part")
-        try:
+        """Writes a file of the folder, whole or not at all.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        with atomic(self.path / name) as part:
             part.write_text(text, encoding="utf-8")
-            part.replace(file)
-        except OSError as error:
-            raise InputError(f"cannot write {file}: {error.strerror}") from None
 
     def write_json(self, name: str, value: Mapping[str, Any]) -> None:
         """:meth:`write` of a JSON object."""

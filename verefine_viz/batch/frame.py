@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
@@ -22,28 +24,67 @@ def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
     try:
         result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd")
     except VerefineError as error:
-        result = failed_frame(frame, str(error))
+        result = failed_frame(frame, str(error), toolbox.session)
     except Exception as error:
-        log = out / "errors" / f"{frame_name(frame)}.txt"
-        log.parent.mkdir(exist_ok=True)
-        log.write_text(traceback.format_exc(), encoding="utf-8")
-        result = failed_frame(frame, f"{type(error).__name__}: {error} (see errors/{log.name})")
+        result = unforeseen(toolbox, frame, out, error)
     return result.model_copy(update={"seconds": time.perf_counter() - started})
 
 
+def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> FrameResult:
+    """The result of a frame that failed for a reason nobody foresaw; its traceback is kept below ``out``."""
+    log = out / "errors" / f"{frame_name(frame)}.txt"
+    # On a full disk the frame fails all the same, just without its traceback.
+    with suppress(OSError):
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    where = f" (see errors/{log.name})" if log.is_file() else ""
+    return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)
+
+
 def _solved(toolbox: Toolbox, frame: str, recording: Path) -> FrameResult:
-    keep = toolbox.session.recording.keep
-    problem = toolbox.problem(frame)
+    keep, watch = toolbox.session.recording.keep, _Stopwatch()
+    with watch("read"):
+        problem = toolbox.problem(frame)
     recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier)
     try:
-        run = toolbox.run(problem, [recorder] if keep == "all" else [])
-        run.finish()
-        result = frame_result(run)
-        if keep == "failures" and is_failure(result):
-            run.fork(run.length, watchers=[recorder])  # the recorder sees the whole history
+        with watch("start"):
+            run = toolbox.run(problem, [recorder] if keep == "all" else [])
+        with watch("record"):
+            run.finish()
+        with watch("summarise"):
+            result = frame_result(run, toolbox.session)
+        with watch("record"):
+            if keep == "failures" and is_failure(result):
+                run.fork(run.length, watchers=[recorder])  # the recorder sees the whole history
     finally:
-        recorder.close()
-    return result
+        with watch("record"):
+            recorder.close()
+    # Recorders watch while the run goes on: theirs is what the iterations themselves do not account for.
+    watch.move(sum(i.ms for i in run.iterations), "record", "iterate")
+    return result.model_copy(update={"stages_ms": watch.stages_ms})
+
+
+class _Stopwatch:
+    """Milliseconds by stage."""
+
+    def __init__(self) -> None:
+        self.stages_ms: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._add(stage, 1e3 * (time.perf_counter() - started))
+
+    def move(self, ms: float, source: str, goal: str) -> None:
+        """Books time that was measured inside one stage under another."""
+        self._add(source, -ms)
+        self._add(goal, ms)
+
+    def _add(self, stage: str, ms: float) -> None:
+        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + ms
 
 
 def is_failure(result: FrameResult) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
+
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.settings import Session
 
 Status = Literal["ok", "no_answer", "failed"]
 
@@ -27,6 +29,13 @@ class ObjectRow(Row):
     instance_id: int | None = None
     obj_id: int | None = None
     name: str = ""
+    method: str = ""
+    seed: int | None = None
+    """Of the first poses (hypotheses.seed)."""
+    visib_fract: float | None = None
+    """Visible share of the object, where the data set knows it."""
+    has_truth: bool = False
+    """Whether the data set holds the true pose; such an object counts for the recall, also without an answer."""
     status: Status
     """ok; no_answer: the object has no hypothesis; failed: the whole frame failed, ``message`` says why."""
     score: float | None = None
@@ -54,6 +63,10 @@ class ObjectRow(Row):
     ms_simulate: float = 0.0
     ms_score: float = 0.0
     ms_total: float = 0.0
+    cause: str = ""
+    """Why the answer is wrong, where that is known."""
+    evidence: str = ""
+    """The cause in one sentence, with its numbers."""
     message: str = ""
 
     @property
@@ -66,6 +79,10 @@ class ObjectRow(Row):
 
 TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 """Columns of frames.csv that differ from run to run; everything else is the same for the same session."""
+
+
+STAGES = ("read", "start", "iterate", "record", "summarise")
+"""What a frame's time is spent on: images and clouds; scores of hypotheses; iterations; recording; errors and rows."""
 
 
 class Estimate(Row):
@@ -87,6 +104,8 @@ class FrameResult(Row):
     """Computing time, from reading the frame to its last record [s]."""
     objects: tuple[ObjectRow, ...]
     estimates: tuple[Estimate, ...] = ()
+    stages_ms: dict[str, float] = {}
+    """Where the time went, by stage (:data:`STAGES`) [ms]."""
 
 
 def frame_ids(frame: str) -> tuple[int, int]:
@@ -101,22 +120,25 @@ def frame_name(frame: str) -> str:
     return f"{scene_id:06d}_{im_id:06d}"
 
 
-def failed_frame(frame: str, message: str, seconds: float = 0.0) -> FrameResult:
+def failed_frame(frame: str, message: str, session: Session | None = None) -> FrameResult:
     """The result of a frame that could not be solved."""
     scene_id, im_id = frame_ids(frame)
-    row = ObjectRow(scene_id=scene_id, im_id=im_id, status="failed", message=" ".join(message.split()))
-    return FrameResult(frame=frame, failed=True, seconds=seconds, objects=(row,))
+    made_by = {} if session is None else {"method": session.method.name, "seed": session.hypotheses.seed}
+    row = ObjectRow(scene_id=scene_id, im_id=im_id, status="failed", message=" ".join(message.split()), **made_by)
+    return FrameResult(frame=frame, failed=True, seconds=0.0, objects=(row,))
 
 
-def frames_csv(results: Iterable[FrameResult]) -> str:
-    """The text of frames.csv."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(ObjectRow.model_fields), lineterminator="\n")
-    writer.writeheader()
-    for result in results:
-        for row in result.objects:
-            writer.writerow({k: _shown(k, v) for k, v in row.model_dump().items()})
-    return text.getvalue()
+def write_frames_csv(path: Path, results: Iterable[FrameResult]) -> None:
+    """Writes frames.csv, row by row; it appears under its name only when it is whole.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(ObjectRow.model_fields), lineterminator="\n")
+        writer.writeheader()
+        for result in results:
+            writer.writerows({k: _shown(k, v) for k, v in row.model_dump().items()} for row in result.objects)
 
 
 def read_frames_csv(path: Path) -> list[ObjectRow]:

@@ -1,11 +1,14 @@
-"""One batch: every frame of a session, headless, resumable."""
+"""One batch: every frame of a session, headless, resumable, on this machine or on a cluster.
+
+Results are kept on the disk only: the parent's memory does not depend on how many frames there are.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,15 +18,55 @@ import numpy as np
 import verefine_viz
 from verefine_viz.batch.folder import RUN_FILE, RunFolder
 from verefine_viz.batch.machine import machine, package_versions
-from verefine_viz.batch.pool import Pool
-from verefine_viz.batch.rows import FrameResult, frame_ids, frames_csv
+from verefine_viz.batch.memory import gigabytes, own_peak_bytes
+from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
+from verefine_viz.batch.tasks import TaskName, Workers
+from verefine_viz.batch.totals import Counts, Totals
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.session.toolbox import Toolbox
 
-Progress = Callable[[FrameResult | None, int, int], None]
-"""Told about each finished frame (None: at the start), how many are done, and how many there are."""
+
+@dataclass(frozen=True)
+class Place:
+    """Where and how frames are computed; the results do not depend on it."""
+
+    n_workers: int = 1
+    limit_bytes: int | None = None
+    """Most memory of a worker process; None = its share of the machine's."""
+    cluster: str = ""
+    """Address of a Dask scheduler, or "local" for one of our own; empty = worker processes of this machine."""
+    ship: bool = False
+    """On a cluster: send the images of each frame to its worker and recordings back, instead of reading and writing
+    them by path."""
+
+    def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
+        """The workers; they may start at once.
+
+        Raises:
+            UnavailableError: the cluster does not answer, or its package is not installed.
+        """
+        if self.cluster:
+            from verefine_viz.batch.cluster import open_cluster
+
+            return open_cluster(self.cluster, session, out, task, self.n_workers, self.ship)
+        from verefine_viz.batch.pool import Pool
+
+        return Pool(session, out, self.n_workers, task, self.limit_bytes)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a batch is."""
+
+    counts: Counts
+    n_frames: int
+    n_resumed: int
+    """Frames that an earlier start had already finished."""
+    seconds: float
+    """Since this start."""
+    warning: str = ""
 
 
 @dataclass(frozen=True)
@@ -31,15 +74,18 @@ class Outcome:
     """How a batch ended."""
 
     folder: Path
-    results: tuple[FrameResult, ...]
-    """In the session's order of frames."""
+    totals: dict[str, Any]
+    """As in run.json."""
+    failures: tuple[tuple[str, str], ...]
+    """Frame and reason of the first failed frames."""
     n_resumed: int
-    """Frames that an earlier start had already solved."""
     seconds: float
+    memory: str
+    """What it took, in words."""
 
     @property
-    def failed(self) -> tuple[FrameResult, ...]:
-        return tuple(r for r in self.results if r.failed)
+    def n_failed(self) -> int:
+        return self.totals["frames_failed"]
 
 
 def check(session: Session) -> tuple[str, ...]:
@@ -56,88 +102,107 @@ def check(session: Session) -> tuple[str, ...]:
     return frames
 
 
-def run_batch(session: Session, out: Path, n_workers: int, progress: Progress) -> Outcome:
+def run_batch(
+    session: Session,
+    out: Path,
+    place: Place,
+    tell: Callable[[Progress], None] = lambda _: None,
+    retry_failed: bool = False,
+    task: TaskName = "solve",
+) -> Outcome:
     """Solves every frame of ``session`` into ``out``; goes on where an earlier start of the same batch stopped.
 
-    The files are the same for any number of workers and of interruptions, times aside.
+    The files are the same wherever frames are computed and however often it is interrupted, times aside.
+
+    Args:
+        session: what to run.
+        out: the folder of the batch.
+        place: where to compute.
+        tell: told at the start and after each frame.
+        retry_failed: try frames again that failed in an earlier start.
+        task: what to do with each frame.
 
     Raises:
-        VerefineError: the session or ``out`` cannot be used. A frame that fails does not raise: it is in the outcome.
+        VerefineError: the session or ``out`` cannot be used, or the cluster is gone. A frame that fails does not raise.
     """
-    pool = Pool(session, out, n_workers)
+    workers = place.workers(session, out.absolute(), task)
     try:
         frames = check(session)
         with closing(RunFolder(out, session)) as folder:
-            return _run(session, frames, folder, pool, n_workers, progress)
+            return _Batch(session, folder, frames, workers, place).run(tell, retry_failed)
     finally:
-        pool.close()
+        workers.close()
 
 
-def _run(
-    session: Session, frames: Sequence[str], folder: RunFolder, pool: Pool, n_workers: int, progress: Progress
-) -> Outcome:
-    started, begun = time.perf_counter(), datetime.now(UTC)
-    results = {f: r for f, r in folder.finished().items() if f in frames}
-    n_resumed = len(results)
-    spent_s = float(folder.read_run().get("seconds", 0.0)) if n_resumed else 0.0
+@dataclass
+class _Batch:
+    session: Session
+    folder: RunFolder
+    frames: Sequence[str]
+    workers: Workers
+    place: Place
+    counts: Counts = field(default_factory=Counts)
+    n_resumed: int = 0
+    started: float = field(default_factory=time.perf_counter)
+    begun: datetime = field(default_factory=lambda: datetime.now(UTC))
 
-    def report(status: str) -> None:
-        ordered = [results[f] for f in frames if f in results]
-        facts = {"version": verefine_viz.__version__, "status": status, "title": session.title}
-        when = {"begun": begun.isoformat(timespec="seconds"), "seconds": spent_s + time.perf_counter() - started}
-        made_by = {"workers": n_workers, "machine": machine(), "packages": package_versions()}
-        folder.write_json(RUN_FILE, {**facts, **when, "totals": totals(ordered, len(frames)), **made_by})
-        if status != "running":
-            folder.write("frames.csv", frames_csv(ordered))
-            _write_results(folder.path / "results.csv", ordered)
+    def run(self, tell: Callable[[Progress], None], retry_failed: bool) -> Outcome:
+        missing = self._missing(retry_failed)
+        spent_s = float(self.folder.read_run().get("seconds", 0.0)) if self.n_resumed else 0.0
+        self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
+        status = "stopped"
+        try:
+            tell(self._progress())
+            for result in self.workers.solve(missing):
+                self.folder.journal.keep(result)
+                self.counts.add(result)
+                tell(self._progress())
+            status = "finished"
+        finally:
+            totals = self._write_tables()
+            self._note(status, spent_s, totals.as_json(len(self.frames)))
+        failures = tuple(totals.failures)
+        numbers, seconds = totals.as_json(len(self.frames)), self._seconds()
+        return Outcome(self.folder.path, numbers, failures, self.n_resumed, seconds, self._memory())
 
-    status = "stopped"
-    try:
-        report("running")
-        progress(None, n_resumed, len(frames))
-        missing = [f for f in frames if f not in results]
-        for result in pool.solve(missing):
-            results[result.frame] = result
-            folder.keep(result)
-            progress(result, len(results), len(frames))
-        status = "finished"
-    finally:
-        report(status)
-    ordered = tuple(results[f] for f in frames)
-    return Outcome(folder.path, ordered, n_resumed, time.perf_counter() - started)
+    def _missing(self, retry_failed: bool) -> list[str]:
+        missing: list[str] = []
+        for frame in self.frames:
+            result = self.folder.journal.read(frame)
+            if result is None or (result.failed and retry_failed):
+                missing.append(frame)
+            else:
+                self.counts.add(result)
+        self.n_resumed = len(self.frames) - len(missing)
+        return missing
+
+    def _write_tables(self) -> Totals:
+        totals, journal = Totals(), self.folder.journal
+        write_frames_csv(self.folder.path / "frames.csv", totals.passing(journal.results(self.frames)))
+        write_results(self.folder.path / "results.csv", _result_rows(journal.results(self.frames)))
+        return totals
+
+    def _note(self, status: str, spent_s: float, totals: dict[str, Any]) -> None:
+        facts = {"version": verefine_viz.__version__, "status": status, "title": self.session.title}
+        when = {"begun": self.begun.isoformat(timespec="seconds"), "seconds": spent_s + self._seconds()}
+        where = {"workers": self.place.n_workers, "cluster": self.place.cluster, "memory": self._memory()}
+        made_by = {**where, "machine": machine(), "packages": package_versions()}
+        self.folder.write_json(RUN_FILE, {**facts, **when, "totals": totals, **made_by})
+
+    def _progress(self) -> Progress:
+        return Progress(self.counts, len(self.frames), self.n_resumed, self._seconds(), self.workers.warning)
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self.started
+
+    def _memory(self) -> str:
+        parts = [self.workers.needs, f"{gigabytes(own_peak_bytes())} in the parent"]
+        return " + ".join(part for part in parts if part)
 
 
-def totals(results: Sequence[FrameResult], n_frames: int) -> dict[str, Any]:
-    """What a whole batch came to."""
-    rows = [row for result in results for row in result.objects if row.status != "failed"]
-    answered = [row for row in rows if row.status == "ok"]
-    correct = [row.is_correct for row in answered if row.is_correct is not None]
-    return {
-        "frames": n_frames,
-        "frames_done": len(results),
-        "frames_failed": sum(r.failed for r in results),
-        "objects": len(rows),
-        "objects_without_answer": len(rows) - len(answered),
-        "median_score": _median(row.score for row in answered),
-        "median_add_s_mm": _median(row.add_s_mm for row in answered),
-        "correct_share": sum(correct) / len(correct) if correct else None,
-        "median_ms_per_object": _median(row.ms_total for row in answered),
-    }
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.median(known)) if known else None
-
-
-def _write_results(path: Path, results: Sequence[FrameResult]) -> None:
-    rows: list[ResultRow] = []
+def _result_rows(results: Iterable[FrameResult]) -> Iterator[ResultRow]:
     for result in results:
         scene_id, im_id = frame_ids(result.frame)
         for e in result.estimates:
             T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-            rows.append(ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.seconds, 3)))
-    try:
-        write_results(path, rows)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+            yield ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.seconds, 3))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,19 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
+from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.session.engine import Run
 
 
-def frame_result(run: Run) -> FrameResult:
-    """What a finished run says about its frame."""
+def frame_result(run: Run, session: Session) -> FrameResult:
+    """What a finished run of ``session`` says about its frame."""
     problem, state = run.problem, run.final_state
+    made_by = {"method": session.method.name, "seed": session.hypotheses.seed}
     rows = tuple(
-        object_row(problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id])
+        object_row(
+            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], made_by
+        )
         for target in problem.targets
     )
     estimates = tuple(
@@ -36,18 +40,23 @@ def frame_result(run: Run) -> FrameResult:
     return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates)
 
 
-def object_row(problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration]) -> ObjectRow:
-    """One object's row of frames.csv."""
+def object_row(
+    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], made_by: Mapping[str, Any]
+) -> ObjectRow:
+    """One object's row of frames.csv; ``made_by``: its fields ``method`` and ``seed``."""
     instance, model = target.instance, target.model
     index = next(i for i, t in enumerate(problem.targets) if t is target)
     best, initial = state.best[index], state.initial[index]
     known: dict[str, Any] = {
+        **made_by,
         "scene_id": problem.scene_id,
         "im_id": problem.im_id,
         "instance_id": instance.instance_id,
         "obj_id": instance.obj_id,
         "name": model.name,
         "diameter_mm": model.diameter_m * 1e3,
+        "visib_fract": instance.visib_fract,
+        "has_truth": instance.T_cam_obj_gt is not None,
         "n_hypotheses": len(instance.hypotheses),
     }
     if best is None or initial is None:

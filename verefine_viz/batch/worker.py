@@ -6,25 +6,26 @@ import os
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
+from typing import Literal
 
 from verefine_viz.core.settings import Session
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def work(channel: connection.Connection, session: Session, out: Path) -> None:
+def work(channel: connection.Connection, session: Session, out: Path, task: Literal["solve", "estimate"]) -> None:
     """The process's main: receives frames, sends results, until the channel closes."""
     # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    from verefine_viz.batch.frame import solve_frame
+    from verefine_viz.batch.tasks import task_named
     from verefine_viz.session.toolbox import Toolbox
 
-    toolbox = Toolbox(session)
+    toolbox, run = Toolbox(session), task_named(task)
     try:
         while True:
-            channel.send(solve_frame(toolbox, channel.recv(), out))
+            channel.send(run(toolbox, channel.recv(), out))
     except (EOFError, BrokenPipeError):
         return
 

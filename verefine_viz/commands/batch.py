@@ -24,6 +24,16 @@ class Batch:
     """Folder for results.csv, frames.csv, recordings/, session.toml and run.json."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes; the results are the same for any number."""
+    worker_memory_gb: float | None = None
+    """A worker that holds more than this after a frame is replaced by a new one; none = 80 % of the machine's memory
+    shared by all."""
+    retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Try frames again that failed before; without it they stay as they are."""
+    cluster: str = ""
+    """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers."""
+    ship: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """With --cluster: send each frame's images to its worker and recordings back. Without it workers read the data set
+    and write recordings by path, from storage that all machines share."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
@@ -31,6 +41,13 @@ class Batch:
             raise SettingsError("no session file given; say verefine-viz batch SESSION.toml --out FOLDER")
         if self.workers < 1:
             raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        if self.worker_memory_gb is not None and not self.worker_memory_gb > 0:
+            raise SettingsError(f"--worker-memory-gb is {self.worker_memory_gb:g}, expected more than 0")
+        if self.ship and not self.cluster:
+            raise SettingsError("--ship is about clusters; say --cluster ADDRESS, or leave it out")
         from verefine_viz.batch.command import run_sessions
+        from verefine_viz.batch.runner import Place
 
-        return run_sessions(self.sessions, self.out, self.workers, given(self.settings, arguments))
+        limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
+        place = Place(self.workers, limit, self.cluster, self.ship)
+        return run_sessions(self.sessions, self.out, place, given(self.settings, arguments), self.retry_failed)

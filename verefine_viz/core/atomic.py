@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +18,8 @@ def atomic(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the file cannot be written; nothing half-written stays.
     """
-    part = path.with_name(path.name + ".part")
+    # Named after its writer: two processes, or threads, that write the same file must not share what is half-written.
+    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part

@@ -1,0 +1,63 @@
+"""What a batch shows while it works: how far, how fast, how long still, how good so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as Bar
+
+from verefine_viz.batch.runner import Progress
+
+EVERY_S = 30.0
+"""Where there is no terminal (a log file), a line after so many seconds."""
+
+
+@contextmanager
+def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress], None]]:
+    """Shows what it is told: a bar on a terminal, lines in a log."""
+    warned: set[str] = set()
+    last_s = 0.0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}"))
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        row = bar.add_task(escape(title), total=None, note="starting")
+
+        def tell(now: Progress) -> None:
+            nonlocal last_s
+            bar.update(row, completed=now.counts.frames_done, total=now.n_frames, note=escape(in_words(now)))
+            if now.warning and not warned:
+                warned.add(now.warning)
+                console.print(escape(f"note: {now.warning}"), soft_wrap=True)
+            if not console.is_terminal and now.seconds - last_s > EVERY_S:
+                last_s = now.seconds
+                done = f"{title}: {now.counts.frames_done}/{now.n_frames} frames, {in_words(now)}"
+                console.print(escape(done), soft_wrap=True)
+
+        yield tell
+
+
+def in_words(now: Progress) -> str:
+    """``2.3 frames/s, 3:12 left, recall 71 %, 2 failed``."""
+    parts: list[str] = []
+    n_new = now.counts.frames_done - now.n_resumed
+    if n_new > 0 and now.seconds > 0:
+        rate = n_new / now.seconds
+        parts.append(f"{rate:.1f} frames/s" if rate >= 1 else f"{1 / rate:.1f} s a frame")
+        if now.counts.frames_done < now.n_frames:
+            parts.append(f"{_clock((now.n_frames - now.counts.frames_done) / rate)} left")
+    elif now.counts.frames_done < now.n_frames:
+        parts.append("starting")
+    if now.counts.recall is not None:
+        parts.append(f"recall {now.counts.recall:.0%}")
+    if now.counts.frames_failed:
+        parts.append(f"{now.counts.frames_failed} failed")
+    return ", ".join(parts)
+
+
+def _clock(seconds: float) -> str:
+    minutes, s = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{s:02d}" if hours else f"{minutes}:{s:02d}"

@@ -1,0 +1,96 @@
+"""What a batch came to: counts while it runs, medians when it is over."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.batch.rows import FrameResult
+
+
+@dataclass
+class Counts:
+    """Counts that grow frame by frame. They stay small however many frames there are."""
+
+    frames_done: int = 0
+    frames_failed: int = 0
+    objects: int = 0
+    objects_without_answer: int = 0
+    objects_with_truth: int = 0
+    objects_correct: int = 0
+
+    def add(self, result: FrameResult) -> None:
+        """Takes a finished frame."""
+        self.frames_done += 1
+        self.frames_failed += result.failed
+        for row in result.objects:
+            if row.status == "failed":
+                continue
+            self.objects += 1
+            self.objects_without_answer += row.status == "no_answer"
+            self.objects_with_truth += row.has_truth
+            self.objects_correct += row.is_correct is True
+
+    @property
+    def recall(self) -> float | None:
+        """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter."""
+        return self.objects_correct / self.objects_with_truth if self.objects_with_truth else None
+
+
+@dataclass
+class Totals:
+    """Everything that run.json says about the results: fed with one frame after the other."""
+
+    counts: Counts = field(default_factory=Counts)
+    failures: list[tuple[str, str]] = field(default_factory=list)
+    """Frame and reason of the first failed ones."""
+    max_failures: int = 10
+    _scores: array[float] = field(default_factory=lambda: array("d"))
+    _errors_mm: array[float] = field(default_factory=lambda: array("d"))
+    _times_ms: array[float] = field(default_factory=lambda: array("d"))
+    _stages_ms: dict[str, float] = field(default_factory=dict)
+
+    def passing(self, results: Iterable[FrameResult]) -> Iterator[FrameResult]:
+        """The same results; each is counted on its way."""
+        for result in results:
+            self._add(result)
+            yield result
+
+    def _add(self, result: FrameResult) -> None:
+        self.counts.add(result)
+        if result.failed and len(self.failures) < self.max_failures:
+            self.failures.append((result.frame, result.objects[0].message))
+        for name, ms in result.stages_ms.items():
+            self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
+        for row in result.objects:
+            if row.status == "ok":
+                self._times_ms.append(row.ms_total)
+                if row.score is not None:
+                    self._scores.append(row.score)
+                if row.add_s_mm is not None:
+                    self._errors_mm.append(row.add_s_mm)
+
+    def as_json(self, n_frames: int) -> dict[str, Any]:
+        """The entry ``totals`` of run.json."""
+        counts, n_solved = self.counts, self.counts.frames_done - self.counts.frames_failed
+        return {
+            "frames": n_frames,
+            "frames_done": counts.frames_done,
+            "frames_failed": counts.frames_failed,
+            "objects": counts.objects,
+            "objects_without_answer": counts.objects_without_answer,
+            "objects_with_truth": counts.objects_with_truth,
+            "recall": counts.recall,
+            "median_score": _median(self._scores),
+            "median_add_s_mm": _median(self._errors_mm),
+            "median_ms_per_object": _median(self._times_ms),
+            "mean_stages_ms_per_frame": {name: ms / n_solved for name, ms in self._stages_ms.items()},
+        }
+
+
+def _median(values: array[float]) -> float | None:
+    return float(np.median(values)) if values else None
