@@ -84,6 +84,14 @@ class BopDataset:
     def scene_ids(self) -> tuple[int, ...]:
         return tuple(self._scenes)
 
+    def scene_folder(self, scene_id: int) -> Path:
+        """Where a scene's files are.
+
+        Raises:
+            InputError: no such scene.
+        """
+        return self._scene(scene_id)
+
     def image_ids(self, scene_id: int) -> tuple[int, ...]:
         """The images of a scene that scene_camera.json lists, in order.
 

@@ -61,26 +61,11 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     Raises:
         InputError: missing, damaged, no triangles, or coordinates that are not finite.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f"{path} is no mesh file; supported: {', '.join(f[1:] for f in FORMATS)}")
-    if not path.is_file():
-        raise InputError(f"{path} is missing")
+    _check_file(path)
     texture = _texture_name(path)
     notes = _texture_notes(path, texture)
-    try:
-        # An image that cannot be used is kept from trimesh, which would log a traceback.
-        loaded = trimesh.load_mesh(path, process=False, skip_materials=bool(notes))
-    except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
-        reason = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {reason})") from None
-    if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
-        raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
-    if not np.isfinite(loaded.vertices).all():
-        raise InputError(f"{path} holds vertices that are NaN or infinite")
-    if len(loaded.faces) < (promised := _promised_faces(path)):
-        raise InputError(f"{path} ends after {len(loaded.faces)} of {promised} faces; fetch it again")
-    if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
-        raise InputError(f"{path} has faces that name vertices that do not exist; the file is damaged")
+    # An image that cannot be used is kept from trimesh, which would log a traceback.
+    loaded = _loaded(path, skip_materials=bool(notes))
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
     colors = None if notes or bare else _baked_colors(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
@@ -88,6 +73,23 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         vertices, faces, colors = _merged(vertices, faces, colors)
     faces = _outward(vertices, faces)
     return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes)
+
+
+def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
+    """Vertices (V, 3), every one that the file has, in its order and unit, and faces (F, 3) as they are.
+
+    Numbers of ascii files keep all their digits, as the official toolkit reads them.
+
+    Raises:
+        InputError: as :func:`read_mesh`.
+    """
+    _check_file(path)
+    loaded = _loaded(path, skip_materials=True)
+    vertices = np.asarray(loaded.vertices, dtype=np.float64)
+    written = _ascii_vertices(path)
+    if written is not None and written.shape == vertices.shape:
+        vertices = written
+    return vertices, np.asarray(loaded.faces).astype(np.int32)
 
 
 def largest_distance(points: Float) -> float:
@@ -104,6 +106,43 @@ def largest_distance(points: Float) -> float:
         directions = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
         hull = hull[np.unique(np.argmax(hull @ directions.T, axis=0))]
     return float(pdist(hull).max(initial=0.0))
+
+
+def _check_file(path: Path) -> None:
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path} is no mesh file; supported: {', '.join(f[1:] for f in FORMATS)}")
+    if not path.is_file():
+        raise InputError(f"{path} is missing")
+
+
+def _loaded(path: Path, skip_materials: bool) -> trimesh.Trimesh:
+    """The mesh of a file as trimesh reads it; refused where it is damaged or holds no triangles."""
+    try:
+        loaded = trimesh.load_mesh(path, process=False, skip_materials=skip_materials)
+    except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
+        reason = (str(error).splitlines() or [""])[0]
+        raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {reason})") from None
+    if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
+        raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
+    if not np.isfinite(loaded.vertices).all():
+        raise InputError(f"{path} holds vertices that are NaN or infinite")
+    if len(loaded.faces) < (promised := _promised_faces(path)):
+        raise InputError(f"{path} ends after {len(loaded.faces)} of {promised} faces; fetch it again")
+    if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
+        raise InputError(f"{path} has faces that name vertices that do not exist; the file is damaged")
+    return loaded
+
+
+def _ascii_vertices(path: Path) -> Float | None:
+    """The vertices of an ascii PLY in double precision (trimesh rounds them to single); None for any other file."""
+    if path.suffix.lower() != ".ply" or "format ascii" not in (header := _ply_header(path)):
+        return None
+    found = re.search(r"^element\s+vertex\s+(\d+)((?:\s+property.*)*)", header, re.MULTILINE)
+    if found is None or header.find("element") != found.start():
+        return None  # other elements come before the vertices
+    names = [line.split()[-1] for line in found.group(2).strip().splitlines()]
+    body = path.read_text("latin-1").split("end_header", 1)[1].lstrip("\r\n").splitlines()
+    return np.loadtxt(body[: int(found.group(1))], usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
 
 
 def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:

@@ -1,0 +1,139 @@
+"""Largest distances between two poses over a model's vertices, the smallest over its symmetries: MSSD and MSPD.
+
+Both are exact. For each symmetry a few vertices far apart bound the largest distance from below; symmetries are looked
+at in the order of their bounds, and each only until it is known to be no better than the best so far. MSSD's maximum
+lies on the convex hull (a distance under a linear map is convex); that is not so for MSPD.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.evaluation.model import N_PROBES, EvalModel
+
+
+def mssd_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
+    """Maximum symmetry-aware surface distance [mm]; infinite for a pose that is not finite.
+
+    Args:
+        model: its vertices and symmetries.
+        R_est: (3, 3), used as it is.
+        t_est_mm: (3,) [mm].
+        R_gt: (3, 3) true rotation.
+        t_gt_mm: (3,) [mm].
+
+    Source: BOP challenge 2019.
+    """
+    points, n_hull = model.sorted_vertices
+    pose = np.column_stack([R_est, t_est_mm]), np.column_stack([R_gt, t_gt_mm])
+    return float(_mssd(*pose, model.symmetries_mm, points[:n_hull], min(N_PROBES, n_hull)))
+
+
+def mspd_px(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float, K: Float) -> float:
+    """Maximum symmetry-aware projection distance [px of the image]; infinite where a vertex has no projection.
+
+    Nothing is tested for visibility or for being in front of the camera.
+
+    Args:
+        model: its vertices and symmetries.
+        R_est: (3, 3), used as it is.
+        t_est_mm: (3,) [mm].
+        R_gt: (3, 3) true rotation.
+        t_gt_mm: (3,) [mm].
+        K: (3, 3) camera matrix [px].
+
+    Source: BOP challenge 2019, where it is multiplied by 640 / image width before it is compared with thresholds.
+    """
+    points, n_hull = model.sorted_vertices
+    pose = K @ np.column_stack([R_est, t_est_mm]), K @ np.column_stack([R_gt, t_gt_mm])
+    return float(_mspd(*pose, model.symmetries_mm, points, min(N_PROBES, n_hull)))
+
+
+@njit(cache=True, nogil=True)
+def _mssd(P_est, P_gt, symmetries, points, n_probes):
+    n = len(symmetries)
+    maps, bounds = np.empty((n, 3, 4)), np.empty(n)
+    for k in range(n):
+        for i in range(3):
+            for j in range(4):
+                s = P_gt[i, 3] if j == 3 else 0.0
+                for m in range(3):
+                    s += P_gt[i, m] * symmetries[k, m, j]
+                maps[k, i, j] = P_est[i, j] - s
+        bounds[k] = _largest_shift(maps[k], points, 0, n_probes, 0.0, np.inf)
+    best = np.inf
+    for k in np.argsort(bounds):
+        if not bounds[k] < best:
+            break
+        best = min(best, _largest_shift(maps[k], points, n_probes, len(points), bounds[k], best))
+    return np.sqrt(best)
+
+
+@njit(cache=True, nogil=True)
+def _largest_shift(A, points, first, last, least, limit):
+    """Largest |A·(x, 1)|² of some points, at least ``least``; a value ≥ ``limit`` as soon as that is reached."""
+    largest = least
+    for i in range(first, last):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        dx = A[0, 0] * x + A[0, 1] * y + A[0, 2] * z + A[0, 3]
+        dy = A[1, 0] * x + A[1, 1] * y + A[1, 2] * z + A[1, 3]
+        dz = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + A[2, 3]
+        squared = dx * dx + dy * dy + dz * dz
+        if not squared < np.inf:
+            return np.inf
+        if squared > largest:
+            largest = squared
+            if largest >= limit:
+                break
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def _mspd(P_est, P_gt, symmetries, points, n_probes):
+    n = len(symmetries)
+    maps, bounds = np.empty((n, 3, 4)), np.empty(n)
+    seen = np.empty((len(points), 2))
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        w = P_est[2, 0] * x + P_est[2, 1] * y + P_est[2, 2] * z + P_est[2, 3]
+        if w == 0.0:
+            return np.inf
+        seen[i, 0] = (P_est[0, 0] * x + P_est[0, 1] * y + P_est[0, 2] * z + P_est[0, 3]) / w
+        seen[i, 1] = (P_est[1, 0] * x + P_est[1, 1] * y + P_est[1, 2] * z + P_est[1, 3]) / w
+    for k in range(n):
+        for i in range(3):
+            for j in range(4):
+                s = P_gt[i, 3] if j == 3 else 0.0
+                for m in range(3):
+                    s += P_gt[i, m] * symmetries[k, m, j]
+                maps[k, i, j] = s
+        bounds[k] = _largest_miss(maps[k], points, seen, 0, n_probes, 0.0, np.inf)
+    best = np.inf
+    for k in np.argsort(bounds):
+        if not bounds[k] < best:
+            break
+        best = min(best, _largest_miss(maps[k], points, seen, n_probes, len(points), bounds[k], best))
+    return np.sqrt(best)
+
+
+@njit(cache=True, nogil=True)
+def _largest_miss(P, points, seen, first, last, least, limit):
+    """Largest squared distance of the projections of some points by P from where they are ``seen``; see above."""
+    largest = least
+    for i in range(first, last):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        w = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+        if w == 0.0:
+            return np.inf
+        du = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / w - seen[i, 0]
+        dv = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / w - seen[i, 1]
+        squared = du * du + dv * dv
+        if not squared < np.inf:
+            return np.inf
+        if squared > largest:
+            largest = squared
+            if largest >= limit:
+                break
+    return largest

@@ -1,0 +1,142 @@
+"""An object model as pose errors need it: every vertex of its file, in millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.evaluation.symmetries import bop_symmetries
+from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+from verefine_viz.scenes.jsonfile import number_of, read_json
+from verefine_viz.scenes.meshes import FORMATS, read_geometry, unit_of_format
+
+N_PROBES = 24
+"""Vertices, far from each other, that bound the largest distance from below."""
+
+
+@dataclass(frozen=True, eq=False)
+class EvalModel:
+    """What pose errors are measured on."""
+
+    obj_id: int
+    vertices_mm: Float
+    """(V, 3) in the file's order."""
+    faces: NDArray[np.int32]
+    """(F, 3)."""
+    diameter_mm: float
+    symmetries_mm: Float
+    """(S, 4, 4) [mm], the identity first."""
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether another pose of it looks the same."""
+        return len(self.symmetries_mm) > 1
+
+    @cached_property
+    def mesh(self) -> RenderMesh:
+        """What is drawn [m]."""
+        return render_mesh(self.vertices_mm * 1e-3, self.faces)
+
+    @cached_property
+    def sorted_vertices(self) -> tuple[Float, int]:
+        """The vertices (V, 3) [mm], extreme ones first, and how many of them span the convex hull.
+
+        A search for the largest distance that stops early should meet large ones soon.
+        """
+        points = np.unique(self.vertices_mm, axis=0)
+        try:
+            hull = ConvexHull(points).vertices
+        except (QhullError, ValueError):
+            hull = np.arange(len(points))  # flat or a line: no hull in 3D
+        probes = hull[_far_apart(points[hull], N_PROBES)]
+        rest = np.setdiff1d(hull, probes)
+        inside = np.setdiff1d(np.arange(len(points)), hull)
+        return np.ascontiguousarray(points[np.concatenate([probes, rest, inside])]), len(hull)
+
+    @cached_property
+    def corners_mm(self) -> Float:
+        """(8, 3) of the box that holds all vertices [mm]."""
+        low, high = self.vertices_mm.min(axis=0), self.vertices_mm.max(axis=0)
+        return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+def eval_model(model: ObjectModel) -> EvalModel:
+    """The evaluation model of one that is already in memory, with its own vertices and symmetries."""
+    symmetries_mm = np.array(model.symmetries)
+    symmetries_mm[:, :3, 3] *= 1e3
+    return EvalModel(model.obj_id, model.vertices * 1e3, model.faces, model.diameter_m * 1e3, symmetries_mm)
+
+
+class EvalModels:
+    """The models of a data set that scores are measured on: ``models_eval``, else ``models``.
+
+    Args:
+        dataset: the data set's folder.
+
+    Raises:
+        InputError: neither folder is there, or models_info.json is missing or damaged.
+    """
+
+    def __init__(self, dataset: Path) -> None:
+        folders = [dataset / name for name in ("models_eval", "models") if any((dataset / name).glob("obj_*"))]
+        if not folders:
+            raise InputError(f"{dataset} has no object models; expected models_eval/obj_000001.ply, … (or models/)")
+        self.folder = folders[0]
+        self._info_path = self.folder / "models_info.json"
+        self._info: dict[str, Any] = read_json(self._info_path, dict)
+        self._loaded: dict[int, EvalModel] = {}
+
+    @property
+    def note(self) -> str:
+        """What a person should know about where the models come from; empty for the official ones."""
+        if self.folder.name == "models_eval":
+            return ""
+        return f"there is no models_eval; errors are measured on {self.folder.name}, which differs a little"
+
+    def get(self, obj_id: int) -> EvalModel:
+        """The model of an object, read when it is first asked for.
+
+        Raises:
+            InputError: there is none, its mesh is damaged, or models_info.json lacks its diameter.
+        """
+        if obj_id not in self._loaded:
+            self._loaded[obj_id] = self._read(obj_id)
+        return self._loaded[obj_id]
+
+    def _read(self, obj_id: int) -> EvalModel:
+        path = next((p for f in FORMATS if (p := self.folder / f"obj_{obj_id:06d}{f}").is_file()), None)
+        if path is None:
+            found = sorted({p.stem[4:] for p in self.folder.glob("obj_*") if p.stem[4:].isdecimal()})
+            raise InputError(f"{unknown('model', obj_id, map(int, found))} in {self.folder}")
+        if str(obj_id) not in self._info:
+            raise InputError(f"{self._info_path} has no entry for object {obj_id}; its 'diameter' is needed")
+        where = f"{self._info_path}, object {obj_id}"
+        diameter_mm = number_of(self._info[str(obj_id)], "diameter", where)
+        if diameter_mm <= 0:
+            raise InputError(f"{where}: 'diameter' is {diameter_mm:g}, expected millimetres > 0")
+        symmetries_mm = bop_symmetries(self._info[str(obj_id)], where)
+        vertices, faces = read_geometry(path)
+        in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
+        return EvalModel(obj_id, in_mm, faces, diameter_mm, symmetries_mm)
+
+
+def _far_apart(points: Float, n: int) -> list[int]:
+    """Indices of up to ``n`` points, each the farthest from those before it, the first from their middle."""
+    chosen: list[int] = []
+    distance = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    for _ in range(min(n, len(points))):
+        chosen.append(int(np.argmax(distance)))
+        here = np.linalg.norm(points - points[chosen[-1]], axis=1)
+        distance = here if len(chosen) == 1 else np.minimum(distance, here)
+        if distance.max() == 0:
+            break
+    return chosen
