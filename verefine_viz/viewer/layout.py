@@ -36,7 +36,7 @@ STRIP_PX = 252
 MAPS_PX = 592
 CURVES_PX = 296
 VIEW_PX = 254
-OBJECTS_PX = 312
+OBJECTS_PX = 326
 UPPER_PX = 388
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (

@@ -48,7 +48,8 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind])
         for e in iteration.events
         if e.kind not in QUIET
-        and not (e.kind == "score_fell" and hardly_fell)
+        # A tree search looks at the cost of complete scenes, not at this score.
+        and not (e.kind == "score_fell" and (hardly_fell or iteration.tree is not None))
         and not (e.kind == "kept_simulated" and hardly_better)
     ]
     score_rose = before is not None and after is not None and after.score >= before.score

@@ -18,7 +18,14 @@ from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.stage_nodes import display_mesh, place
 from verefine_viz.viewer.view import View
 
-OPACITY: dict[Phase, float] = {"waiting": 0.16, "working": 0.55, "placed": 0.8, "done": 0.8, "no pose": 0.0}
+OPACITY: dict[Phase, float] = {
+    "waiting": 0.16,
+    "working": 0.55,
+    "placed": 0.8,
+    "rolled out": 0.3,
+    "done": 0.8,
+    "no pose": 0.0,
+}
 MUTED = 0.45
 """Share of grey in the colour of a placed object."""
 GREY = np.array([128, 128, 128])

@@ -12,6 +12,14 @@ from verefine_viz.viewer.widgets import Line
 
 PASS, BEST_KNOWN, INCUMBENT = STAGE_COLORS["current"], STAGE_COLORS["simulated"], STAGE_COLORS["best"]
 
+LEGEND_CHARACTERS = 24
+"""The legend has no room for longer names; the list of objects has their colours."""
+
+
+def has_room(view: View) -> bool:
+    """Whether the names of all objects fit into the legend."""
+    return sum(len(o.label) for o in view.scene.objects) <= LEGEND_CHARACTERS
+
 
 def scene_x(view: View) -> list[float]:
     """Every iteration of the run, and the moment before the first."""
@@ -45,7 +53,7 @@ def _object_line(view: View, o: ObjectNow, width: float) -> Line:
     for i in view.iterations:
         now = i.best.score.score if i.instance_id == o.instance_id else now
         values.append(now)
-    return Line(o.label, o.color, values, width)
+    return Line(o.label, o.color, values, width, in_legend=has_room(view))
 
 
 def spent_lines(view: View) -> list[Line]:
@@ -55,7 +63,7 @@ def spent_lines(view: View) -> list[Line]:
         values = [0.0]
         for i in view.iterations:
             values.append(values[-1] + (i.instance_id == o.instance_id))
-        lines.append(Line(o.label, o.color, values))
+        lines.append(Line(o.label, o.color, values, in_legend=has_room(view)))
     return lines
 
 
@@ -73,7 +81,7 @@ def scene_error_lines(view: View) -> list[Line]:
             found = view.best_errors.get(i.index) if i.instance_id == o.instance_id else None
             now = found.add_s_mm if found is not None else now
             values.append(now)
-        lines.append(Line(o.label, o.color, values))
+        lines.append(Line(o.label, o.color, values, in_legend=has_room(view)))
     return lines
 
 

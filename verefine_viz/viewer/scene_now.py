@@ -13,7 +13,7 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SceneRecord
 from verefine_viz.evaluation.errors import PoseErrors
 
-Phase = Literal["waiting", "working", "placed", "done", "no pose"]
+Phase = Literal["waiting", "working", "placed", "rolled out", "done", "no pose"]
 Errors = Callable[[Target, Float], PoseErrors | None]
 
 
@@ -31,7 +31,8 @@ class ObjectNow:
     """From 1, over the whole frame."""
     phase: Phase
     """waiting: its turn (in this pass) is still to come. working: the iteration at the cursor is about it. placed: it
-    stood in the scene in that iteration. done: it has used its budget. no pose: it has no hypothesis."""
+    stood in the scene in that iteration. rolled out: a tree search completed the scene with it. done: it has used its
+    budget. no pose: it has no hypothesis."""
     answer: Best | None
     """The answer so far; for methods that keep a best scene, its pose in that."""
     T_cam_obj: Float | None
@@ -110,6 +111,7 @@ def scene_now(problem: Problem, state: Any, iterations: Sequence[Iteration], cur
     ids = [i.instance_id for i in problem.instances]
     stands = {p.instance_id: p.T_cam_obj for p in at.placed} if at else {}
     if at is not None:
+        stands |= {p.instance_id: p.T_cam_obj for p in at.tree.rollout} if at.tree else {}
         stands[at.instance_id] = at.accepted_stage.T_cam_obj
     objects = []
     clusters = clusters_of(problem)
@@ -188,5 +190,7 @@ def _phase(instance_id: int, cluster: Sequence[int], at: Iteration | None, spent
         return "working"
     if instance_id in {p.instance_id for p in at.placed}:
         return "placed"
+    if at.tree is not None and instance_id in {p.instance_id for p in at.tree.rollout}:
+        return "rolled out"
     takes_turns = at.scene_pass is not None or at.tree is not None
     return "waiting" if spent == 0 or (takes_turns and at.instance_id in cluster) else "done"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, swatch, table, text
-from verefine_viz.viewer.tables import cut, number, plays_text
+from verefine_viz.viewer.tables import cut, number
 from verefine_viz.viewer.view import View
 
 
@@ -19,11 +19,11 @@ def scene_arms_table(view: View) -> str:
             if i.instance_id == o.instance_id and i.arm < len(spent):
                 spent[i.arm] += 1
         choice = latest.choice if latest else None
-        plays = " · ".join(plays_text(float(n)) for n in choice.plays) if choice else " · ".join(map(str, spent))
+        plays = " · ".join(f"{n:.1f}" for n in choice.plays) if choice else " · ".join(map(str, spent))
         cells = [
             f"{swatch(o.color)}{cut(o.label)}",
             f"{latest.arm + 1}" if latest else "–",
-            f'<span class="cut" style="max-width:170px" title="{text(plays)}">{text(plays)}</span>',
+            f'<span class="cut" style="max-width:215px" title="{text(plays)}">{text(plays)}</span>',
             number(o.answer.score.score if o.answer else None, 3),
         ]
         rows.append(Row(cells, c.Focus(o.instance_id)))

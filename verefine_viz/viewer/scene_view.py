@@ -78,6 +78,9 @@ class SceneView:
         """The nodes of the object in focus: kept once made, since a run may go from object to object all the time."""
         key = view.target.instance.instance_id
         nodes = self._all_nodes.get(key)
+        if nodes is not None and nodes.n_arms != view.n_arms:  # Another branch may have other first poses.
+            nodes.hide()
+            nodes = None
         if nodes is None:
             nodes = StageNodes(self._server, view.target.model, view.n_arms, self._send, key)
             self._all_nodes[key] = nodes

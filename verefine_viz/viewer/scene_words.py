@@ -78,8 +78,10 @@ def tree_sentence(problem: Problem, iteration: Iteration, step: TreeStep) -> str
     if rest:
         said += f"; a roll-out placed {rest[0] if len(rest) == 1 else f'the other {len(rest)}'}"
     said += f". The complete scene costs {step.cost_px:,.0f} px"
-    if step.cost_px <= step.incumbent_cost_px:
+    if any(e.kind == "new_best_scene" for e in iteration.events):
         return f"{said}: the best so far."
+    if step.cost_px <= step.incumbent_cost_px:
+        return f"{said}, as few as the best so far."
     return f"{said}; the best so far {step.incumbent_cost_px:,.0f} px."
 
 
@@ -125,16 +127,11 @@ def alone_warning(view: View) -> str:
 
 def scene_sentence(view: View) -> str:
     """What the numbers of the whole scene mean."""
-    scene = view.scene
     a, b = view.a, view.b
-    worked = sum(o.n_iterations > 0 for o in scene.objects)
-    said = f"The whole scene: {len(scene.objects)} objects, {worked} worked on so far."
-    latest = scene.latest_pass
-    if latest is not None and latest.iteration == scene.cursor:
-        said += f" {pass_closed(latest)}"
+    n = len(view.scene.objects)
     if a is None or b is None or a.pose.score is None or b.pose.score is None:
-        return said
-    one, other = a.pose.score, b.pose.score
-    said += f" All objects rendered together score {one.score:.3f} as they stand now ({a.pose.name}), "
-    said += f"{other.score:.3f} at their best poses."
-    return said
+        return f"The whole scene of {n} objects."
+    one, other = a.pose.score.score, b.pose.score.score
+    latest = view.scene.closes_pass
+    stand = f"as pass {latest.number} left them" if latest else "as they stand now"
+    return f"All {n} objects rendered together score {one:.3f} {stand}, {other:.3f} at their best poses."

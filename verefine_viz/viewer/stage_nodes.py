@@ -46,6 +46,7 @@ class StageNodes:
         scene = server.scene
         vertices, faces = display_mesh(model)
         outline = outline_of(model)
+        self.n_arms = n_arms
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
             color, node = STAGE_COLORS[name], f"/cam/stages/{key}/{name.replace(' ', '_')}"

@@ -127,7 +127,8 @@ def _numbers(node: Node) -> str:
 
 def tree_html(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
     """Picture, choices and list."""
-    chosen = "".join(f"<p>{text(choice)}</p>" for choice in tree.choices)
+    way = [labels.get(tree.nodes[k].instance_id, "object") for k in tree.branch[1:]]
+    chosen = "".join(f"<p>{text(n)}: {text(choice)}</p>" for n, choice in zip(way, tree.choices, strict=False))
     legend = (
         f'<p class="dim" style="font-size:11px">A layer per object, wide = visited often, {swatch(CHEAP)}cheap '
         f"{swatch(DEAR)}dear per visit, {swatch(BRANCH_COLOR)}this branch, {swatch(INCUMBENT_COLOR)}way to the "

@@ -48,6 +48,7 @@ class Line:
     values: Sequence[float]
     width: float = 2.0
     steps: bool = False
+    in_legend: bool = True
     dashed: bool = False
 
 

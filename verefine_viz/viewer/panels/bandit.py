@@ -113,7 +113,7 @@ class CurvesPanel:
         if tree is not None:
             self._draw("Score", *cost_lines(tree), "unexplained pixels")
         else:
-            self._draw("Score", x, scene_score_lines(view) if started else [], "scene score")
+            self._draw("Score", x, scene_score_lines(view) if started else [], "scene score; thin: objects")
         self._draw("UCB", x, [], "")
         self._draw("Pulls", x, spent_lines(view) if started else [], "iterations spent")
         self._draw("Error", x, scene_error_lines(view) if started else [], "ADD(-S) in mm")
@@ -122,7 +122,7 @@ class CurvesPanel:
         words, chart = self._charts[name]
         if not lines:
             caption = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name]
-        legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines)
+        legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
         words.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)} {legend}</div>')
         chart.show(x, lines)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import viser
 
-from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
@@ -16,13 +15,15 @@ from verefine_viz.viewer.widgets import Block, Send
 
 PHASES: dict[Phase, tuple[str, str]] = {
     "waiting": ("waiting", "its turn is still to come"),
-    "working": ("▶ working", "the iteration at the cursor is about it"),
-    "placed": ("✓ placed", "it stands in the scene while others are worked on"),
+    "working": ("<b>working</b>", "the iteration at the cursor is about it"),
+    "placed": ("placed", "it stands in the scene while others are worked on"),
+    "rolled out": ("roll-out", "the search completed the scene with it, drawn as a ghost"),
     "done": ("done", "it has used its budget"),
     "no pose": ("no pose", "it has no hypothesis, so it is left out"),
 }
-ROW_PX, HEAD_PX, MOST_PX = 18, 150, 388
+ROW_PX, HEAD_PX, MOST_PX = 17, 188, 388
 MOST_OVERLAPS = 3
+SCENE_SCORE = "the objects of the latest cluster at their best poses, rendered together; click for all objects"
 
 
 class ObjectsPanel:
@@ -54,7 +55,7 @@ def filter_line(view: View) -> str:
     if view.look.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
         return f"<p>Panels are filtered to <b>{text(name)}</b> · {follow}</p>"
-    return '<p class="dim">Panels follow the run. Click a row to filter them to one object.</p>'
+    return '<p class="dim">Panels follow the run; a click filters them.</p>'
 
 
 def objects_table(view: View) -> str:
@@ -82,10 +83,9 @@ def _scene_row(view: View) -> Row:
     scored = view.b.pose.score if view.is_whole_scene and view.b else None
     score = latest.record.incumbent_score if latest else scored.score if scored else None
     phase = f"pass {latest.number}" if latest else ""
-    cells = [
-        "", "<b>Scene</b>", "", number(score, 2), _scene_error(view), f"{sum(o.n_iterations for o in scene.objects)}",
-        phase,
-    ]  # fmt: skip
+    shown = f'<span title="{SCENE_SCORE}">{number(score, 2)}</span>'
+    spent = f"{sum(o.n_iterations for o in scene.objects)}"
+    cells = ["", "<b>Scene</b>", "", shown, _scene_error(view), spent, phase]
     return Row(cells, c.ShowScene(), marked=view.is_whole_scene)
 
 
@@ -141,10 +141,4 @@ def overlap_lines(view: View) -> str:
 
 def legend() -> str:
     """How objects are drawn in 3D."""
-    stages = " ".join(
-        f"<span>{swatch(STAGE_COLORS[name])}{name}</span>" for name in ("current", "simulated", "refined", "accepted")
-    )
-    return (
-        f'<p class="dim" style="font-size:11px">3D: the object at work in stages ({stages}), placed ones solid, '
-        "waiting ones as ghosts; overlaps red.</p>"
-    )
+    return '<p class="dim" style="font-size:11px">3D: placed ones solid, waiting ones as ghosts, overlaps red.</p>'

@@ -46,10 +46,6 @@ class RunPanel:
         self._frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))
         self._demo = gui.add_dropdown("Scene", [""], visible=False, hint="Built-in scenes; no data set needed")
         self._demo.on_update(by_person(lambda v: send(c.OpenDemo(v))))
-        self._object = gui.add_dropdown(
-            "Object", [""], hint="Whose numbers are shown; the run solves one after another"
-        )
-        self._object.on_update(by_person(lambda v: send(c.Focus(int(v.partition(":")[0])))))
         self._branches = Block(gui)
 
     def tell(self, doing: str) -> None:
@@ -74,10 +70,6 @@ class RunPanel:
         self._frame.visible = len(view.frames) > 1
         _options(self._demo, view.demos, view.session.scene.demo)
         self._demo.visible = view.session.scene.source == "demo" and bool(view.demos)
-        models = view.problem.models
-        labels = {i.instance_id: f"{i.instance_id}: {models[i.obj_id].name}" for i in view.problem.instances}
-        _options(self._object, tuple(labels.values()), labels[view.target.instance.instance_id])
-        self._object.visible = len(labels) > 1
         self._branches.show(branches_table(view))
 
 
