@@ -1,6 +1,7 @@
 """BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
 
-The rules are the official toolkit's; on top of them, poses and scores must be numbers and R a rotation.
+:func:`read_lines` takes and refuses what the official toolkit's format check does. :func:`read_results` wants more:
+poses and scores must be numbers and R a rotation.
 """
 
 from __future__ import annotations
@@ -33,15 +34,41 @@ class ResultRow:
     """Seconds for the whole image; negative = unknown."""
 
 
+@dataclass(frozen=True, eq=False)
+class ResultLine:
+    """One estimate as it is written: any nine and three numbers."""
+
+    number: int
+    """Of the line in its file, from 1."""
+    scene_id: int
+    im_id: int
+    obj_id: int
+    score: float
+    R: Float
+    """(3, 3), not necessarily a rotation."""
+    t_mm: Float
+    """(3,) [mm]."""
+    time_s: float
+
+
 def read_results(path: Path | str) -> tuple[ResultRow, ...]:
     """All estimates of a results file, in its order.
+
+    Raises:
+        InputError: as :func:`read_lines`, or a line holds no pose; the line's number and the reason are named.
+    """
+    return tuple(_row(line, f"{path}, line {line.number}") for line in read_lines(path))
+
+
+def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
+    """All lines of a results file that the official format check accepts.
 
     Raises:
         InputError: the file is missing or empty, or a line breaks a rule; the line's number and the reason are named.
     """
     path = Path(path)
     try:
-        text = path.read_text("utf-8-sig")
+        text = path.read_text("utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -49,25 +76,25 @@ def read_results(path: Path | str) -> tuple[ResultRow, ...]:
     lines = text.split("\n")
     if lines[-1] == "":
         lines.pop()
-    rows: list[ResultRow] = []
+    found: list[ResultLine] = []
     first_time: dict[tuple[int, int], float] = {}
     for number, line in enumerate(lines, start=1):
         if number == 1 and HEADER in line:
             continue
         where = f"{path}, line {number}"
-        row = _row(line, where)
-        rows.append(row)
-        if row.time_s < 0:
+        new = _line_of(line, number, where)
+        found.append(new)
+        if new.time_s < 0:
             continue
-        known = first_time.setdefault((row.scene_id, row.im_id), row.time_s)
-        if abs(row.time_s - known) > 0.001:
+        known = first_time.setdefault((new.scene_id, new.im_id), new.time_s)
+        if abs(new.time_s - known) > 0.001:
             raise InputError(
-                f"{where}: time is {row.time_s:g} s, but {known:g} s in an earlier line of scene {row.scene_id}, "
-                f"image {row.im_id}; all estimates of an image share one time"
+                f"{where}: time is {new.time_s:g} s, but {known:g} s in an earlier line of scene {new.scene_id}, "
+                f"image {new.im_id}; all estimates of an image share one time"
             )
-    if not rows:
+    if not found:
         raise InputError(f"{path} holds no estimates, expected a BOP results CSV ({HEADER})")
-    return tuple(rows)
+    return tuple(found)
 
 
 def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
@@ -100,24 +127,31 @@ def _line(row: ResultRow) -> str:
     return f"{row.scene_id},{row.im_id},{row.obj_id},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n"
 
 
-def _row(line: str, where: str) -> ResultRow:
+def _row(line: ResultLine, where: str) -> ResultRow:
+    for name, values in (("score", np.array(line.score)), ("R", line.R), ("t", line.t_mm)):
+        if not np.isfinite(values).all():
+            raise InputError(f"{where}: {name} holds NaN or infinity, expected finite numbers")
+    try:
+        T_cam_obj = as_rigid(transform(line.R, line.t_mm * 1e-3), "the pose")
+    except ShapeError as error:
+        raise InputError(f"{where}: {error}") from None
+    return ResultRow(line.scene_id, line.im_id, line.obj_id, line.score, T_cam_obj, line.time_s)
+
+
+def _line_of(line: str, number: int, where: str) -> ResultLine:
     fields = line.split(",")
     if len(fields) != 7:
         found = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
         raise InputError(f"{where}: found {found}, expected 7 fields ({HEADER})")
     names = ("scene_id", "im_id", "obj_id")
     scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
-    score = _numbers(fields[3], 1, "score", where)[0]
+    score = float(_numbers(fields[3], 1, "score", where)[0])
     R, t_mm = _numbers(fields[4], 9, "R", where).reshape(3, 3), _numbers(fields[5], 3, "t", where)
     try:
         time_s = float(fields[6])
     except ValueError:
         raise InputError(f"{where}: time is {fields[6].strip()[:40]!r}, expected seconds (-1 = unknown)") from None
-    try:
-        T_cam_obj = as_rigid(transform(R, t_mm * 1e-3), "the pose")
-    except ShapeError as error:
-        raise InputError(f"{where}: {error}") from None
-    return ResultRow(scene_id, im_id, obj_id, float(score), T_cam_obj, time_s)
+    return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
 
 
 def _integer(text: str, name: str, where: str) -> int:
@@ -134,6 +168,4 @@ def _numbers(text: str, n: int, name: str, where: str) -> Float:
         raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected numbers separated by blanks") from None
     if len(values) != n:
         raise InputError(f"{where}: {name} holds {len(values)} numbers, expected {n}")
-    if not np.isfinite(values).all():
-        raise InputError(f"{where}: {name} holds NaN or infinity, expected finite numbers")
     return values
