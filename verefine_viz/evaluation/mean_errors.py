@@ -8,6 +8,9 @@ from scipy.spatial import KDTree
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.model import EvalModel
 
+ROUNDED = 1e-5
+"""How far RᵀR of a rotation that was written with few digits may be from the identity."""
+
 
 def add_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
     """Mean distance of corresponding vertices [mm] (Hinterstoisser 2012)."""
@@ -17,8 +20,20 @@ def add_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm
 
 def adi_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
     """Mean distance of true vertices to the nearest estimated one [mm]: ADI of BOP, ADD-S of others."""
-    estimated, truth = model.vertices_mm @ R_est.T + t_est_mm, model.vertices_mm @ R_gt.T + t_gt_mm
+    truth = model.vertices_mm @ R_gt.T + t_gt_mm
+    estimated = model.vertices_mm @ R_est.T + t_est_mm
     return float(KDTree(estimated, balanced_tree=False, compact_nodes=False).query(truth)[0].mean())
+
+
+def adi_by_index_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
+    """:func:`adi_mm` for a model of which many poses are measured: about ten times as fast.
+
+    Distances are measured in the model's frame, hence the same to the digits to which ``R_est`` is a rotation.
+    """
+    if np.abs(R_est.T @ R_est - np.eye(3)).max() > ROUNDED:
+        return adi_mm(model, R_est, t_est_mm, R_gt, t_gt_mm)
+    truth = model.vertices_mm @ R_gt.T + t_gt_mm
+    return float(model.nearest.query((truth - t_est_mm) @ R_est * 1e-3)[0].mean()) * 1e3
 
 
 def rotation_deg(R_est: Float, R_gt: Float) -> float:

@@ -1,0 +1,137 @@
+"""What each instance asked for got: the estimate that is meant for it, and how far off that is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.evaluation.matching import match_poses
+from verefine_viz.evaluation.mean_errors import add_mm, adi_mm, symmetric_errors
+from verefine_viz.evaluation.model import EvalModel
+from verefine_viz.evaluation.pair_errors import PairErrors
+from verefine_viz.evaluation.pose_table import Image, PoseTable
+from verefine_viz.evaluation.truth import Truth
+
+CORRECT = 0.1
+"""An instance with ADD(-S) below this share of the diameter counts as correct (Hinterstoisser 2012)."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One instance asked for. Without an estimate, or with one that is no pose, its errors are infinite."""
+
+    scene_id: int
+    im_id: int
+    obj_id: int
+    gt_id: int
+    visib_fract: float
+    row: int | None
+    """Of the results file, from 0; None = no estimate. Where an object is there several times, estimates take the
+    nearest free instance, best score first."""
+    score: float
+    vsd: float
+    """Mean over the tolerances τ, in [0, 1]; 1 without an estimate."""
+    mssd: float
+    """Share of the diameter."""
+    mspd_px: float
+    """[px of an image 640 wide]."""
+    add_s_mm: float
+    """ADD, or ADD-S (ADI) for symmetric objects [mm]."""
+    diameter_mm: float
+    rotation_deg: float
+    """To the nearest of the poses that look the same [deg]."""
+    translation_mm: float
+    """To the same pose [mm]."""
+
+    @property
+    def is_correct(self) -> bool:
+        """ADD(-S) below 10 % of the diameter."""
+        return self.add_s_mm < CORRECT * self.diameter_mm
+
+
+def answers(
+    model: EvalModel | None,
+    table: PoseTable,
+    image: Image,
+    rows: Sequence[int],
+    truths: Sequence[Truth],
+    valid: NDArray[np.bool_],
+    errors: PairErrors | None,
+    adi: Callable[..., float] = adi_mm,
+) -> tuple[Answer, ...]:
+    """An answer for each valid instance of one object in one image.
+
+    Args:
+        model: of the object; None together with ``errors`` where there is no estimate.
+        table: the estimates.
+        image: (scene_id, im_id).
+        rows: those of the object, by descending score.
+        truths: G instances.
+        valid: (G,) which of them are asked for.
+        errors: of all pairs.
+        adi: measures ADI.
+    """
+    chosen: dict[int, int] = {}
+    if errors is not None:
+        apart_mm: Float = np.array([[np.linalg.norm(table.t_mm[row] - t.t_mm) for t in truths] for row in rows])
+        matched = match_poses(apart_mm[..., None], np.array([np.inf]), valid)
+        chosen = {int(g): e for e, g in enumerate(matched) if g >= 0}
+    return tuple(
+        _answer(model, table, image, rows, truth, errors, g, chosen.get(g), adi)
+        for g, truth in enumerate(truths)
+        if valid[g]
+    )
+
+
+def _answer(
+    model: EvalModel | None,
+    table: PoseTable,
+    image: Image,
+    rows: Sequence[int],
+    truth: Truth,
+    errors: PairErrors | None,
+    g: int,
+    e: int | None,
+    adi: Callable[..., float],
+) -> Answer:
+    known = *image, truth.obj_id, truth.gt_id, truth.visib_fract
+    if model is None or errors is None or e is None:
+        diameter_mm = np.nan if model is None else model.diameter_mm
+        return Answer(*known, None, -np.inf, 1.0, np.inf, np.inf, np.inf, diameter_mm, np.inf, np.inf)
+    row = rows[e]
+    pair = table.R[row], table.t_mm[row], truth.R, truth.t_mm
+    is_pose = np.isfinite(pair[0]).all() and np.isfinite(pair[1]).all()
+    add_s_mm = (adi if model.is_symmetric else add_mm)(model, *pair) if is_pose else np.inf
+    turn_deg, shift_mm = symmetric_errors(model, *pair) if is_pose else (np.inf, np.inf)
+    return Answer(
+        *known,
+        row,
+        float(table.scores[row]),
+        float(errors.vsd[:, e, g].mean()),
+        float(errors.mssd_mm[e, g] / model.diameter_mm),
+        float(errors.mspd_px[e, g]),
+        add_s_mm,
+        model.diameter_mm,
+        turn_deg,
+        shift_mm,
+    )
+
+
+def mean_errors(given: Sequence[Answer]) -> tuple[float, float]:
+    """Mean errors of rotation r̄ [deg] and translation t̄ [mm] over the instances that got a pose (paper, Table II);
+    NaN where none did.
+    """
+    with_pose = [a for a in given if np.isfinite(a.rotation_deg)]
+    if not with_pose:
+        return np.nan, np.nan
+    turn_deg, shift_mm = (np.mean([[a.rotation_deg, a.translation_mm] for a in with_pose], axis=0)).tolist()
+    return turn_deg, shift_mm
+
+
+def correct_share(given: Sequence[Answer]) -> float:
+    """Share of the instances asked for with ADD(-S) below 10 % of the diameter; NaN where none was asked for."""
+    return float(np.mean([a.is_correct for a in given])) if given else np.nan

@@ -1,0 +1,269 @@
+"""BOP scores of results: average recall (BOP'19 localization) or average precision (BOP'24 detection).
+
+One pass over the images serves any number of methods: a depth image is read once, a true pose is drawn once, an
+estimate is drawn once and all of its errors go into one table, from which every threshold is counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.evaluation.answers import Answer, answers
+from verefine_viz.evaluation.matching import match_thresholds
+from verefine_viz.evaluation.mean_errors import adi_by_index_mm, adi_mm
+from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
+from verefine_viz.evaluation.pose_table import Image, PoseTable
+from verefine_viz.evaluation.precision import IGNORED, RIGHT, WRONG, Detections, Precision
+from verefine_viz.evaluation.precision import THRESHOLDS as DETECTION_THRESHOLDS
+from verefine_viz.evaluation.recalls import THRESHOLDS, Recalls, Tally
+from verefine_viz.evaluation.targets import Targets, Task
+from verefine_viz.evaluation.truth import VISIB_FRACT, Truth, TruthImage, TruthSource
+from verefine_viz.evaluation.vsd import DELTA_MM, DELTA_MM_ITODD
+
+MAX_PER_IMAGE = {"xyzibd": 200}
+"""Detection: estimates of an image that count, the best ones; 100 for all other data sets."""
+
+INDEX_FROM = 32
+"""Estimates of an object from which on an index for ADI pays."""
+
+Tell = Callable[[int, int], None]
+"""Told how many images are done, and how many there are."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What became of the rows of a results file."""
+
+    rows: int
+    scored: int
+    """Rows that were compared with ground truth."""
+    surplus: int
+    """Rows beyond the number of instances asked for (or beyond the limit of an image), the lowest scores."""
+    unasked: int
+    """Rows about scenes, images or objects that are no targets; the benchmark ignores them."""
+    targets: int
+    """Instances asked for."""
+    missing: int
+    """Instances asked for beyond the number of rows that are there for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """One method on one data set. ``recalls`` is there for localization, ``precision`` for detection."""
+
+    name: str
+    task: Task
+    counts: Counts
+    mean_time_s: float
+    """Mean time an image [s]; -1 = unknown."""
+    recalls: Recalls | None
+    recalls_by_object: dict[int, Recalls]
+    recalls_by_scene: dict[int, Recalls]
+    precision: Precision | None
+    precision_by_object: dict[int, Precision]
+    answers: tuple[Answer, ...]
+    """Localization: one entry per instance asked for, images in the order of the targets."""
+
+
+def bop_scores(
+    tables: Sequence[PoseTable],
+    truth: TruthSource,
+    targets: Targets,
+    task: Task | None = None,
+    workers: int = 1,
+    tell: Tell = lambda done, total: None,
+) -> tuple[Scores, ...]:
+    """The scores of each table, as the official scripts compute them for its results file.
+
+    Args:
+        tables: one per method: :func:`~.pose_table.read_pose_table` of a CSV or :func:`~.pose_table.pose_table` of
+            rows in memory.
+        truth: :class:`~.truth.BopTruth` of a data set or :class:`~.truth.ProblemTruth` of problems in memory.
+        targets: what is asked for.
+        task: by default the one that the targets were made for.
+        workers: threads; the scores are the same for any number.
+        tell: progress.
+
+    Raises:
+        InputError: the targets name what the data set does not have, or one of its files is damaged.
+        SettingsError: localization is asked for, but the targets do not say how many instances there are.
+    """
+    task = targets.task if task is None else task
+    if task == "localization" and targets.task == "detection":
+        raise SettingsError(
+            f"{targets.name} says nothing about objects, which is enough for the task detection only; "
+            "name a …_targets_bop19.json with --targets"
+        )
+    images = list(targets.counts)
+    # Before threads start: models are read once, and what is missing is told at once.
+    asked = {obj_id for counts in targets.counts.values() for obj_id in counts}
+    for obj_id in sorted({i for table in tables for mine in table.by_image.values() for i in mine} & asked):
+        truth.model(obj_id)
+    score = _Localization(tables, truth, targets) if task == "localization" else _Detection(tables, truth, targets)
+    with ThreadPoolExecutor(workers) as pool:
+        for done, (image, parts) in enumerate(zip(images, pool.map(score.image, images), strict=True), start=1):
+            score.add(image, parts)
+            tell(done, len(images))
+    return score.scores()
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One object of one image, of one method."""
+
+    obj_id: int
+    n_targets: int
+    n_rows: int
+    rows: tuple[int, ...]
+    """Those that are scored, by descending score."""
+    found: np.ndarray
+    """Localization: (12, 10) instances found. Detection: (3, 10, E) outcomes."""
+    answers: tuple[Answer, ...] = ()
+
+
+class _Localization:
+    def __init__(self, tables: Sequence[PoseTable], truth: TruthSource, targets: Targets) -> None:
+        self._tables, self._truth, self._targets = tables, truth, targets
+        n_rows = Counter(obj_id for table in tables for _, _, obj_id in table.ids)
+        self._often = {obj_id for obj_id, n in n_rows.items() if n >= INDEX_FROM}
+        self._delta_mm = DELTA_MM_ITODD if truth.name == "itodd" else DELTA_MM
+        self._tallies = [Tally() for _ in tables]
+        self._answers: list[list[Answer]] = [[] for _ in tables]
+        self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
+
+    def image(self, image: Image) -> list[list[_Part]]:
+        """The parts of one image for each table; runs in any thread."""
+        wanted = self._targets.counts[image]
+        mine = [table.by_image.get(image, {}) for table in self._tables]
+        with_depth = any(obj_id in rows for rows in mine for obj_id in wanted)
+        drawn = Drawn(self._truth.image(*image, with_depth))
+        return [[self._part(drawn, table, image, *target) for target in wanted.items()] for table in self._tables]
+
+    def _part(self, drawn: Drawn, table: PoseTable, image: Image, obj_id: int, count: int) -> _Part:
+        truths = [t for t in drawn.image.truths if t.obj_id == obj_id]
+        valid = _most_visible(truths, count)
+        there = table.by_image.get(image, {}).get(obj_id, ())
+        rows = table.best_first(there)[:count]
+        found = np.zeros(THRESHOLDS.shape, np.int64)
+        if not rows or not truths:
+            given = answers(None, table, image, rows, truths, valid, None)
+            return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), found, given)
+        model = self._truth.model(obj_id)
+        with np.errstate(all="ignore"):
+            errors = pair_errors(drawn, model, [(table.R[r], table.t_mm[r]) for r in rows], truths, self._delta_mm)
+            found = (match_thresholds(errors.kinds, THRESHOLDS, valid) >= 0).sum(axis=2)
+            adi = adi_by_index_mm if obj_id in self._often else adi_mm
+            given = answers(model, table, image, rows, truths, valid, errors, adi)
+        return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), found, given)
+
+    def add(self, image: Image, parts: list[list[_Part]]) -> None:
+        for k, of_table in enumerate(parts):
+            for part in of_table:
+                self._tallies[k].add(image[0], part.obj_id, part.n_targets, part.found)
+                self._answers[k] += part.answers
+                self._counts[k] = _counted(self._counts[k], part)
+
+    def scores(self) -> tuple[Scores, ...]:
+        return tuple(
+            Scores(
+                table.name,
+                "localization",
+                counts,
+                table.mean_time_s,
+                tally.recalls(),
+                {i: tally.recalls(obj_id=i) for i in tally.obj_ids},
+                {i: tally.recalls(scene_id=i) for i in tally.scene_ids},
+                None,
+                {},
+                tuple(given),
+            )
+            for table, tally, counts, given in zip(
+                self._tables, self._tallies, self._counts, self._answers, strict=True
+            )
+        )
+
+
+class _Detection:
+    def __init__(self, tables: Sequence[PoseTable], truth: TruthSource, targets: Targets) -> None:
+        self._tables, self._truth = tables, truth
+        self._limit = MAX_PER_IMAGE.get(truth.name, 100)
+        self._detections = [Detections() for _ in tables]
+        self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
+
+    def image(self, image: Image) -> list[list[_Part]]:
+        """The parts of one image for each table; runs in any thread."""
+        drawn = Drawn(self._truth.image(*image, with_depth=False))
+        return [self._parts(drawn, table, table.by_image.get(image, {})) for table in self._tables]
+
+    def _parts(self, drawn: Drawn, table: PoseTable, there: Mapping[int, Sequence[int]]) -> list[_Part]:
+        best = set(table.best_first(sorted(row for rows in there.values() for row in rows))[: self._limit])
+        # Estimates of objects that are not in the image are not looked at: so does the official script.
+        obj_ids = dict.fromkeys(truth.obj_id for truth in drawn.image.truths)
+        return [self._part(drawn.image, drawn, table, i, there.get(i, []), best) for i in obj_ids]
+
+    def _part(
+        self, image: TruthImage, drawn: Drawn, table: PoseTable, obj_id: int, there: Sequence[int], best: set[int]
+    ) -> _Part:
+        truths = [t for t in image.truths if t.obj_id == obj_id]
+        visible = np.array([t.visib_fract >= VISIB_FRACT for t in truths])
+        # The official script sorts an image's rows before it cuts them; equal scores then are in the same order.
+        rows = table.best_first(row for row in there if row in best)
+        outcomes = np.zeros((*DETECTION_THRESHOLDS.shape, 0), np.int64)
+        if rows:
+            with np.errstate(all="ignore"):
+                poses = [(table.R[r], table.t_mm[r]) for r in rows]
+                errors = pair_errors(drawn, self._truth.model(obj_id), poses, truths, DELTA_MM)
+                kinds = np.stack([errors.mssd_mm / errors.diameter_mm, errors.mssd_mm, errors.mspd_px])
+                matched = match_thresholds(kinds, DETECTION_THRESHOLDS, np.ones(len(truths), np.bool_))
+            outcomes = np.where(matched < 0, WRONG, np.where(visible[matched], RIGHT, IGNORED))
+        return _Part(obj_id, int(visible.sum()), len(there), tuple(rows), outcomes)
+
+    def add(self, image: Image, parts: list[list[_Part]]) -> None:
+        for k, of_table in enumerate(parts):
+            for part in of_table:
+                scores: Float = self._tables[k].scores[list(part.rows)]
+                self._detections[k].add(part.obj_id, part.n_targets, scores, part.found)
+                self._counts[k] = _counted(self._counts[k], part)
+
+    def scores(self) -> tuple[Scores, ...]:
+        return tuple(
+            Scores(
+                table.name,
+                "detection",
+                counts,
+                table.mean_time_s,
+                None,
+                {},
+                {},
+                found.summary(),
+                {i: found.summary(i) for i in found.obj_ids},
+                (),
+            )
+            for table, found, counts in zip(self._tables, self._detections, self._counts, strict=True)
+        )
+
+
+def _most_visible(truths: Sequence[Truth], count: int) -> np.ndarray:
+    """(G,) whether each of an object's instances is one of the ``count`` most visible ones; ties go to the first."""
+    order = sorted(range(len(truths)), key=lambda g: truths[g].visib_fract, reverse=True)
+    valid = np.zeros(len(truths), np.bool_)
+    valid[order[:count]] = True
+    return valid
+
+
+def _counted(so_far: Counts, part: _Part) -> Counts:
+    return Counts(
+        so_far.rows,
+        so_far.scored + len(part.rows),
+        so_far.surplus + part.n_rows - len(part.rows),
+        so_far.unasked - part.n_rows,
+        so_far.targets + part.n_targets,
+        so_far.missing + max(part.n_targets - len(part.rows), 0),
+    )

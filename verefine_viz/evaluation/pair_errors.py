@@ -1,0 +1,88 @@
+"""All BOP errors of the estimates of one object in one image against its instances; every pose is drawn once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.evaluation.depth import EMPTY, DepthPatch, model_depth
+from verefine_viz.evaluation.largest import mspd_px, mssd_mm
+from verefine_viz.evaluation.model import EvalModel
+from verefine_viz.evaluation.truth import Truth, TruthImage
+from verefine_viz.evaluation.vsd import TAUS, spheres_overlap_in_image, vsd
+
+NORMAL_WIDTH_PX = 640
+"""MSPD is given for an image of this width [px]."""
+
+Pose = tuple[Float, Float]
+"""R (3, 3) and t (3,) [mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairErrors:
+    """E estimates against G instances."""
+
+    vsd: Float
+    """(10, E, G) in [0, 1] for each tolerance τ; 1 where it was not asked for."""
+    mssd_mm: Float
+    """(E, G) [mm]; infinite where the origins are a diameter apart."""
+    mspd_px: Float
+    """(E, G) [px of an image 640 wide]."""
+    diameter_mm: float
+
+    @property
+    def kinds(self) -> Float:
+        """(12, E, G): VSD for each τ, MSSD as a share of the diameter, MSPD."""
+        return np.concatenate([self.vsd, [self.mssd_mm / self.diameter_mm, self.mspd_px]])
+
+
+class Drawn:
+    """The true poses of one image, each drawn when it is first needed: several methods share them."""
+
+    def __init__(self, image: TruthImage) -> None:
+        self.image = image
+        self._patches: dict[int, DepthPatch] = {}
+
+    def patch(self, model: EvalModel, truth: Truth) -> DepthPatch:
+        """Depth of the model in its true pose."""
+        if truth.gt_id not in self._patches:
+            self._patches[truth.gt_id] = self.draw(model, (truth.R, truth.t_mm))
+        return self._patches[truth.gt_id]
+
+    def draw(self, model: EvalModel, pose: Pose) -> DepthPatch:
+        """Depth of the model in a pose."""
+        depth_mm = self.image.depth_mm
+        return EMPTY if depth_mm is None else model_depth(model, *pose, self.image.K, depth_mm.shape)
+
+
+def pair_errors(
+    drawn: Drawn, model: EvalModel, estimates: Sequence[Pose], truths: Sequence[Truth], delta_mm: float
+) -> PairErrors:
+    """Errors of all pairs, as the official scripts compute them: with their quick tests whether a pair can be near.
+
+    Args:
+        drawn: of the image; VSD is left out where it has no depth.
+        model: of the object.
+        estimates: E poses.
+        truths: G instances of the object.
+        delta_mm: tolerance of VSD's visibility [mm].
+    """
+    K, depth_mm = drawn.image.K, drawn.image.depth_mm
+    n, m = len(estimates), len(truths)
+    errors = PairErrors(np.ones((len(TAUS), n, m)), np.empty((n, m)), np.empty((n, m)), model.diameter_mm)
+    scale = NORMAL_WIDTH_PX / drawn.image.width
+    for e, (R, t_mm) in enumerate(estimates):
+        patch = None
+        for g, truth in enumerate(truths):
+            pair = R, t_mm, truth.R, truth.t_mm
+            near = np.linalg.norm(t_mm - truth.t_mm) < model.diameter_mm
+            errors.mssd_mm[e, g] = mssd_mm(model, *pair) if near else np.inf
+            errors.mspd_px[e, g] = scale * mspd_px(model, *pair, K)
+            if depth_mm is not None and spheres_overlap_in_image(t_mm, truth.t_mm, model.diameter_mm):
+                patch = drawn.draw(model, (R, t_mm)) if patch is None else patch
+                truth_patch = drawn.patch(model, truth)
+                errors.vsd[:, e, g] = vsd(depth_mm, patch, truth_patch, K, model.diameter_mm, delta_mm)
+    return errors

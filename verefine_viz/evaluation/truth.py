@@ -1,0 +1,228 @@
+"""What estimates are compared with: true poses, depth images and models, of a BOP folder or of problems in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.problem import Problem
+from verefine_viz.evaluation.model import EvalModel, EvalModels, eval_model
+from verefine_viz.evaluation.targets import Targets
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.images import find_image, read_depth
+from verefine_viz.scenes.jsonfile import integer_of, key_of, number_of, numbers_of, read_json
+
+VISIB_FRACT = 0.1
+"""Instances that are less visible are no targets (BOP)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """One instance of an image."""
+
+    gt_id: int
+    """Its place in the image's list."""
+    obj_id: int
+    R: Float
+    """(3, 3) object to camera, with the file's digits."""
+    t_mm: Float
+    """(3,) [mm]."""
+    visib_fract: float
+    """Visible share of its silhouette."""
+
+
+@dataclass(frozen=True, eq=False)
+class TruthImage:
+    """What is known about one image."""
+
+    K: Float
+    """(3, 3) camera matrix [px]."""
+    width: int
+    """[px]."""
+    depth_mm: NDArray[np.float32] | None
+    """(H, W) [mm], 0 where nothing was measured; None where it was not asked for."""
+    truths: tuple[Truth, ...]
+
+
+class TruthSource(Protocol):
+    """Where truth comes from. Images may be asked for from several threads."""
+
+    name: str
+    """The data set's: itodd has its own tolerance, xyzibd its own limit of estimates."""
+
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+        """One image; InputError where it is missing or damaged."""
+        ...
+
+    def model(self, obj_id: int) -> EvalModel:
+        """One model; InputError where it is missing or damaged."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about how far scores can be compared."""
+        ...
+
+
+class BopTruth:
+    """The truth of a data set's split, read as the official toolkit reads it: no digit is changed.
+
+    Raises:
+        InputError: the data set has no models.
+    """
+
+    def __init__(self, dataset: BopDataset) -> None:
+        self.name = dataset.name
+        self._dataset = dataset
+        self._models = EvalModels(dataset.folder)
+        self._without_info: set[int] = set()
+        self._scene = lru_cache(maxsize=4)(self._read_scene)
+
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+        folder, cameras, truths, infos = self._scene(scene_id)
+        key = str(im_id)
+        if key not in cameras:
+            raise InputError(f"{folder / 'scene_camera.json'} has no image {im_id}, which the targets name")
+        if key not in truths:
+            raise InputError(f"{folder / 'scene_gt.json'} has no image {im_id}, which the targets name")
+        where = f"{folder / 'scene_camera.json'}, image {im_id}"
+        if isinstance(cameras[key], dict) and "cam_K" not in cameras[key] and "cam_model" in cameras[key]:
+            raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
+        K = numbers_of(cameras[key], "cam_K", 9, where).reshape(3, 3)
+        if K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise InputError(f"{where}: 'cam_K' has focal lengths {K[0, 0]:g}, {K[1, 1]:g}, expected positive pixels")
+        found = _truths(truths[key], infos, im_id, folder)
+        if not with_depth:
+            return TruthImage(K, _width(folder, im_id), None, found)
+        path = find_image(folder / "depth", f"{im_id:06d}")
+        if path is None:
+            raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; VSD needs the depth image")
+        # A scale of 1000 mm a step gives the raw steps; the toolkit multiplies them in single precision.
+        depth_mm = read_depth(path, 1000.0) * np.float32(number_of(cameras[key], "depth_scale", where))
+        return TruthImage(K, depth_mm.shape[1], depth_mm, found)
+
+    def model(self, obj_id: int) -> EvalModel:
+        return self._models.get(obj_id)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        notes = [self._models.note] if self._models.note else []
+        if self._without_info:
+            scenes = ", ".join(map(str, sorted(self._without_info)))
+            notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
+        return tuple(notes)
+
+    def _read_scene(self, scene_id: int) -> tuple[Path, dict[str, Any], dict[str, Any], dict[str, Any] | None]:
+        folder = self._dataset.scene_folder(scene_id)
+        if not (folder / "scene_gt.json").is_file():
+            raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
+        info = folder / "scene_gt_info.json"
+        if not info.is_file():
+            self._without_info.add(scene_id)
+        return (
+            folder,
+            read_json(folder / "scene_camera.json", dict),
+            read_json(folder / "scene_gt.json", dict),
+            read_json(info, dict) if info.is_file() else None,
+        )
+
+
+class ProblemTruth:
+    """The truth that problems carry, such as the built-in scenes; instances without a true pose are left out.
+
+    Continuous symmetries are those of the problems' models, in coarser steps than the official ones.
+
+    Raises:
+        InputError: a frame occurs twice.
+    """
+
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, name: str, problems: Sequence[Problem]) -> None:
+        self.name = name
+        self._problems = {(p.scene_id, p.im_id): p for p in problems}
+        if len(self._problems) < len(problems):
+            raise InputError("a frame occurs twice among the problems; every scene/image can be scored once")
+        models = {obj_id: model for p in problems for obj_id, model in p.models.items()}
+        self._models = {obj_id: eval_model(model) for obj_id, model in models.items()}
+
+    @property
+    def targets(self) -> Targets:
+        """Every instance that is at least 10 % visible."""
+        counts: dict[tuple[int, int], dict[int, int]] = {}
+        for image in self._problems:
+            mine = counts.setdefault(image, {})
+            for truth in self.image(*image, with_depth=False).truths:
+                if truth.visib_fract >= VISIB_FRACT:
+                    mine[truth.obj_id] = mine.get(truth.obj_id, 0) + 1
+        return Targets("all visible instances", counts, "localization")
+
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+        if (scene_id, im_id) not in self._problems:
+            frames = (f"{s}/{i}" for s, i in self._problems)
+            raise InputError(unknown("frame", f"{scene_id}/{im_id}", frames))
+        problem = self._problems[scene_id, im_id]
+        truths = tuple(
+            Truth(
+                i.instance_id,
+                i.obj_id,
+                np.ascontiguousarray(i.T_cam_obj_gt[:3, :3]),
+                i.T_cam_obj_gt[:3, 3] * 1e3,
+                1.0 if i.visib_fract is None else i.visib_fract,
+            )
+            for i in problem.instances
+            if i.T_cam_obj_gt is not None
+        )
+        camera = problem.observation.camera
+        depth_mm = (problem.observation.depth_m * np.float32(1e3)).astype(np.float32) if with_depth else None
+        return TruthImage(camera.K, camera.width, depth_mm, truths)
+
+    def model(self, obj_id: int) -> EvalModel:
+        if obj_id not in self._models:
+            raise InputError(unknown("model", obj_id, self._models))
+        return self._models[obj_id]
+
+
+def _truths(entries: Any, infos: dict[str, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
+    where = f"{folder / 'scene_gt.json'}, image {im_id}"
+    if not isinstance(entries, list):
+        raise InputError(f"{where} is a JSON {type(entries).__name__}, expected a list of instances")
+    shares = [1.0] * len(entries)
+    if infos is not None:
+        place = f"{folder / 'scene_gt_info.json'}, image {im_id}"
+        mine = key_of(infos, str(im_id), str(folder / "scene_gt_info.json"))
+        if not isinstance(mine, list) or len(mine) != len(entries):
+            raise InputError(f"{place} does not describe the {len(entries)} instances of scene_gt.json one by one")
+        shares = [number_of(info, "visib_fract", f"{place}, entry {k}") for k, info in enumerate(mine)]
+    return tuple(
+        Truth(
+            k,
+            integer_of(entry, "obj_id", f"{where}, entry {k}"),
+            numbers_of(entry, "cam_R_m2c", 9, f"{where}, entry {k}").reshape(3, 3),
+            numbers_of(entry, "cam_t_m2c", 3, f"{where}, entry {k}"),
+            shares[k],
+        )
+        for k, entry in enumerate(entries)
+    )
+
+
+def _width(folder: Path, im_id: int) -> int:
+    """The image's width, from the header of whichever of its files is there."""
+    found = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray", "depth"))
+    path = next((p for p in found if p is not None), None)
+    if path is None:
+        raise InputError(f"{folder} has no rgb, gray or depth image {im_id:06d}; its width is needed")
+    try:
+        with Image.open(path) as image:
+            return image.width
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
