@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import signal
 import subprocess
 from pathlib import Path
-from time import monotonic, sleep
 
 import psutil
 import pytest
 
 from tests.batch.frames import depth_file, make_frames, run_batch, start_batch, write_session
+from tests.batch.outputs import journal, stop_in_the_middle, without_times
 from tests.scenes.bop_folder import Made
-from verefine_viz.batch.rows import TIME_COLUMNS
 from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session
 
@@ -39,34 +37,6 @@ def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     done = run_batch(session, out, "--workers", 1)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
     return out
-
-
-def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
-    """results.csv and frames.csv, the columns of times left out."""
-    with (out / "results.csv").open(newline="") as file:
-        results = [row[:-1] for row in csv.reader(file)]
-    with (out / "frames.csv").open(newline="") as file:
-        frames = [{k: v for k, v in row.items() if k not in TIME_COLUMNS} for row in csv.DictReader(file)]
-    return results, frames
-
-
-def journal(out: Path) -> list[str]:
-    return sorted(p.name for p in (out / "frames").glob("*.json"))
-
-
-def stop_in_the_middle(child: subprocess.Popen[str], out: Path) -> int:
-    """Stops the batch (SIGSTOP) as soon as a frame is done; how many are. Only the stopped process notes frames."""
-    process, deadline = psutil.Process(child.pid), monotonic() + 120
-    while not journal(out):
-        assert child.poll() is None, f"the batch ended by itself: {child.communicate()}"
-        assert monotonic() < deadline
-        sleep(0.005)
-    process.suspend()
-    while process.status() != psutil.STATUS_STOPPED:
-        assert monotonic() < deadline
-    n_done = len(journal(out))
-    assert n_done < N_FRAMES
-    return n_done
 
 
 def workers_of(child: subprocess.Popen[str]) -> list[psutil.Process]:
@@ -104,7 +74,7 @@ def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Pa
     out = tmp_path / "out"
     child = start_batch(session, out, "--workers", 1)
     with child:
-        n_done = stop_in_the_middle(child, out)
+        n_done = stop_in_the_middle(child, out, N_FRAMES)
         workers = workers_of(child)
         child.kill()
         # Workers of a killed batch must not go on: the next start writes to the same folder.
@@ -133,7 +103,7 @@ def test_ctrl_c_keeps_what_is_done(session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     child = start_batch(session, out, "--workers", 1)
     with child:
-        n_done = stop_in_the_middle(child, out)
+        n_done = stop_in_the_middle(child, out, N_FRAMES)
         workers = workers_of(child)
         os.killpg(child.pid, signal.SIGINT)
         os.killpg(child.pid, signal.SIGCONT)

@@ -22,7 +22,7 @@ from verefine_viz.batch.memory import gigabytes, own_peak_bytes
 from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
 from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.batch.totals import Counts, Totals
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.session.toolbox import Toolbox
@@ -48,8 +48,14 @@ class Place:
             UnavailableError: the cluster does not answer, or its package is not installed.
         """
         if self.cluster:
-            from verefine_viz.batch.cluster import open_cluster
-
+            try:
+                from verefine_viz.batch.cluster import open_cluster
+            except ModuleNotFoundError as error:
+                if error.name not in ("dask", "distributed"):
+                    raise
+                raise UnavailableError(
+                    "--cluster needs Dask, which is not installed: pip install 'verefine-viz[cluster]'"
+                ) from None
             return open_cluster(self.cluster, session, out, task, self.n_workers, self.ship)
         from verefine_viz.batch.pool import Pool
 
@@ -154,8 +160,9 @@ class _Batch:
         try:
             tell(self._progress())
             for result in self.workers.solve(missing):
-                self.folder.journal.keep(result)
-                self.counts.add(result)
+                if result is not None:
+                    self.folder.journal.keep(result)
+                    self.counts.add(result)
                 tell(self._progress())
             status = "finished"
         finally:

@@ -17,8 +17,8 @@ FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 class Workers(Protocol):
     """Where frames are computed: processes of this machine, or a cluster."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
-        """The results of ``frames``, each once, in the order in which they are done.
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+        """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
 
         ``frames`` are asked for when there is somebody to give them to, so they may be any number.
         """

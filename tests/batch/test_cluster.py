@@ -1,0 +1,171 @@
+"""Frames on a Dask cluster: the same results as here, also when a worker is lost; clear words when it is not there."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import psutil
+import pytest
+from distributed import LocalCluster
+
+from tests.batch.frames import make_frames, run_batch, start_batch, write_session
+from tests.batch.outputs import stop_in_the_middle, without_times
+from tests.scenes.bop_folder import Made
+from verefine_viz import cli
+from verefine_viz.batch import cluster
+from verefine_viz.batch.cluster import ClusterWorkers, open_cluster
+from verefine_viz.batch.desk import Desk
+from verefine_viz.batch.worker import ONE_THREAD
+from verefine_viz.core.errors import UnavailableError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session
+
+N_FRAMES = 6
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES)
+
+
+@pytest.fixture(scope="module")
+def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_session(
+        tmp_path_factory.mktemp("session"), made,
+        method={"name": "pir", "iterations": 1}, recording={"keep": "all", "maps": False},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def here(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same frames, solved by a worker process of this machine."""
+    out = tmp_path_factory.mktemp("here") / "out"
+    done = run_batch(session, out, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture
+def running() -> Iterator[LocalCluster]:
+    """A cluster that somebody else started."""
+    one_thread = dict.fromkeys(ONE_THREAD, "1")
+    with LocalCluster(
+        n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None, env=one_thread
+    ) as made:
+        yield made
+
+
+def test_a_worker_that_is_killed_changes_nothing(session: Path, here: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    child = start_batch(session, out, "--workers", 1, "--cluster", "local")
+    with child:
+        stop_in_the_middle(child, out, N_FRAMES)
+        workers = [p for p in psutil.Process(child.pid).children() if "spawn_main" in " ".join(p.cmdline())]
+        assert len(workers) == 1
+        workers[0].kill()
+        os.kill(child.pid, signal.SIGCONT)
+        said, errors = child.communicate(timeout=200)
+    assert child.returncode == 0, errors
+    assert "Traceback" not in errors
+    assert f"{N_FRAMES} frames" in said
+    assert without_times(out) == without_times(here)
+    assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
+
+
+def test_frames_can_be_sent_to_a_cluster_that_sees_no_file(
+    running: LocalCluster, session: Path, here: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    done = run_batch(session, out, "--cluster", running.scheduler_address, "--ship")
+    assert done.returncode == 0, done.stderr
+    assert without_times(out) == without_times(here)
+    assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
+    # The cluster is somebody else's: it goes on, with nothing of ours left on it.
+    assert running.status.name == "running"
+    assert not [n for w in running.workers.values() for n in getattr(w, "plugins", {}) if n.startswith("verefine")]
+
+
+def test_a_frame_that_cannot_be_read_is_not_sent(running: LocalCluster, session: Path, tmp_path: Path) -> None:
+    workers = open_cluster(running.scheduler_address, load_session(session), tmp_path, "solve", 1, ship=True)
+    try:
+        results = list(workers.solve(["7/99"]))
+    finally:
+        workers.close()
+    (result,) = results
+    assert result is not None
+    assert result.failed
+    assert "unknown image 99" in result.objects[0].message
+
+
+def test_a_scheduler_that_stops_is_one_clear_error(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workers = open_cluster("local", load_session(session), tmp_path, "solve", 1, ship=True)
+    assert isinstance(workers, ClusterWorkers)
+    results = workers.solve(f"7/{k % N_FRAMES}" for k in range(1000))
+    monkeypatch.setattr(cluster, "LOOK_S", 0.5)
+    assert next(r for r in results if r is not None).failed is False
+    assert workers._own is not None
+    workers._own.close()
+    with pytest.raises(UnavailableError, match="the scheduler at local is gone; what is done is kept"):
+        list(results)
+    workers.close()
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    assert cli.main(["batch", *map(str, words)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "no.such.host.invalid:8786", "what://x"])
+def test_a_cluster_that_does_not_answer_is_one_line(
+    address: str, session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", address)
+    assert f"no Dask scheduler answers at {address}" in line
+    assert "--cluster local" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\nsys.modules['dask'] = sys.modules['distributed'] = None\n"
+        "from verefine_viz import cli\nsys.exit(cli.main(sys.argv[1:]))"
+    )
+    words = ["batch", str(session), "--out", str(tmp_path / "out"), "--cluster", "local"]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "verefine-viz: --cluster needs Dask, which is not installed: pip install 'verefine-viz[cluster]'\n"
+    )
+
+
+def test_shipping_without_a_cluster_is_refused(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "say --cluster ADDRESS" in refused(capsys, session, "--out", tmp_path / "out", "--ship")
+
+
+@pytest.mark.parametrize(
+    ("version", "must_see", "said"),
+    [("0.0.1", (), "install the same version"), (None, ("/no/such/folder",), "does not see /no/such/folder")],
+)
+def test_a_worker_says_why_it_cannot_help(
+    version: str | None, must_see: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    import verefine_viz
+
+    worker: Any = SimpleNamespace(address="tcp://10.0.0.7:1234", executors={})
+    desk = Desk("name", Session(), tmp_path, "solve", must_see, version or verefine_viz.__version__)
+    with pytest.raises(UnavailableError, match=said):
+        desk.setup(worker)
+    assert worker.executors == {}

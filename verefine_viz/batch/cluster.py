@@ -1,0 +1,246 @@
+"""Frames on a Dask cluster: on one that is running somewhere, or on one of our own on this machine.
+
+The scheduler gives the frames of a worker that is lost to others; what comes back is kept by this process alone.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import signal
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import dask
+from distributed import Client, Future, KilledWorker, LocalCluster, wait
+
+import verefine_viz
+from verefine_viz.batch.desk import Answer, Desk, ModelOnDesk, solve_at_desk
+from verefine_viz.batch.frame import unforeseen
+from verefine_viz.batch.memory import gigabytes
+from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
+from verefine_viz.batch.tasks import TaskName
+from verefine_viz.batch.worker import ONE_THREAD
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import Session
+from verefine_viz.session.toolbox import Toolbox
+
+CONNECT_S = 10.0
+PATIENCE_S = 20.0
+"""After so long without any worker a person should know that nothing happens."""
+LOOK_S = 5.0
+"""How often the number of workers is looked at."""
+AHEAD = 2
+"""Frames per worker that are handed to the scheduler, so that none waits for the next one."""
+
+
+def open_cluster(
+    address: str, session: Session, out: Path, task: TaskName, n_workers: int, ship: bool
+) -> ClusterWorkers:
+    """The workers of the cluster at ``address``, or of a new one here ("local", ``n_workers`` processes).
+
+    Raises:
+        UnavailableError: nothing answers there.
+    """
+    # One line about trouble is ours to say; Dask would add pages.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    own = _local(n_workers) if address == "local" else None
+    try:
+        client = Client(own or address, timeout=CONNECT_S)
+    except (OSError, ValueError, ImportError) as error:
+        if own is not None:
+            own.close()
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise UnavailableError(
+            f"no Dask scheduler answers at {address} within {CONNECT_S:.0f} s ({why}); start one with dask scheduler, "
+            "or say --cluster local"
+        ) from None
+    return ClusterWorkers(client, own, address, session, out, task, ship)
+
+
+def _local(n_workers: int) -> LocalCluster:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # Workers leave Ctrl-C to this process.
+    try:
+        return LocalCluster(
+            n_workers=n_workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+            dashboard_address=None,  # pyright: ignore[reportArgumentType]
+            silence_logs=logging.CRITICAL, env=dict.fromkeys(ONE_THREAD, "1"),
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class ClusterWorkers:
+    """The :class:`Workers` of a cluster."""
+
+    def __init__(
+        self,
+        client: Client,
+        own: LocalCluster | None,
+        address: str,
+        session: Session,
+        out: Path,
+        task: TaskName,
+        ship: bool,
+    ) -> None:
+        self._client, self._own, self._address = client, own, address
+        self._session, self._out, self._ship = session, out, ship
+        self._desk = Desk(
+            f"verefine-viz-{secrets.token_hex(4)}", session, out, task,
+            () if ship else (str(out), *_paths(session)), verefine_viz.__version__,
+        )  # fmt: skip
+        self._models_sent: set[int] = set()
+        self._opened, self._looked = time.monotonic(), 0.0
+        self._n_workers = 0
+        self._most_bytes = 0
+
+    @property
+    def needs(self) -> str:
+        return f"{self._n_workers} × {gigabytes(self._most_bytes)} in workers" if self._most_bytes else ""
+
+    @property
+    def warning(self) -> str:
+        if self._n_workers or time.monotonic() - self._opened < PATIENCE_S:
+            return ""
+        return f"the cluster at {self._address} has no workers; waiting for the first"
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+        """See :class:`Workers`."""
+        self._set_up()
+        waiting = iter(frames)
+        running: dict[Future, str] = {}
+        while True:
+            self._look()
+            while len(running) < AHEAD * max(self._n_workers, 1):
+                frame = next(waiting, None)
+                if frame is None:
+                    break
+                given = self._given(frame)
+                if isinstance(given, FrameResult):
+                    yield given
+                else:
+                    running[given] = frame
+            if not running:
+                return
+            done = self._done(list(running))
+            if not done:
+                yield None
+            for future in done:
+                frame = running.pop(future)
+                yield self._result(frame, future)
+                future.release()
+
+    def close(self) -> None:
+        # The cluster may be gone; there is nobody to tell then.
+        with suppress(Exception):
+            for name in (*(f"{self._desk.name}-model-{i}" for i in self._models_sent), self._desk.name):
+                self._client.unregister_worker_plugin(name)
+        with suppress(Exception):
+            self._client.close(timeout=CONNECT_S)
+        if self._own is not None:
+            with suppress(Exception):
+                self._own.close(timeout=CONNECT_S)
+
+    def _set_up(self) -> None:
+        try:
+            self._client.register_plugin(self._desk)
+        except VerefineError as error:
+            raise UnavailableError(str(error)) from None
+        except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+            raise UnavailableError(
+                f"the workers of {self._address} cannot be used ({why}); "
+                "install the same verefine-viz[cluster], Python and Dask on them"
+            ) from None
+
+    def _given(self, frame: str) -> Future | FrameResult:
+        """The running task of a frame; its result, where there is nothing to send because it cannot be read."""
+        problem: Problem | None = None
+        if self._ship:
+            try:
+                problem = self._read(frame)
+            except VerefineError as error:
+                return failed_frame(frame, str(error), self._session)
+            except Exception as error:
+                return unforeseen(self._reader, frame, self._out, error)
+        key = f"{self._desk.name}-{frame_name(frame)}"
+        with dask.annotate(executor=self._desk.name):  # pyright: ignore[reportPrivateImportUsage]
+            return self._client.submit(solve_at_desk, self._desk.name, frame, problem, key=key, pure=False)
+
+    def _read(self, frame: str) -> Problem:
+        """The frame without its models, which are sent once."""
+        problem = self._reader.source.problem(frame)
+        for obj_id, model in problem.models.items():
+            if obj_id not in self._models_sent:
+                self._client.register_plugin(ModelOnDesk(self._desk.name, obj_id, model))
+                self._models_sent.add(obj_id)
+        return replace(problem, models={})
+
+    @cached_property
+    def _reader(self) -> Toolbox:
+        return Toolbox(self._session)
+
+    def _done(self, running: list[Future]) -> list[Future]:
+        """Those that are done; none where nothing was done for a while."""
+        with suppress(TimeoutError):
+            wait(running, timeout=LOOK_S, return_when="FIRST_COMPLETED")
+        self._must_be_there()
+        return [future for future in running if future.done()]
+
+    def _must_be_there(self) -> None:
+        if self._client.status != "running":
+            raise UnavailableError(
+                f"the scheduler at {self._address} is gone; what is done is kept: start it again and repeat the command"
+            )
+
+    def _result(self, frame: str, future: Future) -> FrameResult:
+        try:
+            answer: Answer = future.result()
+        except KilledWorker as error:
+            n = error.allowed_failures + 1
+            why = f"{n} workers died on this frame (out of memory, or a library crashed)"
+            return failed_frame(frame, why, self._session)
+        except Exception as error:
+            self._must_be_there()
+            return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
+        for name, content in answer.files.items():
+            _write(self._out / name, content)
+        return FrameResult.model_validate_json(answer.result)
+
+    def _look(self) -> None:
+        """Counts the workers, now and then: there may be more or fewer than before."""
+        if self._n_workers and time.monotonic() - self._looked < LOOK_S:
+            return
+        self._looked = time.monotonic()
+        try:
+            workers: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
+        except Exception:
+            self._must_be_there()
+            raise
+        self._n_workers = len(workers)
+        held = [worker.get("metrics", {}).get("memory", 0) for worker in workers.values()]
+        self._most_bytes = max([self._most_bytes, *held])
+
+
+def _paths(session: Session) -> tuple[str, ...]:
+    """What the session reads by path."""
+    scene, hypotheses = session.scene, session.hypotheses
+    named = [scene.dataset] if scene.source == "bop" else []
+    named += [scene.masks] if scene.masks not in ("mask", "mask_visib") else []
+    named += hypotheses.files if hypotheses.source == "results" else ()
+    return tuple(path for path in (*named, session.dependency.order_file) if path)
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        with atomic(path) as part:
+            part.write_bytes(content)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
