@@ -39,7 +39,7 @@ class FrameTruth:
 
     @cached_property
     def _rendered(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """z (H, W) [m] of all of them, and whose it is (instance_id, -1 elsewhere)."""
+        """Z (H, W) [m] of all of them, and whose it is (instance_id, -1 elsewhere)."""
         drawn = render_scene(list(self.placed.values()), self.problem.observation.camera)
         ids = np.array([*self.placed, -1])
         return drawn.depth_m, ids[drawn.labels].astype(np.int32)

@@ -1,0 +1,82 @@
+"""How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
+
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--verbose]``. A scene that comes out right in spite of what is broken
+has nothing to diagnose; further seeds are taken until there are enough that fail.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from itertools import count
+from time import perf_counter
+
+from bench.failing_scenes import Broken, broken_scene
+from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.diagnosis.diagnose import diagnose
+
+SEEDS = 20
+MOST_SEEDS = 100
+
+
+def named(broken: Broken) -> Diagnosis | None:
+    """What the diagnosis says of the instance that is meant; None where it did not fail."""
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    found = diagnose(run, broken.toolbox)
+    return next((d for d in found if d.instance_id == broken.instance_id), None)
+
+
+def run(causes: Sequence[Cause] = tuple(Cause), n_seeds: int = SEEDS, verbose: bool = False) -> list[dict[str, object]]:
+    """One row per cause: how many of the failing scenes were named right, and what the others were called."""
+    rows: list[dict[str, object]] = []
+    for cause in causes:
+        said: Counter[Cause] = Counter()
+        n_fine, n_confirmed, n_reruns, ms = 0, 0, 0, 0.0
+        began = perf_counter()
+        for seed in count():
+            if said.total() >= n_seeds or seed >= MOST_SEEDS:
+                break
+            diagnosis = named(broken_scene(cause, seed))
+            if diagnosis is None:
+                n_fine += 1
+                continue
+            said[diagnosis.cause] += 1
+            n_confirmed += diagnosis.is_confirmed and diagnosis.cause == cause
+            n_reruns += diagnosis.n_reruns
+            ms += diagnosis.ms
+            if verbose or diagnosis.cause != cause:
+                print(f"  {cause} {seed}: {diagnosis.cause}: {diagnosis.sentence}")
+                if verbose:
+                    for other in diagnosis.others:
+                        print(f"      also {other.cause} ({other.is_confirmed}): {other.sentence}")
+        n = max(said.total(), 1)
+        rows.append(
+            {
+                "broken": str(cause),
+                "named": f"{said[cause]}/{said.total()}",
+                "rate": said[cause] / n,
+                "confirmed": n_confirmed,
+                "came out right": n_fine,
+                "re-runs each": n_reruns / n,
+                "ms each": ms / n,
+                "called instead": ", ".join(f"{c} {k}" for c, k in said.most_common() if c != cause),
+            }
+        )
+        print({**rows[-1], "s": round(perf_counter() - began)}, flush=True)
+    return rows
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("causes", nargs="*", type=Cause, help="default: all")
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--verbose", action="store_true")
+    args = parser.parse_args()
+    run(args.causes or tuple(Cause), args.seeds, args.verbose)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
