@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.matching import match_poses
 from verefine_viz.evaluation.mean_errors import add_mm, adi_mm, symmetric_errors
 from verefine_viz.evaluation.model import EvalModel
@@ -77,7 +76,7 @@ def answers(
     """
     chosen: dict[int, int] = {}
     if errors is not None:
-        apart_mm: Float = np.array([[np.linalg.norm(table.t_mm[row] - t.t_mm) for t in truths] for row in rows])
+        apart_mm = np.array([[float(np.linalg.norm(table.t_mm[row] - t.t_mm)) for t in truths] for row in rows])
         matched = match_poses(apart_mm[..., None], np.array([np.inf]), valid)
         chosen = {int(g): e for e, g in enumerate(matched) if g >= 0}
     return tuple(

@@ -1,0 +1,115 @@
+"""Scores of results files on a data set's folder: the command line's and the report's way in."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
+from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
+from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets
+from verefine_viz.evaluation.truth import BopTruth
+from verefine_viz.scenes.bop import BopDataset
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Scores, and what they were measured on."""
+
+    dataset: str
+    split: str
+    targets: str
+    """Name of the targets file."""
+    files: tuple[Path, ...]
+    scores: tuple[Scores, ...]
+    """One for each file."""
+    names: dict[int, str]
+    """Of the objects that occur."""
+    notes: tuple[str, ...]
+    """What a person should know about how far the scores can be compared."""
+    seconds: float
+    """That it took, from reading the first file on."""
+
+
+def evaluate_files(
+    files: Sequence[Path],
+    dataset: Path,
+    split: str = "",
+    targets: Path | None = None,
+    task: Task | None = None,
+    workers: int = 1,
+    tell: Tell = lambda done, total: None,
+) -> Evaluation:
+    """Scores results files as the official scripts do.
+
+    Args:
+        files: results in BOP format.
+        dataset: the data set's folder.
+        split: its folder; empty = test, or the only one that begins with it.
+        targets: a targets file, or its name in the data set's folder; None = the official one.
+        task: None = the one that the targets were made for.
+        workers: threads; the scores are the same for any number.
+        tell: progress in images.
+
+    Raises:
+        InputError: a results file breaks the format (the line is named), or the data set lacks something.
+        SettingsError: the task does not go with the targets.
+    """
+    started = time.perf_counter()
+    tables = [read_pose_table(path) for path in files]
+    folder = BopDataset(dataset, split or default_split(dataset))
+    asked = _targets(folder, targets, task)
+    truth = BopTruth(folder)
+    scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell)
+    obj_ids = {i for s in scores for i in (*s.recalls_by_object, *s.precision_by_object)}
+    return Evaluation(
+        folder.name,
+        folder.split,
+        asked.name,
+        tuple(files),
+        scores,
+        {i: folder.models.name(i) for i in sorted(obj_ids)},
+        truth.notes,
+        time.perf_counter() - started,
+    )
+
+
+def default_split(dataset: Path) -> str:
+    """``test``, or the data set's only folder that begins with it.
+
+    Raises:
+        InputError: the folder is not there, or it is not clear which split is meant.
+    """
+    if not dataset.is_dir():
+        raise InputError(f"data set folder {dataset} does not exist; give --dataset a folder in BOP layout")
+    if (dataset / "test").is_dir():
+        return "test"
+    found = sorted(p.name for p in dataset.glob("test*") if p.is_dir())
+    if len(found) != 1:
+        there = ", ".join(found) if found else "no folder test*"
+        raise InputError(f"{dataset} has {there}; say which split is meant with --split")
+    return found[0]
+
+
+def _targets(dataset: BopDataset, path: Path | None, task: Task | None) -> Targets:
+    if path is None:
+        return read_targets(find_targets(dataset.folder, dataset.split, task))
+    inside = dataset.folder / path
+    if not path.is_file() and not inside.is_file():
+        raise InputError(f"targets file {path} does not exist, neither here nor in {dataset.folder}")
+    return read_targets(path if path.is_file() else inside)
+
+
+def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:
+    """Methods that share a name are called as their files are, or as those and their folders."""
+    for rename in (lambda p: p.stem, lambda p: f"{p.parent.name}/{p.stem}", str):
+        names = Counter(table.name for table in tables)
+        tables = [
+            table if names[table.name] == 1 else replace(table, name=rename(path))
+            for table, path in zip(tables, files, strict=True)
+        ]
+    return list(tables)
