@@ -89,9 +89,9 @@ def new_run_with_journal(path: Path):
     return read_recording(copy)
 
 
-def curves(path: Path) -> dict[tuple[str, int], list[float]]:
+def curves(path: Path) -> dict[tuple[str, int], list[str]]:
     """All points of all curves."""
-    found: dict[tuple[str, int], list[float]] = {}
+    found: dict[tuple[str, int], list[str]] = {}
     for chunk in chunks_of(path):
         if chunk.entity_path.startswith(CURVES) and not chunk.is_static:
             batch = chunk.to_record_batch()

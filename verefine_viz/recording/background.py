@@ -79,7 +79,11 @@ def _images(problem: Problem) -> Iterator[Chunk]:
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
     # Not as PNG, which is smaller but slow to encode.
     depth = np.rint(observation.depth_m * np.float32(units_per_m)).clip(0, 65535).astype(np.uint16)
-    yield columns.fixed(entities.DEPTH, rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis"))
+    # Pixels without depth are 0 and get the darkest colour, which nothing that was measured should have.
+    nearest, farthest = _depth_range(depth)
+    ranged = (nearest - 0.15 * (farthest - nearest), farthest)
+    image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis", depth_range=ranged)
+    yield columns.fixed(entities.DEPTH, image)
     labels = np.zeros(observation.camera.shape, np.uint8)
     classes = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
     for k, instance in enumerate(problem.instances[:255], start=1):
@@ -87,6 +91,15 @@ def _images(problem: Problem) -> Iterator[Chunk]:
         color = OBJECT_COLORS[(k - 1) % len(OBJECT_COLORS)]
         classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), color))
     yield columns.fixed(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
+
+
+def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
+    """From where to where the depths are, single outliers aside."""
+    known = depth[::4, ::4][depth[::4, ::4] > 0]
+    if not len(known):
+        return 0.0, 1.0
+    nearest, farthest = np.percentile(known, [1, 97])
+    return float(nearest), max(float(farthest), float(nearest) + 1.0)
 
 
 def _cloud(observation: Observation, near_m: float, n_points: int) -> Chunk:

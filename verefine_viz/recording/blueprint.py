@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,7 +27,7 @@ MAP_TITLES = {
     "rendered": "Rendered depth",
 }
 SCENE_MAP_TITLES = {
-    "classes": "Pixel classes of the scene",
+    "classes": "Pixel classes",
     "difference": "Δdepth ±2τ",
     "rendered": "Rendered depth",
 }
@@ -39,8 +40,13 @@ CURVE_TITLES = {
     "physics": "Simulation and refiner",
     "scene": "Score of the scene",
     "best": "Best score of each object",
+    "add_s": "ADD(-S) of each object's best pose [mm]",
     "cost": "Cost of the scene",
 }
+PER_OBJECT = ("score", "ucb", "error", "physics")
+"""Curves of a scene that are drawn object by object: those of several in one view could not be told apart."""
+WITHOUT_CHOICE = ("refine", "phys_before", "phys_after", "pir", "sir", "physim_mcts")
+"""Methods whose iterations do not say how a bandit chose the hypothesis."""
 LEGEND_ARMS = 12
 """With more hypotheses a legend would hide the curves."""
 
@@ -50,11 +56,14 @@ class Shown:
     """What there is to be shown; recordings that agree in it share their views."""
 
     branches: tuple[str, ...]
+    worked_on: tuple[str, ...]
+    """Of them, those that have hypotheses."""
     has_truth: bool
     has_maps: bool
     has_graph: bool
     has_passes: bool
     has_tree: bool
+    has_choice: bool
     has_legend: bool
 
     @property
@@ -68,11 +77,13 @@ def shown(layout: Layout, has_maps: bool) -> Shown:
     branches = layout.branches
     return Shown(
         branches=tuple(b.name for b in branches),
+        worked_on=tuple(b.name for b in branches if b.n_arms),
         has_truth=any(b.has_truth for b in branches),
         has_maps=has_maps,
-        has_graph=layout.has_graph,
-        has_passes=layout.method == "vf_depth",
-        has_tree=layout.method == "physim_mcts",
+        has_graph=layout.has_graph and layout.is_scene,
+        has_passes=layout.has_passes,
+        has_tree=layout.has_tree,
+        has_choice=layout.method not in WITHOUT_CHOICE,
         has_legend=all(b.n_arms <= LEGEND_ARMS for b in branches),
     )
 
@@ -80,8 +91,8 @@ def shown(layout: Layout, has_maps: bool) -> Shown:
 def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
     """The blueprint of a recording."""
     what = shown(layout, has_maps)
-    scene = _scene(what)
-    return _WithEye(_all_views(scene, what), scene, layout)
+    spatial = _spatial(what)
+    return _WithEye(_all_views(spatial, what), spatial, layout)
 
 
 def blueprint_messages(layout: Layout, has_maps: bool) -> bytes:
@@ -90,13 +101,13 @@ def blueprint_messages(layout: Layout, has_maps: bool) -> bytes:
 
 
 class _WithEye(rrb.Blueprint):
-    def __init__(self, views: rrb.Blueprint, scene: rrb.Spatial3DView, layout: Layout) -> None:
+    def __init__(self, views: rrb.Blueprint, spatial: Sequence[rrb.Spatial3DView], layout: Layout) -> None:
         super().__init__()
-        self._views, self._scene, self._layout = views, scene, layout
+        self._views, self._spatial, self._layout = views, spatial, layout
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         self._views._log_to_stream(stream)
-        stream.log(_eye_path(self._scene), _eye(self._layout))
+        _log_eyes(stream, self._spatial, self._layout)
 
 
 class _Prepared(rrb.Blueprint):
@@ -107,7 +118,7 @@ class _Prepared(rrb.Blueprint):
 
     def __init__(self, what: Shown) -> None:
         super().__init__()
-        self._scene = _scene(what)
+        self._spatial = _spatial(what)
         self._what = what
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "views.rbl"
@@ -117,35 +128,35 @@ class _Prepared(rrb.Blueprint):
             self._bytes = self._stream.binary_stream()
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
-        _all_views(self._scene, self._what)._log_to_stream(stream)
+        _all_views(self._spatial, self._what)._log_to_stream(stream)
         self._stream = stream
 
     def messages(self, layout: Layout) -> bytes:
-        self._stream.log(_eye_path(self._scene), _eye(layout))
-        # The views come first: they introduce the blueprint that the eye belongs to.
+        _log_eyes(self._stream, self._spatial, layout)
+        # The views come first: they introduce the blueprint that the eyes belong to.
         return self._views + messages(self._bytes.read() or b"")
 
 
 _prepared = lru_cache(maxsize=32)(_Prepared)
 
 
-def _eye_path(scene: rrb.Spatial3DView) -> str:
-    return f"{scene.blueprint_path()}/EyeControls3D"
+def _log_eyes(stream: rr.RecordingStream, spatial: Sequence[rrb.Spatial3DView], layout: Layout) -> None:
+    """All 3D views begin at the same place."""
+    eye = rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
+    for view in spatial:
+        stream.log(f"{view.blueprint_path()}/EyeControls3D", eye)
 
 
-def _eye(layout: Layout) -> rrb.EyeControls3D:
-    return rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
-
-
-def _all_views(scene: rrb.Spatial3DView, what: Shown) -> rrb.Blueprint:
+def _all_views(spatial: Sequence[rrb.Spatial3DView], what: Shown) -> rrb.Blueprint:
+    curves = _curves(what)
     overview = rrb.Vertical(
         rrb.Horizontal(
-            _pictures(scene, what),
+            _pictures(spatial, what),
             *([_maps(what)] if what.has_maps else []),
             _why(what),
             column_shares=[5, 4, 3] if what.has_maps else [6, 3],
         ),
-        rrb.Horizontal(*_curves(what), _events(), column_shares=[4, 4, 5]),
+        rrb.Horizontal(*curves, _events(), column_shares=[*([8 / len(curves)] * len(curves)), 5]),
         row_shares=[3, 2],
         name="Scene" if what.is_scene else "Object",
     )
@@ -154,7 +165,8 @@ def _all_views(scene: rrb.Spatial3DView, what: Shown) -> rrb.Blueprint:
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(timeline=entities.TIMELINE, state="collapsed"),
+        # What it came to is seen first; from there a person goes back.
+        rrb.TimePanel(timeline=entities.TIMELINE, state="collapsed", play_state="following"),
         auto_views=False,
     )
 
@@ -163,26 +175,13 @@ def _scene_tabs(what: Shown) -> list[rrb.Container]:
     """What only several objects have, a tab of the whole window each."""
     tabs: list[rrb.Container] = []
     if what.is_scene:
-        tabs.append(rrb.Grid(*(_objects_curves(b, what) for b in what.branches), name="Objects"))
+        tabs.append(rrb.Tabs(*_objects_curves(what), name="Objects"))
     if what.has_graph:
-        graph = rrb.GraphView(
-            origin=entities.GRAPH,
-            contents=[f"+ {entities.GRAPH}/**", f"- {entities.EVIDENCE}"],
-            name="Which object has to do with which",
-            force_link=rrb.archetypes.ForceLink(distance=140),
-            force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True),
-        )
+        graph = _graph(f"{entities.GRAPH}/objects", "Which object has to do with which")
         evidence = rrb.TextDocumentView(origin=entities.EVIDENCE, name="Evidence and order")
         tabs.append(rrb.Horizontal(graph, evidence, column_shares=[3, 2], name="Dependencies"))
     if what.has_tree:
-        tree = rrb.GraphView(
-            origin=entities.TREE,
-            name="Search tree: hypothesis, visits, mean cost",
-            force_link=rrb.archetypes.ForceLink(enabled=False),
-            force_many_body=rrb.archetypes.ForceManyBody(enabled=False),
-            force_position=rrb.archetypes.ForcePosition(enabled=False),
-            force_center=rrb.archetypes.ForceCenter(enabled=False),
-        )
+        tree = _graph(entities.TREE, "Search tree: hypothesis, visits, mean cost; white: this iteration")
         why = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
         tabs.append(
             rrb.Horizontal(tree, rrb.Vertical(_series("cost", what), why), column_shares=[3, 2], name="Search tree")
@@ -190,18 +189,40 @@ def _scene_tabs(what: Shown) -> list[rrb.Container]:
     return tabs
 
 
-def _objects_curves(branch: str, what: Shown) -> rrb.View:
-    return rrb.TimeSeriesView(
-        origin=f"{entities.CURVES}/score/{branch}",
-        name=f"{branch}: score of each hypothesis",
-        plot_legend=_legend(what),
+def _graph(origin: str, name: str) -> rrb.GraphView:
+    """Nodes stay where they were put."""
+    return rrb.GraphView(
+        origin=origin,
+        name=name,
+        force_link=rrb.archetypes.ForceLink(enabled=False),
+        force_many_body=rrb.archetypes.ForceManyBody(enabled=False),
+        force_position=rrb.archetypes.ForcePosition(enabled=False),
+        force_center=rrb.archetypes.ForceCenter(enabled=False),
     )
+
+
+def _objects_curves(what: Shown) -> Iterator[rrb.Grid]:
+    """A tab per group of curves, in it a view per object."""
+    for group in PER_OBJECT:
+        if (group == "ucb" and not what.has_choice) or (group == "error" and not what.has_truth):
+            continue
+        views = (
+            rrb.TimeSeriesView(
+                origin=f"{entities.CURVES}/{group}/{branch}", name=branch, plot_legend=_legend(what, group)
+            )
+            for branch in what.worked_on
+        )
+        yield rrb.Grid(*views, name=CURVE_TITLES[group])
 
 
 def _hidden(what: Shown) -> dict[Any, Any]:
     # The mixed pose only starts the refiner, and what is best for the scene has a view of its own.
     stages = [f"{entities.OBJECTS}/{b}/stages/{s}" for b in what.branches for s in ("mixed", "incumbent")]
     return {stage: rrb.EntityBehavior(visible=False) for stage in stages}
+
+
+def _spatial(what: Shown) -> list[rrb.Spatial3DView]:
+    return [_scene(what), _answer(what)] if what.is_scene else [_scene(what)]
 
 
 def _scene(what: Shown) -> rrb.Spatial3DView:
@@ -237,10 +258,8 @@ def _answer(what: Shown) -> rrb.Spatial3DView:
     )
 
 
-def _pictures(scene: rrb.Spatial3DView, what: Shown) -> rrb.Container:
-    views: list[rrb.View] = [scene]
-    if what.is_scene:
-        views.append(_answer(what))
+def _pictures(spatial: Sequence[rrb.Spatial3DView], what: Shown) -> rrb.Container:
+    views: list[rrb.View] = [*spatial]
     if what.has_maps:
         views.append(
             rrb.Spatial2DView(
@@ -274,32 +293,39 @@ def _series(name: str, what: Shown) -> rrb.View:
 
 def _legend(what: Shown, name: str = "score") -> rrb.PlotLegend:
     per_arm = name in ("score", "ucb", "pulls")
-    return rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=what.has_legend or not per_arm)
+    # Where the curves of a good run are not at its end: scores rise, errors fall.
+    corner = rrb.Corner2D.RightTop if name in ("error", "add_s", "physics", "cost") else rrb.Corner2D.RightBottom
+    return rrb.PlotLegend(corner, visible=what.has_legend or not per_arm)
 
 
 def _curves(what: Shown) -> list[rrb.Container]:
-    left, right = ["score", "ucb", "pulls"], ["physics", "fit"]
     if what.is_scene:
-        left = ["best", *left]
-    if what.has_passes:
-        left = ["scene", *left]
-    if what.has_tree:
-        left = ["cost", *left]
-    if what.has_truth:
-        right.insert(0, "error")
-    return [rrb.Tabs(*(_series(name, what) for name in names)) for names in (left, right)]
+        left, right = ["best"], ["add_s"] if what.has_truth else []
+        if what.has_passes:
+            left.insert(0, "scene")
+        if what.has_tree:
+            left.insert(0, "cost")
+        groups = [left, right] if right else [[name] for name in left]
+    else:
+        left = ["score", "ucb", "pulls"] if what.has_choice else ["score"]
+        right = ["error", "physics", "fit"] if what.has_truth else ["physics", "fit"]
+        groups = [left, right]
+    return [rrb.Tabs(*(_series(name, what) for name in names)) for names in groups]
 
 
 def _events() -> rrb.Container:
+    columns = rrb.archetypes.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     return rrb.Vertical(
         rrb.StateTimelineView(origin=entities.LANE, name="Object, hypothesis, kept stage, event"),
-        rrb.TextLogView(origin=entities.LOG, name="Events"),
+        rrb.TextLogView(origin=entities.LOG, name="Events", columns=columns),
     )
 
 
 def _why(what: Shown) -> rrb.Container | rrb.View:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
-    if what.has_tree:
+    if not what.has_choice:
         return text
-    bandit = rrb.BarChartView(origin=entities.BANDIT, name="UCB of each hypothesis above the lowest, at the choice")
+    bandit = rrb.BarChartView(
+        origin=entities.BANDIT, name="UCB by hypothesis, above the lowest", plot_legend=rrb.PlotLegend(visible=False)
+    )
     return rrb.Vertical(text, bandit, row_shares=[3, 1])

@@ -56,7 +56,13 @@ def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Chunk, ...]:
     return tuple(
         columns.fixed(
             curve(name, branch_name),
-            rr.SeriesLines(names=names, colors=colours, widths=[2.5 if n == "best" else 1.5 for n in names]),
+            rr.SeriesLines(
+                names=names,
+                colors=colours,
+                widths=[2.5 if n == "best" else 1.5 for n in names],
+                # What was reached holds until something else is.
+                interpolation_mode="StepAfter" if name in ("score", "ucb", "pulls") else "Linear",
+            ),
         )
         for name, (names, colours) in looks.items()
     )

@@ -47,7 +47,7 @@ class Drawing:
             yield from _object_styles(branch.name)
         yield from self._poses.start()
         yield from _lane_styles(tuple(b.name for b in branches), max((b.n_arms for b in branches), default=0) + 1)
-        if self._layout.is_scene:
+        if self._layout.is_scene or self._layout.has_tree:
             yield from scene_styles(tuple(b.name for b in branches))
             yield from start_best(self._layout)
         yield from self._tree.styles()
@@ -79,7 +79,7 @@ class Drawing:
                     self._started.add(branch.instance_id)
                     yield curves.start(branch, own[0].index - 1)
                 yield from curves.curves(branch, own, self._held[branch.instance_id])
-        if self._layout.is_scene:
+        if self._layout.is_scene or self._layout.has_tree:
             yield from scene_curves(self._layout, rows)
         yield from self._tree.draw(rows)
         yield from _events(self._layout, rows)
@@ -149,8 +149,13 @@ def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
     chosen = [r for r in rows if r.choice.shape[1]]
     if chosen:
         above = [_above_lowest(r.choice[3]) for r in chosen]
-        bars = columns.bars(rr.BarChart.descriptor_values(), above)
-        yield columns.rows_of(entities.BANDIT, [r.index for r in chosen], [bars])
+        # A bar begins at its number: half before the hypothesis's, so that it stands over it.
+        numbers = [np.arange(len(a)) + 0.5 for a in above]
+        bars = [
+            columns.bars(rr.BarChart.descriptor_values(), above),
+            columns.bars(rr.BarChart.descriptor_abscissa(), numbers),
+        ]
+        yield columns.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
 
 
 def _above_lowest(ucb: Float) -> Float:

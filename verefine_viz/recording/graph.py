@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 import rerun as rr
 from rerun.chunk import Chunk
@@ -13,6 +14,8 @@ from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.wording import plain
 
+ROOM = 210.0
+"""What a node with its label takes from left to right."""
 VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "carries"}
 
 
@@ -27,6 +30,7 @@ def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]
         labels=[f"{place[i]}. {names[i]} (cluster {graph.cluster_of(i) + 1})" for i in known],
         colors=[colors[i] for i in known],
         radii=[12.0] * len(known),
+        positions=_places([[i for i in cluster if i in names] for cluster in graph.clusters]),
     )
     pairs = [
         pair
@@ -38,6 +42,20 @@ def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]
     yield columns.fixed(f"{entities.GRAPH}/objects", nodes, rr.GraphEdges(pairs, graph_type="directed"))
     text = rr.TextDocument(_evidence(graph, names), media_type="text/markdown")
     yield columns.fixed(entities.EVIDENCE, text)
+
+
+def _places(clusters: Sequence[Sequence[int]]) -> list[tuple[float, float]]:
+    """Clusters in rows and columns, each a ring in which the order goes round from the top: no edge of a cluster then
+    runs through a third node.
+    """
+    across, down = (ROOM * max(2.0, math.sqrt(max(map(len, clusters), default=1))) * f for f in (1.0, 0.6))
+    columns_ = math.ceil(math.sqrt(len(clusters)))
+    places: list[tuple[float, float]] = []
+    for k, cluster in enumerate(clusters):
+        x, y, n = across * (k % columns_), down * (k // columns_), len(cluster)
+        for angle in (2 * math.pi * j / n for j in range(n)):
+            places.append((x + (0.35 * across * math.sin(angle) if n > 1 else 0.0), y - 0.35 * down * math.cos(angle)))
+    return places
 
 
 def _arrows(edge: Edge, names: Mapping[int, str]) -> list[tuple[str, str]]:

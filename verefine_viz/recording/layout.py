@@ -47,11 +47,23 @@ class Layout:
     method: str = ""
     has_graph: bool = False
     """Whether it was looked at which objects depend on which."""
+    has_clusters: bool = True
+    """Whether some objects are solved together."""
 
     @property
     def is_scene(self) -> bool:
         """Whether there is more than one object."""
         return len(self.branches) > 1
+
+    @property
+    def has_passes(self) -> bool:
+        """Whether iterations of several objects are judged together."""
+        return self.method == "vf_depth" and self.is_scene and self.has_clusters
+
+    @property
+    def has_tree(self) -> bool:
+        """Whether the iterations grow a search tree."""
+        return self.method == "physim_mcts"
 
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)
@@ -69,7 +81,9 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
         has_truth = instance.T_cam_obj_gt is not None
         name = branch(instance, problem)
         branches.append(Branch(instance.instance_id, instance.obj_id, name, sources, tuple(initial), has_truth))
-    return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None)
+    solved = {b.instance_id for b in branches if b.n_arms}
+    has_clusters = any(len(solved.intersection(cluster)) > 1 for cluster in problem.clusters)
+    return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
 
 
 def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -96,4 +110,5 @@ def layout_from_json(text: str) -> Layout:
         for b in raw["branches"]
     )
     center, eye = tuple(raw["center_world"]), tuple(raw["eye_world"])
-    return Layout(tuple(branches), center, eye, raw.get("method", ""), raw.get("has_graph", False))
+    rest = (raw.get("method", ""), raw.get("has_graph", False), raw.get("has_clusters", True))
+    return Layout(tuple(branches), center, eye, *rest)

@@ -97,6 +97,8 @@ class Recorder:
         Raises:
             InputError: the file cannot be written.
         """
+        # A method may add hypotheses of its own to the problem it was given.
+        self._problem = state.problem
         self._layout = layout_of(self._problem, state, self._session.method.name)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout)
@@ -166,7 +168,7 @@ class Recorder:
         """Everything that is known before the first iteration; what makes the iterations readable comes first."""
         yield from property_chunks(about)
         yield from self._drawing.start()
-        if self._problem.dependencies is not None:
+        if self._problem.dependencies is not None and self._layout.is_scene:
             yield from dependency_chunks(self._problem.dependencies, self._layout)
         yield from background(self._problem, pictures=self._verifier is not None)
 

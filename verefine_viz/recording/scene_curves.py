@@ -17,10 +17,10 @@ from verefine_viz.recording.row import Row
 _SCALARS = rr.Scalars.descriptor_scalars()
 _LOOKS: dict[str, tuple[tuple[str, RGB], ...]] = {
     "scene": (
+        ("reward", (150, 150, 150)),
         ("poses of the pass", (110, 150, 255)),
         ("best pose of each object", (255, 179, 90)),
         ("best scene so far", (0, 170, 120)),
-        ("reward", (150, 150, 150)),
     ),
     "cost": (("this scene [px]", (110, 150, 255)), ("best scene so far [px]", (0, 170, 120))),
 }
@@ -31,8 +31,8 @@ def scene_styles(branch_names: tuple[str, ...]) -> tuple[Chunk, ...]:
     """Names and colours of all curves of a scene."""
     made: list[Chunk] = []
     for k, name in enumerate(branch_names):
-        look = rr.SeriesLines(names=[name], colors=[OBJECT_COLORS[k % len(OBJECT_COLORS)]], widths=2.0)
-        made.append(columns.fixed(curve("best", name), look))
+        own = _lines([(name, OBJECT_COLORS[k % len(OBJECT_COLORS)])])
+        made += [columns.fixed(curve(group, name), own) for group in ("best", "add_s")]
         # Clusters have curves of their own, called after their first object.
         for group, lines in _LOOKS.items():
             made.append(columns.fixed(curve(group, name), _lines(lines)))
@@ -43,7 +43,7 @@ def start_best(layout: Layout) -> Iterator[Chunk]:
     """Every object's best first pose, before the first iteration."""
     for branch in layout.branches:
         if branch.n_arms:
-            yield _best(branch, [0], [max(branch.initial_scores)])
+            yield _one("best", branch, [0], [max(branch.initial_scores)])
 
 
 def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
@@ -51,7 +51,10 @@ def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
     for branch in layout.branches:
         own = [r for r in rows if r.instance_id == branch.instance_id]
         if own:
-            yield _best(branch, [r.index for r in own], [r.best_score[0] for r in own])
+            iterations = [r.index for r in own]
+            yield _one("best", branch, iterations, [r.best_score[0] for r in own])
+            if branch.has_truth:
+                yield _one("add_s", branch, iterations, [r.errors[2] for r in own])
     yield from _per_cluster("scene", layout, rows)
     yield from _per_cluster("cost", layout, rows)
 
@@ -62,7 +65,7 @@ def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Ch
     for row in rows:
         scene, tree = row.parts.scene, row.parts.tree
         if group == "scene" and scene is not None:
-            values = [scene.score.score, scene.best_known.score, scene.incumbent_score, scene.reward]
+            values = [scene.reward, scene.score.score, scene.best_known.score, scene.incumbent_score]
             poses = scene.poses
         elif group == "cost" and tree is not None:
             values, poses = [tree.cost_px, tree.incumbent_cost_px], tree.incumbent
@@ -77,8 +80,10 @@ def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Ch
 
 
 def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
-    return rr.SeriesLines(names=[n for n, _ in lines], colors=[c for _, c in lines], widths=[2.0] * len(lines))
+    names, colors = [n for n, _ in lines], [c for _, c in lines]
+    # What was reached holds until something else is.
+    return rr.SeriesLines(names=names, colors=colors, widths=[2.0] * len(lines), interpolation_mode="StepAfter")
 
 
-def _best(branch: Branch, iterations: Sequence[int], scores: Sequence[float]) -> Chunk:
-    return columns.rows_of(curve("best", branch.name), iterations, [columns.numbers(_SCALARS, [[s] for s in scores])])
+def _one(group: str, branch: Branch, iterations: Sequence[int], values: Sequence[float]) -> Chunk:
+    return columns.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, [[v] for v in values])])

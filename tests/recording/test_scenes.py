@@ -1,0 +1,127 @@
+"""What recordings of several objects show."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from tests.fakes import FakeVerifier, box_problem
+from tests.methods.test_physim_mcts import clustered, method_of
+from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.core.problem import Problem
+from verefine_viz.recording import entities
+from verefine_viz.recording.reader import chunks_of, read_recording
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.session.engine import Run
+
+
+def column(path: Path, entity: str, component: str) -> list[Any]:
+    """All rows of a component, in order of iterations."""
+    rows: list[Any] = []
+    for chunk in chunks_of(path):
+        if chunk.entity_path == entity:
+            batch = chunk.to_record_batch()
+            at = batch.schema.get_field_index(component)
+            rows += batch.column(at).to_pylist() if at >= 0 else []
+    return rows
+
+
+def graphed(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
+    edges = tuple(Edge("occlusion", a, b, 1.0, "in front") for c in clusters for a, b in pairwise(c))
+    return replace(problem, dependencies=DependencyGraph(edges, clusters, clusters, "given"))
+
+
+def test_a_hypothesis_that_the_method_adds_is_one_of_the_recorded(tmp_path: Path) -> None:
+    problem = clustered(box_problem(2, 2), (0, 1))
+    s = session("physim_mcts", maps=False)
+    run = Run(method_of(problem), problem, (Recorder(tmp_path / "run.rrd", s, problem),))
+    run.finish()
+    recorded = read_recording(tmp_path / "run.rrd")
+    pools = [instance.hypotheses for instance in run.problem.instances]
+    assert [b.n_arms for b in recorded.layout.branches] == [len(pool) for pool in pools] == [3, 3]
+    entity = f"{entities.CURVES}/score/{recorded.layout.branches[0].name}"
+    names = [row for row in column(tmp_path / "run.rrd", entity, "SeriesLines:names") if row]
+    scores = column(tmp_path / "run.rrd", entity, "Scalars:scalars")
+    assert {len(row) for row in scores} == {len(names[0])}
+
+
+@pytest.mark.parametrize("clusters", [((1, 0, 2),), ((0, 1), (2,)), ((0,), (1,), (2,))])
+def test_nodes_of_a_graph_are_apart_and_no_edge_runs_through_a_third(
+    tmp_path: Path, clusters: tuple[tuple[int, ...], ...]
+) -> None:
+    recorded_run(tmp_path / "run.rrd", session("vf_breadth", maps=False), graphed(box_problem(2, 3), *clusters))
+    (nodes,) = column(tmp_path / "run.rrd", f"{entities.GRAPH}/objects", "GraphNodes:positions")
+    (edges,) = column(tmp_path / "run.rrd", f"{entities.GRAPH}/objects", "GraphEdges:edges")
+    places = np.array(nodes)
+    assert len(edges) == sum(len(c) - 1 for c in clusters)
+    for j, a in enumerate(places):
+        for k, b in enumerate(places[:j]):
+            assert np.abs(a - b)[0] > 150 or np.abs(a - b)[1] > 60
+            for c in np.delete(places, [j, k], axis=0):
+                assert distance(c, a, b) > 30
+
+
+def distance(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    """From a point to the line between two others."""
+    along = np.clip((point - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return float(np.linalg.norm(a + along * (b - a) - point))
+
+
+def test_bars_stand_over_the_numbers_of_their_hypotheses(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(maps=False), box_problem(4))
+    for row in column(tmp_path / "run.rrd", entities.BANDIT, "BarChart:abscissa"):
+        assert numbers_of(row) == [0.5, 1.5, 2.5, 3.5]
+
+
+def numbers_of(row: Sequence[Any]) -> list[float]:
+    return list(row[0]["buffer"])
+
+
+@pytest.mark.parametrize("maps", [True, False])
+@pytest.mark.parametrize("n_objects", [1, 3])
+@pytest.mark.parametrize("name", ["sir", "rir", "vf_breadth", "vf_depth", "physim_mcts"])
+def test_there_is_something_in_every_view(tmp_path: Path, name: str, n_objects: int, maps: bool) -> None:
+    problem = graphed(box_problem(3, n_objects), tuple(range(n_objects)))
+    s = session(name, maps=maps)
+    recorder = Recorder(tmp_path / "run.rrd", s, problem, FakeVerifier())
+    run = Run(method_of(problem), problem, (recorder,)) if name == "physim_mcts" else new_run(s, problem, (recorder,))
+    run.finish()
+    drawn = {c.entity_path for c in chunks_of(tmp_path / "run.rrd") if c.num_rows}
+    for title, origin in views(tmp_path / "run.rrd"):
+        assert any(entity.startswith(origin) for entity in drawn), f"{title} is empty"
+
+
+def views(path: Path) -> list[tuple[str, str]]:
+    """Title and origin of each view."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        reader = RrdReader(path)
+    (blueprint,) = reader.blueprints()
+    found: list[tuple[str, str]] = []
+    for chunk in reader.stream(store=blueprint).to_chunks():
+        batch = chunk.to_record_batch()
+        names = [batch.schema.get_field_index(f"ViewBlueprint:{n}") for n in ("display_name", "space_origin")]
+        if min(names) >= 0:
+            title, origin = (batch.column(n).to_pylist()[0][0] for n in names)
+            found.append((title, origin))
+    assert found
+    return found
+
+
+def test_a_scene_without_maps_records_every_objects_error(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd", session(maps=False), box_problem(3, 2))
+    recorded = read_recording(tmp_path / "run.rrd")
+    for branch in recorded.layout.branches:
+        errors = column(tmp_path / "run.rrd", f"{entities.CURVES}/add_s/{branch.name}", "Scalars:scalars")
+        own = [r for r in recorded.rows if r.instance_id == branch.instance_id]
+        assert [e[0] for e in errors] == [r.errors[2] for r in own]
+    assert sum(r.instance_id == 1 for r in recorded.rows) == len([i for i in run.iterations if i.instance_id == 1])
