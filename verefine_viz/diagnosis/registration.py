@@ -13,6 +13,8 @@ REACH_PX = 40
 """Largest shift that is looked for [px]."""
 PIXELS = 3000
 """Pixels of the objects that are compared."""
+MEASURED = 0.3
+"""With less of the objects' pixels measured, nothing is said."""
 GAIN = 0.06
 """Depth is off only if putting it right raises the agreement by more than this …"""
 AGREES = 0.5
@@ -71,9 +73,11 @@ def registration(observed_m: NDArray[np.floating], true_m: NDArray[np.floating])
         z = padded[v + down + REACH_PX, u + right + REACH_PX] / scale
         fit = np.clip(1 - np.abs(z - true) / TAU_M, 0, None)
         measured = np.count_nonzero(z)
-        return float(fit[z > 0].sum() / max(measured, 0.3 * len(z)))
+        return float(fit[z > 0].sum() / max(measured, MEASURED * len(z)))
 
     before = agreement(0, 0)
+    if np.count_nonzero(padded[v + REACH_PX, u + REACH_PX]) < MEASURED * len(v):
+        return Registration((0, 0), 1.0, before, before)
     shift, best = (0, 0), before
     coarse = [(x, y) for x in range(-36, 37, 4) for y in range(-36, 37, 4)]
     for x, y in sorted(coarse, key=lambda s: s[0] ** 2 + s[1] ** 2):
