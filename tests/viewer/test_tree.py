@@ -17,6 +17,7 @@ from verefine_viz.viewer.tree_drawing import MOST_ROWS, layers_svg, nodes_table,
 
 T = np.eye(4)
 LABELS = {0: "box", 1: "can", 2: "duck"}
+COLORS = {0: (1, 2, 3), 1: (4, 5, 6)}
 Visit = tuple[int | None, float]
 """(parent of the node that is added, cost): None = the branch down to the latest leaf is visited again."""
 
@@ -117,9 +118,11 @@ def test_a_parent_was_visited_at_least_as_often_as_its_children_together(drawn: 
 @given(visits)
 def test_the_picture_has_a_box_per_node_and_none_sticks_out(drawn: list[tuple[int, float]]) -> None:
     tree = grown(drawn)
-    svg = layers_svg(tree, LABELS)
+    svg = layers_svg(tree, LABELS, COLORS)
     boxes = re.findall(r'<g [^>]*><rect x="([\d.]+)" y="(\d+)" width="([\d.]+)"', svg)
     assert len(boxes) == len(tree.nodes) - 1
+    objects = {node.instance_id for node in tree.nodes[1:]}
+    assert all(f"<title>{LABELS[i]}</title>" in svg for i in objects), "each layer says whose it is"
     assert max(float(x) + float(w) for x, _, w in boxes) <= 349.0
 
 

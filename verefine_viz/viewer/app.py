@@ -25,7 +25,7 @@ from verefine_viz.viewer.server import Server
 from verefine_viz.viewer.side_commands import CompareRecording, OpenRecording
 from verefine_viz.viewer.side_nodes import SideNodes
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.viewing import later
+from verefine_viz.viewer.viewing import STANDING, later
 from verefine_viz.viewer.workspace import Tools
 
 _LOG = logging.getLogger(__name__)
@@ -262,7 +262,8 @@ class App:
 
     def _judged_alone(self, view: View) -> bool:
         """Whether the plausibility of the poses in focus is still to be worked out."""
-        return not view.plausible and view.target.observation.support is not None
+        missing = any(name in view.poses and name not in view.plausible for name in STANDING)
+        return missing and view.target.observation.support is not None
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""

@@ -20,7 +20,7 @@ from verefine_viz.viewer.reordering import moved
 WIDTH_PX = 352
 ROW_PX, GAP_PX, MARGIN_PX = 25, 9, 4
 SWATCH_X, INDENT_PX, ARC_X, LABEL_X, LABEL_PX = 22, 11, 184, 252, 13
-MOVERS_PX, CHARACTER_PX = 36, 7.3
+MOVERS_PX, CHARACTER_PX, BOLD_PX = 36, 7.3, 8.3
 VERBS: Mapping[EdgeKind, str] = {"support": "carries", "occlusion": "hides", "contact": "may touch"}
 DASHES: Mapping[EdgeKind, str] = {"support": "none", "occlusion": "6 4", "contact": "1.5 4"}
 TELLING: Mapping[EdgeKind, int] = {"support": 0, "occlusion": 1, "contact": 2}
@@ -97,7 +97,7 @@ def _object(graph: DependencyGraph, instance_id: int, node: Node, y: float) -> s
     """Place, colour, name, and what moves it."""
     place = graph.order.index(instance_id) + 1
     x = SWATCH_X + INDENT_PX * min(_level(graph, instance_id), 3)
-    room = int((ARC_X - MOVERS_PX - x - 15) / CHARACTER_PX)
+    room = int((ARC_X - MOVERS_PX - x - 15) / (BOLD_PX if node.in_focus else CHARACTER_PX))
     name = node.label if len(node.label) <= room else f"{node.label[: room - 1]}…"
     weight = ' font-weight="700"' if node.in_focus else ""
     return (

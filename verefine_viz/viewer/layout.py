@@ -31,13 +31,13 @@ from verefine_viz.viewer.widgets import Send, by_person
 _LOG = logging.getLogger(__name__)
 RIGHT_PX = 372
 GAP_PX = 6
-TIMELINE_PX = 136
-STRIP_PX = 252
+TIMELINE_PX = 148
+STRIP_PX = 244
 MAPS_PX = 592
 CURVES_PX = 296
 VIEW_PX = 254
 OBJECTS_PX = 326
-UPPER_PX = 388
+UPPER_PX = 384
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run / pause", "space", c.TogglePause()),
@@ -188,8 +188,7 @@ class Layout:
         if n != self._n_objects:
             self._n_objects = n
             self._objects_panel.visible = n > 1
-            x = MAPS_PX + 2 * GAP_PX + CURVES_PX - OBJECTS_PX
-            self._objects_panel.float(x=x, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
+            self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
         if n > 1:
             self.objects.show(view)
 

@@ -27,7 +27,7 @@ def scene_x(view: View) -> list[float]:
 
 
 def scene_score_lines(view: View) -> list[Line]:
-    """Score of each pass, of the best known poses together and of the incumbent; each object's best score thin."""
+    """Score of each pass, of the best known poses together and of the incumbent; each object's best score dashed."""
     lines = [_object_line(view, o, 1.2) for o in view.scene.objects]
     closed = {p.iteration: p.record for p in view.scene.closed}
     if closed:
@@ -53,7 +53,7 @@ def _object_line(view: View, o: ObjectNow, width: float) -> Line:
     for i in view.iterations:
         now = i.best.score.score if i.instance_id == o.instance_id else now
         values.append(now)
-    return Line(o.label, o.color, values, width, in_legend=has_room(view))
+    return Line(o.label, o.color, values, width, in_legend=has_room(view), dashed=True)
 
 
 def spent_lines(view: View) -> list[Line]:

@@ -305,8 +305,8 @@ def branches_table(view: View) -> str:
 
 
 def event_lines(view: View) -> str:
-    """The marks of the iteration at the cursor."""
-    own = [m for m in view.marks if m.iteration == view.cursor]
+    """The marks of the iteration that is shown."""
+    own = [m for m in view.marks if view.shown is not None and m.iteration == view.shown.index]
     return "".join(f"<p>{swatch(m.color)}{text(m.text)}</p>" for m in own)
 
 

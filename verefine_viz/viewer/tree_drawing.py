@@ -12,7 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, carries, swatch, table, text
 from verefine_viz.viewer.tree import Node, Tree
 
-WIDTH, LAYER, GAP = 348, 26, 2
+WIDTH, LAYER, GAP, STRIP = 340, 26, 2, 8
 CHEAP, DEAR = (53, 183, 121), (68, 40, 90)
 """Ends of the colours of cost per visit: cheap is good."""
 BRANCH_COLOR: RGB = (255, 255, 255)
@@ -20,7 +20,7 @@ INCUMBENT_COLOR: RGB = (240, 200, 60)
 MOST_ROWS = 40
 
 
-def layers_svg(tree: Tree, labels: Mapping[int, str]) -> str:
+def layers_svg(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
     """A layer per object; a box is as wide as its visits and as green as its cost per visit is low.
 
     The branch of this iteration is outlined in white, the way to the incumbent in gold. A click goes to the iteration
@@ -50,9 +50,20 @@ def layers_svg(tree: Tree, labels: Mapping[int, str]) -> str:
                 )
     height = depth * (LAYER + GAP)
     return (
-        f'<svg viewBox="0 0 {WIDTH} {height}" width="100%" style="cursor:pointer;margin-bottom:4px">'
-        f"{''.join(boxes)}{''.join(outlines)}</svg>"
+        f'<svg viewBox="{-STRIP} 0 {WIDTH + STRIP} {height}" width="100%" style="cursor:pointer;margin-bottom:4px">'
+        f"{''.join(_strips(tree, labels, colors))}{''.join(boxes)}{''.join(outlines)}</svg>"
     )
+
+
+def _strips(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> list[str]:
+    """The colour of each layer's object, at its left."""
+    objects = {node.depth: node.instance_id for node in tree.nodes[1:]}
+    return [
+        f'<rect x="{-STRIP}" y="{(depth - 1) * (LAYER + GAP)}" width="{STRIP - 2}" height="{LAYER}" '
+        f'fill="rgb{colors.get(instance_id, (128, 128, 128))}"><title>{text(labels.get(instance_id, "object"))}'
+        "</title></rect>"
+        for depth, instance_id in objects.items()
+    ]
 
 
 def nodes_table(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
@@ -130,8 +141,8 @@ def tree_html(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) 
     way = [labels.get(tree.nodes[k].instance_id, "object") for k in tree.branch[1:]]
     chosen = "".join(f"<p>{text(n)}: {text(choice)}</p>" for n, choice in zip(way, tree.choices, strict=False))
     legend = (
-        f'<p class="dim" style="font-size:11px">A layer per object, wide = visited often, {swatch(CHEAP)}cheap '
-        f"{swatch(DEAR)}dear per visit, {swatch(BRANCH_COLOR)}this branch, {swatch(INCUMBENT_COLOR)}way to the "
-        "incumbent.</p>"
+        '<p class="dim" style="font-size:11px">A layer per object (its colour at the left), wide = visited often, '
+        f"{swatch(CHEAP)}cheap {swatch(DEAR)}dear per visit, {swatch(BRANCH_COLOR)}this branch, "
+        f"{swatch(INCUMBENT_COLOR)}way to the incumbent.</p>"
     )
-    return f"{layers_svg(tree, labels)}{legend}{chosen}{nodes_table(tree, labels, colors)}"
+    return f"{layers_svg(tree, labels, colors)}{legend}{chosen}{nodes_table(tree, labels, colors)}"

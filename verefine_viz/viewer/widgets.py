@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import viser
@@ -52,6 +52,10 @@ class Line:
     dashed: bool = False
 
 
+WHOLE_NUMBERS = cast(uplot.Axis, {"size": 26, "incrs": [n * 10**k for k in range(6) for n in (1, 2, 5)]})
+"""An axis of iterations: no 2.5 between 2 and 3. The library's type does not know ``incrs``, the page does."""
+
+
 class Chart:
     """Curves over the iterations; made anew only when the set of curves changes."""
 
@@ -62,7 +66,9 @@ class Chart:
 
     def show(self, x: Sequence[float], lines: Sequence[Line]) -> None:
         """Draws the curves; an empty list takes the chart away."""
-        shape = tuple((line.label, line.color, line.width) for line in lines)
+        highest = max((abs(v) for line in lines for v in line.values), default=0.0)
+        labels_px = 48 if highest < 10_000 else 66
+        shape = (labels_px, *((line.label, line.color, line.width) for line in lines))
         if shape != self._shape and self._handle is not None:
             self._handle.remove()
             self._handle = None
@@ -78,12 +84,12 @@ class Chart:
             values = list(line.values)
             data.append(np.array([*values, values[-1]] if len(x) == 1 else values, np.float64))
         if self._handle is None:
-            self._handle = self._make(tuple(data), lines)
+            self._handle = self._make(tuple(data), lines, labels_px)
         else:
             self._handle.data = tuple(data)
             self._handle.visible = True
 
-    def _make(self, data: tuple[np.ndarray, ...], lines: Sequence[Line]) -> viser.GuiUplotHandle:
+    def _make(self, data: tuple[np.ndarray, ...], lines: Sequence[Line], labels_px: int) -> viser.GuiUplotHandle:
         series = [uplot.Series(label="iteration")]
         series += [
             uplot.Series(
@@ -101,5 +107,5 @@ class Chart:
         with self._container:
             return self._gui.add_uplot(
                 data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=False),
-                axes=(uplot.Axis(size=26), uplot.Axis(size=48)), padding=(4, 8, 0, 0),
+                axes=(WHOLE_NUMBERS, uplot.Axis(size=labels_px)), padding=(4, 14, 0, 0),
             )  # fmt: skip

@@ -67,7 +67,7 @@ def headline(view: View) -> str:
         said = tree_sentence(view.problem, view.shown, view.shown.tree)
     else:
         said = _iteration_sentence(view, view.shown)
-    if view.scene.closes_pass is not None:
+    if view.scene.closes_pass is not None and view.is_current:
         said += f" {pass_closed(view.scene.closes_pass)}"
     if not view.is_current:
         said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"

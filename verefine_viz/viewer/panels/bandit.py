@@ -113,7 +113,7 @@ class CurvesPanel:
         if tree is not None:
             self._draw("Score", *cost_lines(tree), "unexplained pixels")
         else:
-            self._draw("Score", x, scene_score_lines(view) if started else [], "scene score; thin: objects")
+            self._draw("Score", x, scene_score_lines(view) if started else [], "scene score; dashed: objects")
         self._draw("UCB", x, [], "")
         self._draw("Pulls", x, spent_lines(view) if started else [], "iterations spent")
         self._draw("Error", x, scene_error_lines(view) if started else [], "ADD(-S) in mm")
@@ -139,7 +139,9 @@ def score_lines(view: View, n_arms: int) -> list[Line]:
             values.append(now)
         lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
     best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
-    lines.append(Line("best", (0, 170, 120), [best, *(i.best.score.score for i in view.own_iterations)], width=3.0))
+    # The answer of a tree search is the pose in the cheapest scene, which may score less than another.
+    name = "answer" if any(i.tree is not None for i in view.own_iterations) else "best"
+    lines.append(Line(name, (0, 170, 120), [best, *(i.best.score.score for i in view.own_iterations)], width=3.0))
     return lines
 
 

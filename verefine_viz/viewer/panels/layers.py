@@ -25,6 +25,8 @@ HINTS = {
     "path": "the simulated poses, see Physics",
 }
 LABELS = {"camera image": "photo", "ground truth": "truth"}
+ROW_PX = 17
+"""So that all rows fit into the panel."""
 WITH_BOX = tuple(name for name in LAYERS if name != "path" and name != "edited")
 
 
@@ -54,4 +56,5 @@ def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
     label = f'label[for="{box._impl.uuid}"]'
     shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
-    return f"{label}{{{shown}}}div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}"
+    row = f".mantine-Flex-root:has({label}){{height:{ROW_PX}px}}"
+    return f"{label}{{{shown}}}div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}"

@@ -51,10 +51,10 @@ def filter_line(view: View) -> str:
     """What the panels show, and how to change that."""
     follow = link("follow the run", c.Focus(None), "always show the object that is worked on")
     if view.is_whole_scene:
-        return f"<p>Panels show the <b>whole scene</b> · {follow}</p>"
+        return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
     if view.look.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
-        return f"<p>Panels are filtered to <b>{text(name)}</b> · {follow}</p>"
+        return f"<p>Filtered to <b>{text(name)}</b> · {follow}</p>"
     return '<p class="dim">Panels follow the run; a click filters them.</p>'
 
 
@@ -75,7 +75,14 @@ def objects_table(view: View) -> str:
         ("it.", "iterations spent on it up to the cursor"),
         ("state", "waiting, working, placed or done"),
     ]  # fmt: skip
+    if not _has_errors(view):
+        head = [column for column in head if column[0] != "mm"]
     return table(head, rows)
+
+
+def _has_errors(view: View) -> bool:
+    """Whether there is ground truth to compare with."""
+    return any(o.errors is not None for o in view.scene.objects)
 
 
 def _scene_row(view: View) -> Row:
@@ -85,15 +92,14 @@ def _scene_row(view: View) -> Row:
     phase = f"pass {latest.number}" if latest else ""
     shown = f'<span title="{SCENE_SCORE}">{number(score, 2)}</span>'
     spent = f"{sum(o.n_iterations for o in scene.objects)}"
-    cells = ["", "<b>Scene</b>", "", shown, _scene_error(view), spent, phase]
+    errors = [_scene_error(view)] if _has_errors(view) else []
+    cells = ["", "<b>Scene</b>", "", shown, *errors, spent, phase]
     return Row(cells, c.ShowScene(), marked=view.is_whole_scene)
 
 
 def _scene_error(view: View) -> str:
     known = [o.errors.relative < 0.1 for o in view.scene.objects if o.errors is not None]
-    if not known:
-        return ""
-    return f'<span title="within 10 % of their diameter">{sum(known)}/{len(known)} ok</span>'
+    return f'<span title="so many are within 10 % of their diameter">{sum(known)}/{len(known)} ✓</span>'
 
 
 def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool) -> Row:
@@ -108,10 +114,10 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         error = f"<b>{error}</b>"
     cells = [
         f"{order}",
-        f'{swatch(o.color)}<span class="cut" title="{text(o.label)}">{text(o.label)}</span>',
+        f'{swatch(o.color)}<span title="{text(o.label)}">{text(o.label)}</span>',
         _light(view, o),
         number(o.answer.score.score if o.answer else None, 2),
-        error,
+        *([error] if _has_errors(view) else []),
         f"{o.n_iterations}",
         f'<span title="{text(tip)}">{label}</span>',
     ]

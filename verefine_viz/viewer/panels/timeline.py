@@ -12,8 +12,8 @@ from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
 
-_WIDTH, _HEIGHT = 860, 41
-_NAME_PX = 36
+_WIDTH, _HEIGHT = 860, 43
+_NAME_PX, _PASS_PX, _CHARACTER_PX = 36, 30, 6.2
 MOST_CELLS = 240
 """A longer run is drawn in fewer pieces."""
 
@@ -117,16 +117,24 @@ def _objects(view: View, cell: float) -> list[str]:
     if len(view.scene.objects) < 2 or not view.iterations:
         return []
     starts = [k for k, i in enumerate(view.iterations) if k == 0 or view.iterations[k - 1].instance_id != i.instance_id]
-    parts = []
+    parts, passes = [], {closed.iteration for closed in view.scene.closed}
     for k, end in zip(starts, [*starts[1:], view.progress.total], strict=True):
-        if (end - k) * cell < _NAME_PX:
+        # The number of a pass stands at the right end of its last object.
+        room = (end - k) * cell - (_PASS_PX if end in passes else 0.0)
+        if room < _NAME_PX:
             continue
-        x, name = k * cell, view.scene.object(view.iterations[k].instance_id).label
+        x, name = k * cell, shortened(view.scene.object(view.iterations[k].instance_id).label, room)
         parts.append(
             f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
             f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(name)}</text>'
         )
     return parts
+
+
+def shortened(name: str, room_px: float) -> str:
+    """As much of a name as there is room for."""
+    n = int((room_px - 5) / _CHARACTER_PX)
+    return name if len(name) <= n else f"{name[: max(n - 1, 1)]}…"
 
 
 def _passes(view: View, cell: float) -> list[str]:
@@ -137,8 +145,12 @@ def _passes(view: View, cell: float) -> list[str]:
         parts.append(f'<path d="M{x:.1f} 30v3" stroke="currentColor" opacity="0.6"/>')
         if x >= free:
             label = f"pass {closed.number}" if closed.number == 1 else f"{closed.number}"
-            parts.append(f'<text x="{x:.1f}" y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>')
-            free = x + 30
+            # The first stands at the left end, where a long run leaves it no room.
+            at = max(x, _PASS_PX)
+            parts.append(
+                f'<text x="{at:.1f}" y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>'
+            )
+            free = at + _PASS_PX
     return parts
 
 
