@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | batch | estimate | replay | doctor``.
+"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | replay | doctor``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 130 stopped by Ctrl-C.
 """
@@ -17,7 +17,9 @@ import verefine_viz
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
+from verefine_viz.commands.evaluate import Evaluate
 from verefine_viz.commands.replay import Replay
+from verefine_viz.commands.study import Study
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import VerefineError
 
@@ -26,6 +28,8 @@ COMMANDS: dict[str, type[Command]] = {
     "view": View,
     "batch": Batch,
     "estimate": Estimate,
+    "evaluate": Evaluate,
+    "study": Study,
     "replay": Replay,
     "doctor": Doctor,
 }

@@ -1,0 +1,72 @@
+"""Means, bands and verdicts of made-up outcomes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.fakes import box_problem
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.studies.curves import lines, rows, verdicts
+from verefine_viz.studies.quality import Quality, quality
+from verefine_viz.studies.solve import Outcome
+from verefine_viz.studies.study import Claim, Curve, Panel, Study
+
+
+def _panel() -> Panel:
+    curves = (Curve("A", {}), Curve("B", {}))
+    return Panel("p", "x", (0.0, 1.0), curves, lambda problem, x, seed: problem, (Claim("A", "B"),))
+
+
+def _outcome(curve: str, x: float, seed: int, ar: float) -> Outcome:
+    found = Quality(ar_vsd=ar, ar_mssd=ar, ar_mspd=ar, add_s_mm=1.0, relative=0.05)
+    return Outcome(
+        panel="p", x=x, seed=seed, scene="s", frame="0/0", curve=curve, instance_id=0, obj_id=1,
+        quality=found, ms=2.0, refiner_calls=3.0,
+    )  # fmt: skip
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=20))
+@settings(max_examples=30, deadline=None)
+def test_a_line_is_the_mean_and_lies_in_its_band(values: list[float]) -> None:
+    outcomes = [_outcome(c, x, k, v) for c in "AB" for x in (0.0, 1.0) for k, v in enumerate(values)]
+    for line in lines(_panel(), outcomes):
+        np.testing.assert_allclose(line.ar, np.mean(values), atol=1e-12)
+        assert (line.low <= line.ar + 1e-12).all()
+        assert (line.ar <= line.high + 1e-12).all()
+
+
+@pytest.mark.parametrize(("gain", "word"), [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "too close to tell")])
+def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None:
+    rng = np.random.default_rng(0)
+    hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
+    outcomes = [_outcome("A", 0.0, k, float(v + gain)) for k, v in enumerate(hard)]
+    outcomes += [_outcome("B", 0.0, k, float(v)) for k, v in enumerate(hard)]
+    (verdict,) = verdicts(_panel(), outcomes)
+    assert verdict.word == word
+    assert verdict.difference == pytest.approx(gain)
+    assert f"A over B: {word}" in str(verdict)
+
+
+def test_a_row_per_curve_and_x() -> None:
+    outcomes = [_outcome(c, x, 0, 0.5) for c in "AB" for x in (0.0, 1.0)]
+    found = list(rows(Study("s", "t", (_panel(),)), outcomes))
+    assert [(r["curve"], r["x"], r["n"]) for r in found] == [("A", 0.0, 1), ("A", 1.0, 1), ("B", 0.0, 1), ("B", 1.0, 1)]
+    assert all(r["ms_per_object"] == 2.0 and r["below_10_percent"] == 1.0 for r in found)
+
+
+def test_quality_is_full_for_the_truth_nothing_without_an_answer_and_falls_with_the_error() -> None:
+    problem = box_problem()
+    target = problem.targets[0]
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    assert quality(target, T_gt, problem).ar == 1.0
+    assert quality(target, None, problem).ar == 0.0
+    found = []
+    for step in range(6):
+        T = T_gt @ transform(axis_angle(np.array([1.0, 0, 0]), np.radians(4 * step)), np.array([0.01 * step, 0, 0]))
+        found.append(quality(target, T, problem).ar)
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 0.8

@@ -1,0 +1,83 @@
+"""Studies: the same for any number of workers, go on where they stopped, refuse what is not theirs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session
+from verefine_viz.studies import registry
+from verefine_viz.studies.command import run_one
+from verefine_viz.studies.registry import STUDIES, Wanted
+from verefine_viz.studies.runner import run_study
+from verefine_viz.studies.solve import Outcome
+
+SMALL = {"scene": {"demo": "duck", "model_points": 200, "cloud_points": 200}, "preset": "published"}
+
+
+def _sessions() -> dict[str, Session]:
+    return {"duck": load_session(None, SMALL)}
+
+
+def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[Outcome]:
+    return run_study(Wanted("robustness", quick=True), _sessions(), seeds, workers, path, lambda done, total: None)
+
+
+def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
+    return [o.model_dump(exclude={"ms"}) for o in outcomes]
+
+
+def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path: Path) -> None:
+    alone = _run(tmp_path / "a.jsonl")
+    assert _facts(_run(tmp_path / "b.jsonl", workers=2)) == _facts(alone)
+    lines = (tmp_path / "a.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "a.jsonl").write_bytes(b"".join(lines[:4]) + lines[4][:100])  # killed in the middle of a line
+    assert _facts(_run(tmp_path / "a.jsonl")) == _facts(alone)
+    kept = (tmp_path / "a.jsonl").read_bytes().splitlines(keepends=True)
+    assert kept[:4] == lines[:4]
+    assert len(kept) == len(lines)
+
+
+def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.jsonl"
+    path.write_text("not json\n")
+    with pytest.raises(InputError, match="is no journal of a study; choose another --out, or delete it"):
+        _run(path)
+    path.write_text(json.dumps({"wanted": {"name": "ablation"}}) + "\n")
+    with pytest.raises(InputError, match="belongs to a study with other settings"):
+        _run(path)
+
+
+def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = tmp_path / "duck.toml"
+    session.write_text('[scene]\ndemo = "duck"\nmodel_points = 200\n[mcts]\nexpansions = 2\n')
+    assert run_one("tables", session, tmp_path / "out", {}, quick=True, seeds=1) == 0
+    out = tmp_path / "out"
+    assert (out / "tables.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (out / "tables.svg").read_text()
+    rows = list(csv.DictReader((out / "tables.csv").read_text().splitlines()))
+    assert [r["curve"] for r in rows][:4] == ["ICP, 2", "ICP + PIR, 2", "ICP + SIR, 2", "ICP + RIR, 2"]
+    assert all(0 <= float(r["ar"]) <= 1 for r in rows)
+    objects = list(csv.DictReader((out / "tables_objects.csv").read_text().splitlines()))
+    assert len(objects) == len(rows)
+    assert "PHYSIM-MCTS, 2" in capsys.readouterr().out
+    assert not list(out.glob("*.part"))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("quick", [False, True])
+def test_claims_are_about_curves_of_their_panel(name: str, quick: bool) -> None:
+    for panel in Wanted(name, quick).study().panels:
+        labels = [curve.label for curve in panel.curves]
+        assert len(set(labels)) == len(labels)
+        assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels)
+        assert panel.xs == tuple(sorted(panel.xs))
+
+
+def test_registry_knows_each_study_once() -> None:
+    assert len(set(registry.STUDIES)) == len(registry.STUDIES)

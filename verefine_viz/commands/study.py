@@ -1,0 +1,52 @@
+"""``verefine-viz study``: the paper's ablation, robustness and tables on any data."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+from verefine_viz.core.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class Study:
+    """Run a study of the paper: every method under growing error, or with missing depth, or with every budget."""
+
+    name: Annotated[Literal["ablation", "robustness", "tables"], tyro.conf.Positional]
+    """ablation: error of the first pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
+    (Tables I-III)."""
+    out: Path
+    """Folder for the figure (PNG, SVG) and the numbers (CSV). Stopped or killed, the same command goes on."""
+    session: Path | None = None
+    """Session file (.toml) whose frames are used, ground truth needed; none = built-in scenes, preset published."""
+    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Fewer scenes, errors and seeds."""
+    seeds: int | None = None
+    """How many times each frame is disturbed; more later add to what is there."""
+    workers: int = max(os.cpu_count() or 1, 1)
+    """Worker processes; results are the same for any number, times aside."""
+    settings: AnySettings = field(default_factory=SessionFlags)
+
+    def run(self, arguments: Sequence[str]) -> int:
+        if self.workers < 1:
+            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        if self.seeds is not None and self.seeds < 1:
+            raise SettingsError(f"--seeds is {self.seeds}, expected 1 or more")
+        from verefine_viz.studies.command import run_one
+
+        overrides = given(self.settings, arguments)
+        return run_one(
+            self.name,
+            self.session,
+            self.out,
+            overrides,
+            quick=self.quick,
+            seeds=self.seeds,
+            workers=self.workers,
+        )

@@ -1,0 +1,108 @@
+"""First poses with a known error, and frames with missing depth. Source: Sec. IV-C, Fig. 4 and 5 (METHODS 8.1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Mask
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.settings import SceneSettings
+from verefine_viz.observation.normals import estimate_normals
+from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.scenes.perturb import perturbed
+
+_RECTANGLE = (0.1, 0.35)
+"""Sides of a rectangle as a share of the sides of the object's bounding box: smallest, largest."""
+_CLOUD_POINTS = SceneSettings().cloud_points
+
+
+def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
+    """The same frame with ``n`` first poses per object, each off by exactly this error.
+
+    Raises:
+        InputError: no object has a ground-truth pose.
+    """
+    instances = tuple(_disturbed(i, problem, n, rotation_deg, translation_mm, seed) for i in problem.instances)
+    known = tuple(i for i in instances if i.T_cam_obj_gt is not None)
+    if not known:
+        raise InputError(f"frame {problem.frame} has no ground truth, expected scene_gt.json; a study disturbs it")
+    return problem.only([i.instance_id for i in known]) if len(known) < len(instances) else _with(problem, instances)
+
+
+def _disturbed(
+    i: Instance, problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int
+) -> Instance:
+    if i.T_cam_obj_gt is None:
+        return i
+    seeds = (seed, problem.scene_id, problem.im_id, i.instance_id)
+    return replace(i, hypotheses=perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, seeds))
+
+
+def occluded(problem: Problem, share: float, seed: int) -> Problem:
+    """Depth removed by rectangles around random pixels of each object, until ``share`` of its measured pixels is gone.
+
+    Args:
+        problem: the frame.
+        share: in [0, 1); reached exactly for every object (the last rectangle is cut).
+        seed: of the rectangles.
+    """
+    lost = np.zeros(problem.observation.camera.shape, dtype=bool)
+    for i in problem.instances:
+        rng = np.random.default_rng((seed, problem.scene_id, problem.im_id, i.instance_id))
+        lost |= _rectangles(i.mask & (problem.observation.depth_m > 0), share, rng)
+    return without_depth(problem, lost)
+
+
+def _rectangles(measured: Mask, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    n_lost, lost = round(share * int(measured.sum())), np.zeros_like(measured)
+    v, u = np.nonzero(measured)
+    while (missing := n_lost - int(lost.sum())) > 0:
+        sides = [max(1, round(float(np.ptp(x) + 1) * rng.uniform(*_RECTANGLE) / 2)) for x in (v, u)]
+        left = np.flatnonzero(~lost[v, u])
+        middle = rng.choice(left)
+        near = (np.abs(v[left] - v[middle]) <= sides[0]) & (np.abs(u[left] - u[middle]) <= sides[1])
+        hit = left[near][:missing]
+        lost[v[hit], u[hit]] = True
+    return lost
+
+
+def without_top(problem: Problem, share: float) -> Problem:
+    """Depth of each object removed above a height, chosen so that ``share`` of its measured pixels is gone.
+
+    Stands for material that the sensor does not see (transparent, black).
+
+    Raises:
+        InputError: the frame has no support plane, so nobody knows what is high.
+    """
+    support = problem.observation.support
+    if support is None:
+        raise InputError(f"frame {problem.frame}: {problem.observation.support_note}; heights are measured from it")
+    points = problem.observation.camera.back_project(problem.observation.depth_m)
+    height_m = apply(support.T_world_cam, points.reshape(-1, 3)) @ support.normal_world
+    height_m = height_m.reshape(problem.observation.camera.shape)
+    lost = np.zeros_like(problem.observation.object_mask)
+    for i in problem.instances:
+        v, u = np.nonzero(i.mask & (problem.observation.depth_m > 0))
+        highest = np.argsort(-height_m[v, u], kind="stable")[: round(share * len(v))]
+        lost[v[highest], u[highest]] = True
+    return without_depth(problem, lost)
+
+
+def without_depth(problem: Problem, lost: Mask) -> Problem:
+    """The frame with no measurement at ``lost`` (H, W). Masks, support plane and dependency order stay."""
+    seen = problem.observation
+    depth_m = np.where(lost, np.float32(0), seen.depth_m)
+    observation = replace(seen, depth_m=depth_m, normals_cam=estimate_normals(depth_m, seen.camera))
+    instances = tuple(
+        replace(i, points_cam=segment_cloud(depth_m, seen.camera, i.mask, _CLOUD_POINTS, 0)) for i in problem.instances
+    )
+    return replace(problem, observation=observation, instances=instances)
+
+
+def _with(problem: Problem, instances: tuple[Instance, ...]) -> Problem:
+    return replace(problem, instances=instances)

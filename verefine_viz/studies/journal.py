@@ -1,0 +1,66 @@
+"""What is done of a study: a line of JSON per unit, appended, so that a study that was stopped goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.studies.solve import Outcome
+from verefine_viz.studies.study import Unit
+
+
+class Journal:
+    """Of one study in one folder.
+
+    Args:
+        path: made if it is not there.
+        about: what the study is (settings, seeds, frames); a journal about something else is refused.
+
+    Raises:
+        InputError: the file belongs to another study, or cannot be written.
+    """
+
+    def __init__(self, path: Path, about: str) -> None:
+        self._path = path
+        self.done: dict[Unit, list[Outcome]] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
+            whole = [line for line in lines if line.endswith(b"\n")]
+            if whole and json.loads(whole[0]) != json.loads(about):
+                raise InputError(f"{path} belongs to a study with other settings; choose another --out, or delete it")
+            for line in whole[1:]:
+                outcomes = [Outcome.model_validate(row) for row in json.loads(line)["outcomes"]]
+                self.done[Unit(**json.loads(line)["unit"])] = outcomes
+            kept = sum(map(len, whole))
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+            os.truncate(self._file, kept)  # what was cut off in the middle of a line is solved again
+            os.lseek(self._file, kept, os.SEEK_SET)
+            if not whole:
+                self._write({**json.loads(about)})
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+        except (ValueError, KeyError, TypeError, ValidationError):
+            raise InputError(f"{path} is no journal of a study; choose another --out, or delete it") from None
+
+    def add(self, unit: Unit, outcomes: list[Outcome]) -> None:
+        """It is with the operating system when this returns."""
+        self._write({"unit": asdict(unit), "outcomes": [o.model_dump() for o in outcomes]})
+        self.done[unit] = outcomes
+
+    def outcomes(self) -> Iterator[Outcome]:
+        """All of them, in the order of the units, whoever was done first."""
+        for unit in sorted(self.done):
+            yield from self.done[unit]
+
+    def close(self) -> None:
+        os.close(self._file)
+
+    def _write(self, content: dict[str, object]) -> None:
+        os.write(self._file, json.dumps(content, separators=(",", ":")).encode() + b"\n")

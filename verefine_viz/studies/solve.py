@@ -1,0 +1,105 @@
+"""One unit of a study: a frame as it is at one x and seed, solved by every curve of the panel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.settings import Session
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.studies.quality import Quality, quality
+from verefine_viz.studies.study import Curve, Panel, Unit
+
+
+class Outcome(BaseModel):
+    """What one curve makes of one object."""
+
+    model_config = ConfigDict(frozen=True)
+
+    panel: str
+    x: float
+    seed: int
+    scene: str
+    frame: str
+    curve: str
+    instance_id: int
+    obj_id: int
+    quality: Quality
+    ms: float
+    """Of the whole frame, shared equally by its objects."""
+    refiner_calls: float
+    """The same."""
+
+
+class Solver:
+    """Solves units of one study; keeps scenes and frames it has read. Belongs to one process."""
+
+    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
+        self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
+        self._panels = {panel.name: panel for panel in panels}
+        self._last: tuple[tuple[str, str], Problem] | None = None
+
+    def solve(self, unit: Unit) -> list[Outcome]:
+        """A row per curve and object.
+
+        Raises:
+            VerefineError: the frame cannot be read or has no ground truth.
+        """
+        panel, toolbox = self._panels[unit.panel], self._toolboxes[unit.scene]
+        whole = self._frame(unit.scene, unit.frame)
+        problem = panel.prepare(whole, unit.x, unit.seed)
+        rows: list[Outcome] = []
+        for curve in panel.curves:
+            rows += _solved(unit, curve, toolbox.changed(_plain(curve.settings)), problem, whole)
+        return rows
+
+    def _frame(self, scene: str, frame: str) -> Problem:
+        if self._last is None or self._last[0] != (scene, frame):
+            self._last = (scene, frame), self._toolboxes[scene].problem(frame)
+        return self._last[1]
+
+
+def _solved(unit: Unit, curve: Curve, toolbox: Toolbox, problem: Problem, whole: Problem) -> list[Outcome]:
+    counted = _Counted(toolbox.refiner)
+    toolbox.__dict__["refiner"] = counted
+    toolbox.prepare(problem)
+    began = perf_counter()
+    run = toolbox.run(problem)
+    final = run.finish()
+    ms = 1e3 * (perf_counter() - began)
+    n = max(len(problem.targets), 1)
+    return [
+        Outcome(
+            **unit.__dict__,
+            curve=curve.label,
+            instance_id=target.instance.instance_id,
+            obj_id=target.instance.obj_id,
+            quality=quality(target, None if best is None else best.T_cam_obj, whole),
+            ms=ms / n,
+            # A method that brings its own refiner calls it once an iteration.
+            refiner_calls=(counted.calls or run.length) / n,
+        )
+        for target, best in zip(problem.targets, final.best, strict=True)
+    ]
+
+
+class _Counted:
+    """A refiner that counts its calls."""
+
+    def __init__(self, inner: Refiner) -> None:
+        self._inner = inner
+        self.calls = 0
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        self.calls += 1
+        return self._inner.refine(target, T_cam_obj, fixed)
+
+
+def _plain(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    return {section: dict(fields) for section, fields in settings.items()}

@@ -1,0 +1,65 @@
+"""What a study is: panels of curves, and what is expected of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from verefine_viz.core.problem import Problem
+
+Settings = Mapping[str, Mapping[str, Any]]
+"""Changed fields of a session by section."""
+Prepare = Callable[[Problem, float, int], Problem]
+"""(frame, x, seed) → the frame as it is at this x."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One method with its budget."""
+
+    label: str
+    settings: Settings
+    """Sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper reports of two curves: ``better`` lies above ``worse``, on average over the panel."""
+
+    better: str
+    worse: str
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One diagram: every curve at every x."""
+
+    name: str
+    x_label: str
+    xs: tuple[float, ...]
+    curves: tuple[Curve, ...]
+    prepare: Prepare = field(repr=False)
+    claims: tuple[Claim, ...] = ()
+    trend: str = ""
+    """What the paper says, in a sentence."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """All diagrams of a figure, or the rows of a table (one panel with a single x)."""
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+
+
+@dataclass(frozen=True, order=True)
+class Unit:
+    """What one worker does at once: all curves of a panel at one x, one seed and one frame."""
+
+    panel: str
+    x: float
+    seed: int
+    scene: str
+    frame: str

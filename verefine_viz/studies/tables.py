@@ -1,0 +1,57 @@
+"""Refiner × method × budget on the frames as they are: the rows of the paper's Tables I-III that a data set allows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.studies.disturb import disturbed
+from verefine_viz.studies.study import Claim, Curve, Panel, Study
+
+REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
+SHORT, LONG = 2, 10
+"""Refiner calls per hypothesis (Table I)."""
+ROTATION_DEG, TRANSLATION_MM, HYPOTHESES = 30.0, 30.0, 5
+"""First poses where the session brings none."""
+SINGLE = (("", "refine"), ("+ PIR", "pir"), ("+ SIR", "sir"))
+SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
+TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
+
+
+def tables(quick: bool = False, keep_pools: bool = False) -> Study:
+    """One panel with one x: every row is a curve.
+
+    Args:
+        quick: ICP only, and the short budget.
+        keep_pools: the session's own first poses instead of disturbed ground truth.
+    """
+    curves: list[Curve] = []
+    refiners = dict(list(REFINERS.items())[:1]) if quick else REFINERS
+    for refiner, name in refiners.items():
+        for budget in (SHORT,) if quick else (SHORT, LONG):
+            for suffix, method in (*SINGLE, *SEVERAL):
+                label = f"{name} {suffix}".strip() + f", {budget}"
+                curves.append(Curve(label, _settings(method, refiner, budget)))
+    budget = SHORT if quick else LONG
+    mcts: Mapping[str, Any] = {"expansions": budget * HYPOTHESES}
+    curves.append(Curve(f"PHYSIM-MCTS, {budget}", {"method": {"name": "physim_mcts"}, "mcts": mcts}))
+    claims: list[Claim] = []
+    for name in refiners.values():
+        rows = [f"{name} {suffix}".strip() + f", {budget}" for suffix, _ in (*SINGLE, *SEVERAL)]
+        claims += [Claim(rows[3], rows[2]), Claim(rows[4], rows[3]), Claim(rows[5], rows[4])]
+        claims.append(Claim(rows[5], f"PHYSIM-MCTS, {budget}"))
+    panel = Panel("table", "", (0.0,), tuple(curves), _as_it_is if keep_pools else _far, tuple(claims), TREND)
+    return Study("tables", "Methods and budgets (paper, Tables I-III)", (panel,))
+
+
+def _settings(method: str, refiner: str, budget: int) -> dict[str, dict[str, Any]]:
+    return {"method": {"name": method, "refiner": refiner, "iterations": budget}}
+
+
+def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
+    return problem
+
+
+def _far(problem: Problem, x: float, seed: int) -> Problem:
+    return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
