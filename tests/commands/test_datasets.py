@@ -1,0 +1,158 @@
+"""``verefine-viz datasets``: what it lists, what it finds wrong with a folder, and what it says offline."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import huggingface_hub
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.batch.frames import make_frames
+from tests.scenes.bop_folder import Made
+from verefine_viz.commands.dataset_catalogue import CATALOGUE
+from verefine_viz.commands.dataset_check import Parts, check_split, splits_of, what_can_be_run
+from verefine_viz.commands.datasets import Datasets
+from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return make_frames(tmp_path / "boxes", 2)
+
+
+def advice(made: Made) -> dict[str, str]:
+    """What is to be done, by part; only parts where something is."""
+    return {f.name: f.advice for f in check_split(made.root, "test").findings if f.advice}
+
+
+def missing(parts: Parts) -> dict[str, str]:
+    return {what.split()[0]: lacking for what, lacking in what_can_be_run(parts)}
+
+
+def change_depth(made: Made, change: Any) -> None:
+    for file in (made.scene / "depth").iterdir():
+        depth = np.asarray(Image.open(file))
+        Image.fromarray(change(depth).astype(np.uint16)).save(file)
+
+
+def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert Datasets(folder=tmp_path).run([]) == 0
+    said = capsys.readouterr().out
+    for name in ("lm", "lmo", "ycbv", "xapc"):
+        assert f"\n{name}  " in f"\n{said}"
+    for known in CATALOGUE:
+        for archive in known.archives:
+            assert f"bop-benchmark/{known.name}/resolve/main/{archive}" in said
+    assert str(tmp_path / "ycbv") in said
+
+
+def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert advice(made) == {}
+    assert missing(check_split(made.root, "test")) == {"view": "", "evaluate,": "", "gravity": "cam_R_w2c"}
+    assert Datasets("check", str(made.root)).run([]) == 0
+    assert "can run: view and batch from ground truth" in capsys.readouterr().out
+
+
+def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
+    change_depth(made, lambda depth: np.roll(depth, (6, 9), axis=(0, 1)))
+    (said,) = advice(made).values()
+    assert "not registered to colour" in said
+    x, y = (int(word.split(" px")[0]) for word in said.split("displaced by ")[1].split(": ")[0].split(" and "))
+    assert abs(x + 9) <= 3
+    assert abs(y + 6) <= 3
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
+    def scaled(content: dict[str, Any]) -> None:
+        for entry in content.values():
+            entry["depth_scale"] *= factor
+
+    made.edit("scene_camera.json", scaled)
+    assert f"measured depth is {factor:.3g}" in advice(made)["registration"]
+
+
+def test_meshes_in_metres_are_found(made: Made) -> None:
+    path = made.root / "models" / "models_info.json"
+    info = json.loads(path.read_text())
+    path.write_text(json.dumps({key: {"diameter": entry["diameter"] * 1000} for key, entry in info.items()}))
+    assert "its unit was taken to be metres" in advice(made)["models"]
+
+
+def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
+    (made.scene / "scene_gt.json").unlink()
+    for kind in ("mask", "mask_visib"):
+        (made.scene / kind).rename(made.scene / f"_{kind}")
+    parts = check_split(made.root, "test")
+    lacking = what_can_be_run(parts)
+    assert [words for _, words in lacking] == ["masks, scene_gt.json", "masks", "scene_gt.json", "cam_R_w2c"]
+    assert "detections JSON" in advice(made)["masks"]
+
+
+def test_without_models_the_rest_is_not_looked_at(made: Made) -> None:
+    (made.root / "models").rename(made.root / "_models")
+    (finding,) = check_split(made.root, "test").findings
+    assert "has no object models" in finding.found
+
+
+def test_damaged_parts_are_findings_and_no_errors(made: Made) -> None:
+    (made.scene / "depth" / "000001.png").write_bytes(b"")
+    assert "000001.png" in advice(made)["depth and colour"]
+    assert Datasets("check", str(made.root)).run([]) == 1
+
+
+def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        splits_of(tmp_path / "none")
+    (tmp_path / "test").mkdir()
+    with pytest.raises(InputError, match="holds no split with scenes"):
+        splits_of(tmp_path)
+
+
+def test_offline_the_error_says_what_to_fetch_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def offline(*_: object, **__: object) -> None:
+        raise OSError("Name or service not known")
+
+    monkeypatch.setattr(huggingface_hub.HfApi, "dataset_info", offline)
+    with pytest.raises(UnavailableError) as caught:
+        Datasets("fetch", "ycbv", tmp_path).run([])
+    assert "Name or service not known" in str(caught.value)
+    assert "fetch https://huggingface.co/datasets/bop-benchmark/ycbv/resolve/main/ycbv_models.zip" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_archives_are_fetched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def download(repository: str, archive: str, *, repo_type: str, local_dir: Path) -> str:
+        asked.append(f"{repo_type} {repository} {archive}")
+        return str(local_dir / archive)
+
+    monkeypatch.setattr(huggingface_hub.HfApi, "dataset_info", lambda *_, **__: None)
+    monkeypatch.setattr(huggingface_hub, "hf_hub_download", download)
+    assert Datasets("fetch", "lmo", tmp_path).run([]) == 0
+    archives = ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip")
+    assert asked == [f"dataset bop-benchmark/lmo {archive}" for archive in archives]
+    assert "unpack lmo_base.zip" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "said"),
+    [
+        (("fetch", "tless"), SettingsError, "unknown data set 'tless'; available: lm, lmo, ycbv, xapc"),
+        (("fetch", "xapc"), UnavailableError, "github.com/cmitash/PhysimGlobalPose"),
+        (("fetch",), SettingsError, "needs the name"),
+        (("check",), SettingsError, "needs the folder"),
+    ],
+)
+def test_what_cannot_be_done_is_said(words: tuple[Any, ...], error: type[Exception], said: str) -> None:
+    with pytest.raises(error, match=said):
+        Datasets(*words).run([])

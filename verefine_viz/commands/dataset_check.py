@@ -1,0 +1,228 @@
+"""What ``verefine-viz datasets check`` looks at: which parts of a BOP folder are there, whether they fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.problem import Placed
+from verefine_viz.rendering.scene import render_scene
+from verefine_viz.scenes.bop import BopDataset
+
+SAMPLES = 6
+"""Frames of a split that are opened, spread evenly."""
+NEAR_M = 0.015
+"""Measured and rendered depth that differ by less agree [m] (BOP's visibility tolerance)."""
+SHIFTS_PX = range(-30, 31, 3)
+"""Displacements that are tried to see whether depth is registered to colour [px]."""
+GAIN = 0.15
+"""So much more of the pixels must agree after a displacement for it to be the explanation."""
+
+
+@dataclass
+class Finding:
+    """One row: what was looked at, what was found, and what to do about it."""
+
+    name: str
+    found: str
+    advice: str = ""
+    """Empty where nothing needs to be done."""
+
+
+@dataclass
+class Parts:
+    """What a split has; decides what can be run on it."""
+
+    models: bool = False
+    depth: bool = False
+    masks: tuple[str, ...] = ()
+    """Of mask_visib, mask, and detections files."""
+    ground_truth: bool = False
+    gravity: bool = False
+    findings: list[Finding] = field(default_factory=list)
+
+    def add(self, name: str, found: str, advice: str = "") -> None:
+        """Adds a row."""
+        self.findings.append(Finding(name, found, advice))
+
+
+def splits_of(folder: Path) -> tuple[str, ...]:
+    """The folders in a data set that hold scenes.
+
+    Raises:
+        InputError: the folder does not exist, or holds none.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} does not exist; give the folder that holds models/ and the splits (test/, …)")
+    found = [d.name for d in sorted(folder.iterdir()) if d.is_dir() and any(_scene_folders(d))]
+    if not found:
+        raise InputError(f"{folder} holds no split with scenes; expected for example {folder / 'test' / '000001'}")
+    return tuple(found)
+
+
+def check_split(folder: Path, split: str) -> Parts:
+    """Looks at one split of a data set. What is missing or wrong is a finding, not an error."""
+    parts = Parts()
+    try:
+        dataset = BopDataset(folder, split)
+    except VerefineError as error:
+        parts.add("models", str(error), "fetch the archive with the models and unpack it here")
+        return parts
+    _check_models(dataset, parts)
+    frames = _check_frames(dataset, parts)
+    sampled = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).round()]
+    _check_images(dataset, sampled, parts)
+    _check_masks(dataset, sampled, parts)
+    if parts.ground_truth and parts.depth and parts.models:
+        _check_registration(dataset, sampled, parts)
+    return parts
+
+
+def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
+    """Pairs of something that can be done and what is missing for it ("" = nothing)."""
+    basics = [
+        word for word, there in (("models", parts.models), ("depth", parts.depth), ("masks", parts.masks)) if not there
+    ]
+    truth = [] if parts.ground_truth else ["scene_gt.json"]
+    return [
+        ("view and batch from ground truth, disturbed (hypotheses.source perturb)", ", ".join([*basics, *truth])),
+        ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join(basics)),
+        ("evaluate, study: errors against ground truth", ", ".join([w for w in basics if w != "masks"] + truth)),
+        ("gravity from the camera's pose (scene.gravity world)", "" if parts.gravity else "cam_R_w2c"),
+    ]
+
+
+def _check_models(dataset: BopDataset, parts: Parts) -> None:
+    library, broken, notes = dataset.models, list[str](), list[str]()
+    for obj_id in library.ids:
+        try:
+            model = library.get(obj_id)
+            notes += library.notes(obj_id)
+            if not 0.005 < model.diameter_m < 5:
+                notes.append(f"{model.name} is {model.diameter_m * 1e3:.4g} mm across: its unit is wrong")
+        except VerefineError as error:
+            broken.append(str(error))
+    parts.models = len(broken) < len(library.ids)
+    parts.add("models", f"{len(library.ids)} in {library.folder.name}/", "; ".join([*broken, *notes]))
+    if not (dataset.folder / "models_eval").is_dir() and library.folder.name != "models_eval":
+        parts.add(
+            "models_eval", "not there: errors are measured on models/, the benchmark's own numbers on models_eval/"
+        )
+
+
+def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
+    frames: list[tuple[int, int]] = []
+    for scene_id in dataset.scene_ids:
+        try:
+            frames += [(scene_id, im_id) for im_id in dataset.image_ids(scene_id)]
+        except VerefineError as error:
+            parts.add(f"scene {scene_id}", "cannot be used", str(error))
+    parts.add(
+        "frames", f"{len(frames)} in {len(dataset.scene_ids)} scenes", "" if frames else "there is nothing to run"
+    )
+    try:
+        targets = dataset.targets()
+    except VerefineError as error:
+        parts.add("targets", "damaged", str(error))
+        return frames
+    if targets is not None:
+        known = set(frames)
+        missing = [ids for ids in targets if ids not in known]
+        more = f"{len(missing)} of its frames are not on the disk, such as {missing[0]}" if missing else ""
+        parts.add("targets", f"{len(targets)} frames", more)
+    return frames
+
+
+def _check_images(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
+    trouble: list[str] = []
+    medians_m: list[float] = []
+    for ids in sampled:
+        try:
+            image = dataset.image(*ids)
+        except VerefineError as error:
+            trouble.append(str(error))
+            continue
+        parts.gravity = parts.gravity or image.R_world_cam is not None
+        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
+        trouble += [f"image {ids[0]}/{ids[1]}: {note}" for note in image.notes]
+    parts.depth = bool(medians_m)
+    found = f"median {np.median(medians_m):.2f} m in {len(medians_m)} frames" if medians_m else "none could be read"
+    parts.add("depth and colour", found, "; ".join(dict.fromkeys(trouble)))
+
+
+def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
+    scenes = [dataset.folder / dataset.split / f"{scene_id:06d}" for scene_id in {s for s, _ in sampled}]
+    kinds = [kind for kind in ("mask_visib", "mask") if scenes and all((s / kind).is_dir() for s in scenes)]
+    parts.masks = (*kinds, *dataset.detection_files())
+    advice = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
+    parts.add("masks", ", ".join(parts.masks) or "none", advice)
+    try:
+        parts.ground_truth = any(dataset.ground_truth(*ids) for ids in sampled)
+        faults = [t.fault for ids in sampled for t in dataset.ground_truth(*ids) or () if t.fault]
+    except VerefineError as error:
+        parts.add("ground truth", "damaged", str(error))
+        return
+    found = "there" if parts.ground_truth else "none: nothing can be measured, only looked at"
+    parts.add("ground truth", found, "; ".join(faults[:3]))
+
+
+def _check_registration(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
+    """Whether depth lies where the true poses say, and if not, whether it does when displaced or rescaled."""
+    pairs = list(_measured_and_rendered(dataset, sampled))
+    if not pairs:
+        return
+    shares = {(dx, dy): _share_near(pairs, dx, dy) for dx in SHIFTS_PX for dy in SHIFTS_PX}
+    here, best = shares[0, 0], max(shares, key=lambda shift: (shares[shift], -abs(shift[0]) - abs(shift[1])))
+    both = [(seen[(seen > 0) & (drawn > 0)], drawn[(seen > 0) & (drawn > 0)]) for seen, drawn in pairs]
+    ratios = np.concatenate([seen / drawn for seen, drawn in both])
+    ratio = float(np.median(ratios)) if len(ratios) else 1.0
+    found = f"{here:.0%} of the objects' pixels lie within {NEAR_M * 1e3:.0f} mm of their true pose"
+    if not 0.5 < ratio < 2:
+        advice = f"measured depth is {ratio:.3g} times the true one: check depth_scale, and that poses are in mm"
+    elif shares[best] > here + GAIN:
+        advice = (
+            f"{shares[best]:.0%} do if depth is displaced by {best[0]} px in x and {best[1]} px in y: "
+            "depth is not registered to colour; warp it into the colour camera first"
+        )
+    elif here < 0.3:
+        advice = "poses, models or intrinsics do not belong to these images"
+    else:
+        advice = ""
+    parts.add("registration", found, advice)
+
+
+def _measured_and_rendered(dataset: BopDataset, sampled: list[tuple[int, int]]) -> Iterator[tuple[Float, Float]]:
+    for ids in sampled:
+        try:
+            image, truths = dataset.image(*ids), dataset.ground_truth(*ids) or ()
+            known = [(t, t.T_cam_obj) for t in truths if t.obj_id in dataset.models.ids]
+            placed = [Placed(t.gt_id, dataset.models.get(t.obj_id), T) for t, T in known if T is not None]
+        except VerefineError:
+            continue  # Said already.
+        drawn = render_scene(placed, image.camera).depth_m
+        if drawn.any():
+            yield image.depth_m.astype(np.float64), drawn.astype(np.float64)
+
+
+def _share_near(pairs: list[tuple[Float, Float]], dx: int, dy: int) -> float:
+    """Share of the rendered pixels whose measured depth, displaced by (dx, dy), is near the rendered one."""
+    near = total = 0
+    for seen, drawn in pairs:
+        v, u = np.nonzero(drawn)
+        v, u = v[::7], u[::7]
+        inside = (u - dx >= 0) & (u - dx < seen.shape[1]) & (v - dy >= 0) & (v - dy < seen.shape[0])
+        v, u = v[inside], u[inside]
+        measured = seen[v - dy, u - dx]
+        known = measured > 0
+        near += int((np.abs(measured - drawn[v, u]) < NEAR_M)[known].sum())
+        total += int(known.sum())
+    return near / total if total else 0.0
+
+
+def _scene_folders(split: Path) -> Iterator[Path]:
+    return (d for d in split.iterdir() if d.is_dir() and d.name.isdecimal())
