@@ -1,0 +1,205 @@
+"""Average recalls on built-in scenes that were written out as a BOP folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.evaluation import demo_set, reference
+from tests.evaluation.demo_set import DemoSet, T_of, disturbed, perfect, table
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.evaluation.answers import correct_share, mean_errors
+from verefine_viz.evaluation.bop_scores import Scores, bop_scores
+from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
+from verefine_viz.evaluation.targets import Targets
+from verefine_viz.evaluation.truth import ProblemTruth
+from verefine_viz.scenes.results import ResultRow, write_results
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoSet:
+    return demo_set.make(tmp_path_factory.mktemp("bop") / "demo")
+
+
+def scored(demo: DemoSet, rows: Sequence[ResultRow] | PoseTable) -> Scores:
+    given = rows if isinstance(rows, PoseTable) else table(rows)
+    return bop_scores([given], demo.truth, demo.targets)[0]
+
+
+def numbers(scores: Scores) -> tuple[float, float, float]:
+    assert scores.recalls is not None
+    return scores.recalls.ar_vsd, scores.recalls.ar_mssd, scores.recalls.ar_mspd
+
+
+def test_perfect_poses_score_1(demo: DemoSet) -> None:
+    scores = scored(demo, demo.rows(perfect))
+    assert scores.recalls is not None
+    assert scores.recalls.ar == 1.0
+    assert numbers(scores) == (1.0, 1.0, 1.0)
+    n = len(demo.asked)
+    assert n >= 10
+    assert (scores.counts.targets, scores.counts.scored, scores.counts.missing) == (n, n, 0)
+    assert scores.counts.unasked == scores.counts.surplus == 0
+    assert mean_errors(scores.answers) == pytest.approx((0, 0), abs=1e-5)
+    assert correct_share(scores.answers) == 1.0
+    assert scores.mean_time_s == 0.5
+
+
+def test_poses_that_look_the_same_score_the_same(demo: DemoSet) -> None:
+    rows = demo.rows(demo.symmetric)
+    assert any(
+        np.abs(row.T_cam_obj - T_of(truth)).max() > 0.1 for row, (_, _, truth) in zip(rows, demo.asked, strict=True)
+    )
+    scores = scored(demo, rows)
+    assert numbers(scores)[1:] == (1.0, 1.0)
+    # The meshes are not quite round, and steps of a continuous symmetry shift their facets.
+    assert numbers(scores)[0] > 0.95
+    turn_deg, shift_mm = mean_errors(scores.answers)
+    assert turn_deg < 1e-4
+    assert shift_mm < 1e-4
+
+
+def test_disturbed_poses_score_what_the_plain_computation_says(demo: DemoSet) -> None:
+    given = table(demo.rows(disturbed, score=lambda k: np.cos(k)))
+    expected = reference.average_recalls(given, demo.truth, demo.targets)
+    assert all(0.05 < x < 0.95 for x in expected)
+    assert numbers(scored(demo, given)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_what_is_missing_is_not_found(demo: DemoSet) -> None:
+    rows = demo.rows(perfect)[::3]
+    scores = scored(demo, rows)
+    share = len(rows) / len(demo.asked)
+    assert numbers(scores) == pytest.approx((share, share, share))
+    assert scores.counts.missing == len(demo.asked) - len(rows)
+    assert sum(a.row is None for a in scores.answers) == scores.counts.missing
+
+
+def test_only_as_many_hypotheses_as_instances_count_and_the_best_scores_do(demo: DemoSet) -> None:
+    wrong = demo.rows(lambda k, truth: transform(np.eye(3), [0.05, 0, 0]) @ T_of(truth), score=lambda k: 0.3)
+    right = demo.rows(perfect, score=lambda k: 0.7)
+    scores = scored(demo, [*wrong, *right])
+    assert numbers(scores) == (1.0, 1.0, 1.0)
+    assert scores.counts.surplus == len(wrong)
+    turned = scored(demo, [*(replace(row, score=0.9) for row in wrong), *right])
+    assert numbers(turned) == numbers(scored(demo, wrong))
+    assert numbers(turned)[1] < 0.9
+
+
+def test_unknown_ids_are_ignored(demo: DemoSet) -> None:
+    rows = demo.rows(disturbed)
+    strange = [
+        replace(rows[0], scene_id=99, score=9.0),
+        replace(rows[0], im_id=99, score=9.0),
+        replace(rows[0], obj_id=99, score=9.0),
+    ]
+    scores = scored(demo, [*strange, *rows])
+    assert numbers(scores) == numbers(scored(demo, rows))
+    assert scores.counts.unasked == 3
+
+
+def test_of_equal_scores_the_first_in_the_file_counts(demo: DemoSet) -> None:
+    right, wrong = demo.rows(perfect), demo.rows(lambda k, t: transform(np.eye(3), [0, 0, 0.2]) @ T_of(t))
+    assert numbers(scored(demo, [*right, *wrong])) == (1.0, 1.0, 1.0)
+    assert numbers(scored(demo, [*wrong, *right])) == numbers(scored(demo, wrong))
+
+
+def test_a_pose_that_is_no_pose_is_not_found(demo: DemoSet) -> None:
+    given = table(demo.rows(perfect))
+    given.t_mm[0] = np.nan
+    given.R[1] = np.inf
+    given.t_mm[2] = 0.0
+    given.t_mm[3] = 1e300
+    share = 1 - 4 / len(demo.asked)
+    scores = scored(demo, given)
+    assert numbers(scores) == pytest.approx((share, share, share))
+    assert scores.counts.missing == 0
+    assert correct_share(scores.answers) == pytest.approx(share)
+
+
+def test_a_matrix_is_used_as_it_is_written(demo: DemoSet) -> None:
+    given = table(demo.rows(disturbed))
+    given.R[:] = np.round(given.R, 1)
+    assert np.abs(given.R[0].T @ given.R[0] - np.eye(3)).max() > 1e-3
+    expected = reference.average_recalls(given, demo.truth, demo.targets)
+    assert numbers(scored(demo, given)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_file_is_scored_as_the_rows_in_memory(demo: DemoSet, tmp_path: Path) -> None:
+    rows = demo.rows(disturbed)
+    write_results(tmp_path / "ours_demo-test.csv", rows)
+    read = read_pose_table(tmp_path / "ours_demo-test.csv")
+    assert read.name == "ours"
+    assert numbers(scored(demo, read)) == numbers(scored(demo, rows))
+
+
+def test_methods_together_score_as_alone_with_any_number_of_threads(demo: DemoSet) -> None:
+    tables = [table(demo.rows(perfect)), table(demo.rows(disturbed)), table(demo.rows(disturbed)[::2]), table([])]
+    alone = [numbers(scored(demo, t)) for t in tables]
+    assert alone[3] == (0, 0, 0)
+    for workers in (1, 3):
+        together = bop_scores(tables, demo.truth, demo.targets, workers=workers)
+        assert [numbers(s) for s in together] == alone
+        assert [s.answers for s in together][1] == scored(demo, tables[1]).answers
+
+
+def test_progress_is_told(demo: DemoSet) -> None:
+    told: list[tuple[int, int]] = []
+    bop_scores([table([])], demo.truth, demo.targets, tell=lambda done, total: told.append((done, total)))
+    assert told == [(k, 4) for k in (1, 2, 3, 4)]
+
+
+def test_objects_and_scenes_add_up(demo: DemoSet) -> None:
+    scores = scored(demo, demo.rows(disturbed))
+    assert scores.recalls is not None
+    for parts in (scores.recalls_by_object, scores.recalls_by_scene):
+        assert sum(r.n_targets for r in parts.values()) == len(demo.asked)
+        for name in ("ar_vsd", "ar_mssd", "ar_mspd", "ar"):
+            weighted = sum(r.n_targets * getattr(r, name) for r in parts.values()) / len(demo.asked)
+            assert weighted == pytest.approx(getattr(scores.recalls, name))
+    assert set(scores.recalls_by_scene) == {3, 4}
+
+
+def test_problems_in_memory_score_as_their_folder(demo: DemoSet) -> None:
+    truth = ProblemTruth("demo", demo.problems)
+    assert {k: dict(v) for k, v in truth.targets.counts.items()} == {k: dict(v) for k, v in demo.targets.counts.items()}
+    given = table(demo.rows(disturbed))
+    in_memory = bop_scores([given], truth, truth.targets)[0]
+    # The folder's depth was rounded to 0.1 mm.
+    assert numbers(in_memory) == pytest.approx(numbers(scored(demo, given)), abs=0.005)
+    assert numbers(in_memory)[1:] == pytest.approx(numbers(scored(demo, given))[1:], abs=1e-12)
+
+
+def test_localization_needs_to_know_how_many_there_are(demo: DemoSet) -> None:
+    targets = Targets("test_targets_bop24.json", {(3, 0): {}}, "detection")
+    with pytest.raises(SettingsError, match="bop19"):
+        bop_scores([table([])], demo.truth, targets, "localization")
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 10**6))
+def test_the_order_of_rows_with_different_scores_does_not_matter(demo: DemoSet, seed: int) -> None:
+    rows = [*demo.rows(disturbed, lambda k: 0.25 + 0.01 * k), *demo.rows(perfect, lambda k: 0.2037 + 0.02 * k)]
+    assert len({row.score for row in rows}) == len(rows)
+    shuffled = [rows[k] for k in np.random.default_rng(seed).permutation(len(rows))]
+    assert numbers(scored(demo, shuffled)) == numbers(scored(demo, rows))
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_a_rigid_motion_of_the_file_s_pose_never_beats_the_truth(demo: DemoSet, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    T = transform(axis_angle(rng.normal(size=3), rng.uniform(0, 3)), rng.normal(size=3) * 0.02)
+    scores = scored(demo, demo.rows(lambda k, truth: T_of(truth) @ T))
+    assert scores.recalls is not None
+    assert 0 <= scores.recalls.ar <= 1
+    for recalls in (scores.recalls.vsd, scores.recalls.mssd[None], scores.recalls.mspd[None]):
+        assert (np.diff(recalls, axis=1) >= 0).all()  # a looser threshold finds no fewer
+    assert (np.diff(scores.recalls.vsd, axis=0) >= 0).all()  # nor does a looser tolerance
