@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -55,6 +56,28 @@ class Contacts:
         object.__setattr__(self, "depths_m", finite(self.depths_m, "contact depths", (n,)))
         object.__setattr__(self, "forces_n", finite(self.forces_n, "contact forces", (n,)))
         object.__setattr__(self, "others", frozen(self.others, "contact partners", (n,), np.int64))
+
+    def split(self, ends: Sequence[int]) -> tuple[Contacts, ...]:
+        """One record per step, of the contacts of all steps one after another: up to each of ``ends``, from the last.
+
+        Made without another check, as their columns are parts of columns that are checked already.
+        """
+        points, normals, depths_m = self.points_cam, self.normals_cam, self.depths_m
+        forces_n, others = self.forces_n, self.others
+        parts: list[Contacts] = []
+        a = 0
+        for b in ends:
+            part = object.__new__(Contacts)
+            part.__dict__.update(
+                points_cam=points[a:b],
+                normals_cam=normals[a:b],
+                depths_m=depths_m[a:b],
+                forces_n=forces_n[a:b],
+                others=others[a:b],
+            )
+            parts.append(part)
+            a = b
+        return tuple(parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ METHODS 1.0 and 1.8 #9, #19, #20, #23, #24.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -75,11 +74,15 @@ class BulletSimulator:
         self._world.place(bodies, _plane_quat_xyzw(support.normal_world))
 
         world, body = self._world, bodies[0].body
-        poses, touched = [], []
+        poses: list[tuple[Sequence[float], Sequence[float]]] = []
+        touched: list[tuple] = []
+        ends: list[int] = []
         for _ in range(n_steps):
             world.step()
             poses.append(world.pose(body))
-            touched.append(world.contacts(body))
+            # What is near but does not touch is left out.
+            touched += [p for p in world.contacts(body) if p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0]
+            ends.append(len(touched))
 
         R_cam_world = support.T_world_cam[:3, :3].T
         T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
@@ -88,7 +91,7 @@ class BulletSimulator:
         if n_steps:
             Ts[1:] = T_cam_world @ _transforms(poses) @ self.collider(moving.model).T_com_obj
         Ts.flags.writeable = False
-        return SimulatedPath(Ts, self._contacts(touched, ids, T_cam_world))
+        return SimulatedPath(Ts, self._contacts(touched, ids, T_cam_world).split(ends))
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
         """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""
@@ -111,34 +114,25 @@ class BulletSimulator:
             ids[body] = placed.instance_id
         return bodies, ids
 
-    def _contacts(
-        self, touched: Sequence[Sequence[tuple]], ids: dict[int, int], T_cam_world: Float
-    ) -> tuple[Contacts, ...]:
-        """Bullet's contact points of each step as records; what is near but does not touch is left out."""
+    def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
+        """Bullet's contact points as records."""
+        n = len(touched)
+        flat = np.array([x for p in touched for x in p[_POINT] + p[_NORMAL]]).reshape(n, 6)
+        R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
+        points, normals = flat[:, :3] @ R.T + t, flat[:, 3:] @ R.T
         # Bullet measures between surfaces grown by the margin; a plane has none.
         margins_m = {body: self._settings.margin_m * (1 if i == PLANE_ID else 2) for body, i in ids.items()}
-        rows: list[tuple[float, ...]] = []
-        ends = [0]
-        for points in touched:
-            rows += [
-                (*p[6], *p[7], -p[8] - margins_m[p[2]], p[9], ids[p[2]]) for p in points if p[9] > 0.0 or p[8] <= 0.0
-            ]
-            ends.append(len(rows))
-        table = np.array(rows, dtype=np.float64).reshape(len(rows), 9)
-        R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
-        points, normals = table[:, 0:3] @ R.T + t, table[:, 3:6] @ R.T
+        depths_m = np.array([-p[_DISTANCE] - margins_m[p[_OTHER]] for p in touched])
         # Bullet divides the last sub-step's impulse by the whole step.
-        depths_m, forces_n = table[:, 6].copy(), table[:, 7] * self._settings.substeps
-        others = table[:, 8].astype(np.int64)
+        forces_n = np.array([p[_FORCE] for p in touched]) * self._settings.substeps
+        others = np.array([ids[p[_OTHER]] for p in touched], dtype=np.int64)
         for column in (points, normals, depths_m, forces_n, others):
-            column.flags.writeable = False  # Slices are then kept without a copy.
-        return tuple(
-            Contacts(points[a:b], normals[a:b], depths_m[a:b], forces_n[a:b], others[a:b]) if b > a else _NO_CONTACTS
-            for a, b in pairwise(ends)
-        )
+            column.flags.writeable = False  # Kept without a copy.
+        return Contacts(points, normals, depths_m, forces_n, others)
 
 
-_NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
+_OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
+"""Where a contact point of Bullet's has what is asked for."""
 
 
 def checked_pose(placed: Placed) -> Float:
