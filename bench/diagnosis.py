@@ -1,7 +1,7 @@
 """How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
 
-``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--verbose]``. A scene that comes out right in spite of what is broken
-has nothing to diagnose; further seeds are taken until there are enough that fail.
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--verbose]``. A scene that comes out right in spite of what is
+broken has nothing to diagnose; further seeds are taken until there are enough that fail.
 """
 
 from __future__ import annotations
@@ -69,6 +69,7 @@ def run(causes: Sequence[Cause] = tuple(Cause), n_seeds: int = SEEDS, verbose: b
 
 
 def main() -> int:
+    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("causes", nargs="*", type=Cause, help="default: all")
     parser.add_argument("--seeds", type=int, default=SEEDS)

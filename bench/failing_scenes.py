@@ -141,7 +141,7 @@ def standing(m: ObjectModel, rng: np.random.Generator, reach_m: float = 0.03, ya
     return transform(axis_angle(Z, yaw), [x, y, -float(m.vertices[:, 2].min())])
 
 
-def moved(T_world_obj: Float, axis_world: Float, angle_deg: float, shift_mm: Sequence[float]) -> Float:
+def moved(T_world_obj: Float, axis_world: Float, angle_deg: float, shift_mm: Sequence[float] | Float) -> Float:
     """Turned about the object's origin and moved, both in the world."""
     turn = axis_angle(axis_world, np.deg2rad(angle_deg))
     return transform(turn @ T_world_obj[:3, :3], T_world_obj[:3, 3] + np.array(shift_mm) * 1e-3)
@@ -311,7 +311,7 @@ def bad_mask(rng: np.random.Generator) -> Broken:
         T_beside = standing(beside, rng, yaw_deg=float(rng.uniform(60, 120)))
         T_beside[:2, 3] = T[:2, 3] + [0.12, rng.uniform(0.0, 0.04)]
         things = [Thing(m, T, near(T, rng, 2, 18, 22)), Thing(beside, T_beside, is_asked_for=False)]
-        spoil = rng.choice([_leaking, _cut_to(rng.uniform(0.10, 0.2))])
+        spoil = (_leaking, _cut_to(rng.uniform(0.10, 0.2)))[rng.integers(2)]
         broken = _broken(Cause.MASK, frame_of(things, rng, spoil_mask=spoil), _session())
         if comes_right(broken.toolbox, frame_of(things, np.random.default_rng(0))):
             return broken
@@ -340,7 +340,7 @@ def bad_depth(rng: np.random.Generator) -> Broken:
         thing = Thing(m, T, near(T, rng, 2, 15, 20))
         part, scale = rng.uniform(0.02, 0.05), float(rng.uniform(1.06, 1.12))
         shift = int(rng.choice([-1, 1]) * rng.integers(16, 24))
-        spoil = rng.choice([_mirroring(part), _shifted(shift), lambda depth, masks: depth * np.float32(scale)])
+        spoil = (_mirroring(part), _shifted(shift), _scaled(scale))[rng.integers(3)]
         broken = _broken(Cause.DEPTH, frame_of([thing], rng, spoil_depth=spoil), _session())
         if comes_right(broken.toolbox, frame_of([thing], np.random.default_rng(0))):
             return broken
@@ -355,6 +355,10 @@ def _mirroring(part: float) -> Callable[[Depth, Sequence[Mask]], Depth]:
         return out
 
     return lose
+
+
+def _scaled(scale: float) -> Callable[[Depth, Sequence[Mask]], Depth]:
+    return lambda depth_m, masks: depth_m * np.float32(scale)
 
 
 def _shifted(shift_px: int) -> Callable[[Depth, Sequence[Mask]], Depth]:

@@ -10,7 +10,7 @@ from verefine_viz.core.records import TIMING
 
 
 class Cause(StrEnum):
-    """Why an answer is wrong; the order is the one in which causes are asked for, what was given before what was done."""
+    """Why an answer is wrong, in the order in which causes are asked for: what was given before what was done."""
 
     SYMMETRIC = "symmetric"
     DEPTH = "depth"

@@ -20,7 +20,7 @@ from verefine_viz.diagnosis.symmetry import nearby_symmetry
 from verefine_viz.diagnosis.words import instead
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.observation.support import find_support
+from verefine_viz.observation.support import Gravity, find_support
 
 MISSING_SHARE = 0.4
 """More of the object's pixels without depth are worth a re-run."""
@@ -55,7 +55,7 @@ def symmetric(case: Case) -> Finding | None:
 
 
 def depth(case: Case) -> Finding | None:
-    """Depth is missing on the object, or lies beside it, or has another scale; decided by a re-run with it put right."""
+    """Depth is missing on the object, lies beside it, or has another scale; decided by a re-run with it put right."""
     off = case.frame.registration
     if off.is_off:
         return _unregistered(case)
@@ -143,10 +143,12 @@ def _with_support_of(observation: Observation, case: Case) -> Observation:
     """The observation with the plane that its own depth shows, and gravity as it was known before."""
     before = case.target.observation.support
     seed = case.lab.toolbox.session.scene.seed
-    known = before is not None and before.gravity_source != "plane"
-    down = tuple(float(x) for x in -before.T_world_cam[2, :3]) if known and before is not None else "plane"
+    gravity: Gravity = "plane"
+    if before is not None and before.gravity_source != "plane":
+        x, y, z = (-before.T_world_cam[2, :3]).tolist()
+        gravity = (x, y, z)
     try:
-        support = find_support(observation.depth_m, observation.camera, observation.object_mask, down, None, seed)  # type: ignore[arg-type]
+        support = find_support(observation.depth_m, observation.camera, observation.object_mask, gravity, None, seed)
     except NoSupportError as error:
         return replace(observation, support=None, support_note=str(error))
     return replace(observation, support=support)

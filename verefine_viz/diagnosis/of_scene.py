@@ -1,4 +1,4 @@
-"""Causes that lie in the scene around the object: a misplaced neighbour, the plane, colliders, the simulation itself."""
+"""Causes that lie in the scene around the object: a misplaced neighbour, the plane, colliders, the simulation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from verefine_viz.diagnosis.words import instead
 
 TILT_DEG = 4.0
 """A plane tilted by less than this is good enough [deg]."""
-OFF_M = 0.006
+OFF_M = 0.008
 """A plane less far from the objects' feet than this is good enough [m]."""
 GRAVITY_DEG = 12.0
 """Gravity this far from the plane's normal is worth a re-run [deg]."""
@@ -30,7 +30,7 @@ PUSH = 0.02
 
 
 def neighbour(case: Case) -> Finding | None:
-    """Something that was placed before stood in the wrong place; decided by a re-run with all others in the right one."""
+    """Something placed before stood in the wrong place; decided by a re-run with all others in the right one."""
     wrong = [(error, placed) for placed in case.placed if (error := _error_of(case, placed)) >= case.threshold]
     if not wrong:
         return None
@@ -102,8 +102,8 @@ def collider(case: Case) -> Finding | None:
     deviation_m, model = max(coarse, key=lambda pair: pair[0])
     return Finding(
         Cause.COLLIDER,
-        f"Physics takes the {model.name} for its hull, which is {deviation_m * 1e3:.0f} mm from the mesh at worst; with "
-        f"convex parts {instead(again.error, case.error)}.",
+        f"Physics takes the {model.name} for its hull, which is {deviation_m * 1e3:.0f} mm from the mesh at worst; "
+        f"with convex parts {instead(again.error, case.error)}.",
         {"deviation_mm": deviation_m * 1e3, "error": case.error, "error_repaired": again.error},
         again.repaired,
     )

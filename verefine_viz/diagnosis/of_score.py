@@ -38,8 +38,8 @@ def score(case: Case) -> Finding | None:
         "normal_fit_of_truth": right.normal_fit,
     }
     text = (
-        f"The score prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: {wrong.score:.2f} "
-        f"against {right.score:.2f} for the truth, {_why(blame, wrong, right)}."
+        f"The score prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: "
+        f"{wrong.score:.2f} against {right.score:.2f} for the truth, {_why(blame, wrong, right)}."
     )
     return Finding(Cause.SCORE, text, evidence, True)
 
@@ -75,8 +75,9 @@ def _why(blame: dict[str, float], wrong: PoseScore, right: PoseScore) -> str:
     """The pixels that did it."""
     name = max(blame, key=lambda n: blame[n])
     if blame[name] > 0.01:
-        what = {"missed": "missed (measured, and not where the model is)", "protruding": "protruding into free space"}
-        return f"of which {right.shares[name]:.0%} of the pixels count as {what[name]}, {wrong.shares[name]:.0%} of the answer's"
+        what = {"missed": "missed (measured, and no model there)", "protruding": "protruding into free space"}[name]
+        shares = f"{right.shares[name]:.0%} of the pixels count as {what}"
+        return f"in which {shares}, against {wrong.shares[name]:.0%} in the answer"
     if wrong.depth_fit - right.depth_fit > wrong.normal_fit - right.normal_fit:
         return f"whose depth fits less well ({right.depth_fit:.2f} against {wrong.depth_fit:.2f})"
     return f"whose normals fit less well ({right.normal_fit:.2f} against {wrong.normal_fit:.2f})"

@@ -11,6 +11,7 @@ from verefine_viz.core.records import StageName
 from verefine_viz.diagnosis.case import FIRST_ONLY, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.words import instead, share
+from verefine_viz.evaluation.errors import pose_errors
 
 FAR = 0.35
 """A start further away than this share of the diameter is not near, whatever the refiner."""
@@ -50,7 +51,8 @@ def starved(case: Case) -> Finding | None:
                 got = f"was never tried, as {case.lab.name.upper()} looks at the first only"
             return Finding(
                 Cause.ARM_STARVED,
-                f"Hypothesis {j + 1} of the {case.name} {got}; with the whole budget {instead(again.error, case.error)}.",
+                f"Hypothesis {j + 1} of the {case.name} {got}; "
+                f"with the whole budget {instead(again.error, case.error)}.",
                 {
                     "hypothesis": float(j),
                     "iterations_of_it": float(pulls[j]),
@@ -79,8 +81,8 @@ def budget(case: Case) -> Finding | None:
         if again.repaired:
             return Finding(
                 Cause.BUDGET,
-                f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration; with "
-                f"{times} × the budget {instead(again.error, case.error)}.",
+                f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration; "
+                f"with {times} × the budget {instead(again.error, case.error)}.",
                 {"falling": falling, "times": float(times), "error": case.error, "error_repaired": again.error},
                 True,
             )
@@ -123,14 +125,17 @@ def pool(case: Case) -> Finding | None:
     """No hypothesis leads there, and the truth itself as a start does."""
     again = case.rerun("started at ground truth", case.with_pool(case.T_true))
     if not len(case.initial_errors):
-        said = f"There is no hypothesis for the {case.name}; started at the truth, the method ends {share(again.error)} away."
+        said = f"There is no hypothesis for the {case.name}; started at the truth, it ends {share(again.error)} away."
         return Finding(Cause.POOL, said, {"hypotheses": 0.0, "error_from_truth": again.error}, True)
     j = int(np.argmin(case.initial_errors))
     nearest = float(case.initial_errors[j])
+    far = pose_errors(case.target.model, case.target.instance.hypotheses[j].T_cam_obj, case.T_true)
     evidence = {
         "hypotheses": float(len(case.initial_errors)),
         "nearest": float(j),
         "nearest_error": nearest,
+        "nearest_rotation_deg": far.rotation_deg,
+        "nearest_translation_mm": far.translation_mm,
         "error": case.error,
         "error_from_truth": again.error,
     }
@@ -139,14 +144,15 @@ def pool(case: Case) -> Finding | None:
         return Finding(Cause.REFINER, said, evidence, False)
     if nearest < case.threshold:
         said = (
-            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the truth, and refinement "
-            f"lost it: the error is {share(case.error)}."
+            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the truth, and "
+            f"refinement lost it: the error is {share(case.error)}."
         )
         return Finding(Cause.REFINER, said, evidence, False)
     return Finding(
         Cause.POOL,
         f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
-        f"{j + 1}) starts {share(nearest)} of the diameter away; started at the truth {instead(again.error, case.error)}.",
+        f"{j + 1}) starts {far.rotation_deg:.0f}° and {far.translation_mm:.0f} mm away; started at the truth "
+        f"{instead(again.error, case.error)}.",
         evidence,
         True,
     )
@@ -163,7 +169,7 @@ class _Point:
 
 
 def _track(case: Case) -> list[_Point]:
-    """The poses of the answer's hypothesis, up to the answer's iteration: those that each was made from the one before."""
+    """The poses of the answer's hypothesis up to the answer, each made from the one before."""
     if case.answer is None or not len(case.initial_errors):
         return []
     arm = case.answer.arm

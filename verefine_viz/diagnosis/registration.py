@@ -19,6 +19,8 @@ GAIN = 0.06
 """Depth is off only if putting it right raises the agreement by more than this …"""
 AGREES = 0.5
 """… to more than this."""
+SURELY = 0.7
+"""A change of scale has to lead to more agreement than this: something flat in front could pass for it."""
 SHIFT_PX = 3
 """Less shift than this is noise of poses and edges [px]."""
 SCALE = 0.015
@@ -68,16 +70,25 @@ def registration(observed_m: NDArray[np.floating], true_m: NDArray[np.floating])
     v, u = v[::step], u[::step]
     padded = np.pad(np.asarray(observed_m, dtype=np.float64), REACH_PX)
     true = np.asarray(true_m, dtype=np.float64)[v, u]
+    z = padded[v + REACH_PX, u + REACH_PX]
+    as_it_is = _agreement(z, true)
+    if np.count_nonzero(z) < MEASURED * len(v):
+        return Registration((0, 0), 1.0, as_it_is, as_it_is)
+    scale = float(np.median(z[z > 0] / true[z > 0]))
+    scaled = _agreement(z / scale, true)
+    if scaled > SURELY and abs(scale - 1) >= SCALE:
+        return Registration((0, 0), scale, as_it_is, scaled)
 
-    def agreement(right: int, down: int, scale: float = 1.0) -> float:
-        z = padded[v + down + REACH_PX, u + right + REACH_PX] / scale
-        fit = np.clip(1 - np.abs(z - true) / TAU_M, 0, None)
-        measured = np.count_nonzero(z)
-        return float(fit[z > 0].sum() / max(measured, MEASURED * len(z)))
+    # Where something stands in front, a shift could only seem to help.
+    free = ~((z > 0) & (z < true - TAU_M))
+    if np.count_nonzero(free) < MEASURED * len(v):
+        return Registration((0, 0), 1.0, as_it_is, as_it_is)
+    v, u, true = v[free], u[free], true[free]
+
+    def agreement(right: int, down: int) -> float:
+        return _agreement(padded[v + down + REACH_PX, u + right + REACH_PX], true)
 
     before = agreement(0, 0)
-    if np.count_nonzero(padded[v + REACH_PX, u + REACH_PX]) < MEASURED * len(v):
-        return Registration((0, 0), 1.0, before, before)
     shift, best = (0, 0), before
     coarse = [(x, y) for x in range(-36, 37, 4) for y in range(-36, 37, 4)]
     for x, y in sorted(coarse, key=lambda s: s[0] ** 2 + s[1] ** 2):
@@ -87,8 +98,10 @@ def registration(observed_m: NDArray[np.floating], true_m: NDArray[np.floating])
     for x, y in ((x0 + i, y0 + j) for i in range(-3, 4) for j in range(-3, 4)):
         if (found := agreement(x, y)) > best + 1e-9:
             shift, best = (x, y), found
-    z = padded[v + REACH_PX, u + REACH_PX]
-    scale = float(np.median(z[z > 0] / true[z > 0])) if (z > 0).any() else 1.0
-    if 0.0005 < scale < 2000 and (found := agreement(0, 0, scale)) > best:
-        return Registration((0, 0), scale, before, found)
     return Registration(shift, 1.0, before, best)
+
+
+def _agreement(z: NDArray[np.float64], true: NDArray[np.float64]) -> float:
+    """Mean fit of observed to true depths (n,) [m] over those that were measured."""
+    fit = np.clip(1 - np.abs(z - true) / TAU_M, 0, None)
+    return float(fit[z > 0].sum() / max(np.count_nonzero(z), MEASURED * len(z), 1))

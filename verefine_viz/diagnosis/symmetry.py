@@ -15,6 +15,8 @@ NEARLY_ALL = 0.98
 LEAST_TURN_RAD = np.radians(5.0)
 """Less of a turn is no symmetry but an error."""
 STEPS = 30
+NORMAL_WEIGHT = 0.1
+"""A normal turned by 1 rad counts as this share of the diameter in the look-up."""
 
 
 def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
@@ -22,33 +24,38 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
 
     ``T`` is a transform of the object's frame, such as what lies between an estimate and the truth.
     """
-    points, normals = model.points, model.point_normals
-    tree = KDTree(points)
+    surface = _Surface(model)
     S = np.array(T)
     for _ in range(STEPS):
-        moved = apply(S, points)
-        step = _step(moved, *_nearest(tree, points, normals, moved))
+        moved, to, n = surface.matched(S)
+        step = _step(moved, to, n)
         S = step @ S
         if np.abs(step - np.eye(4)).max() < 1e-6:
             break
-    moved = apply(S, points)
-    to, n = _nearest(tree, points, normals, moved)
+    moved, to, n = surface.matched(S)
     aside_m = np.abs(np.einsum("ij,ij->i", moved - to, n))
-    facing = np.einsum("ij,ij->i", normals @ S[:3, :3].T, n)
-    apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - _spacing_m(tree, points))
-    same = np.quantile(apart_m, NEARLY_ALL) < SAME_SHARE * model.diameter_m and np.mean(facing > 0) > 0.95
+    apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - surface.spacing_m)
+    same = np.quantile(apart_m, NEARLY_ALL) < SAME_SHARE * model.diameter_m
     turned = angle_between(np.eye(3), S[:3, :3]) > LEAST_TURN_RAD
     return S if same and turned else None
 
 
-def _nearest(tree: KDTree, points: Float, normals: Float, moved: Float) -> tuple[Float, Float]:
-    found = tree.query(moved)[1]
-    return points[found], normals[found]
+class _Surface:
+    """Points of a model that are looked up by place and normal, so that the sides of a thin wall stay apart."""
 
+    def __init__(self, model: ObjectModel) -> None:
+        self.points, self.normals = model.points, model.point_normals
+        self._weight_m = NORMAL_WEIGHT * model.diameter_m
+        self._tree = KDTree(np.hstack([self.points, self._weight_m * self.normals]))
+        nearest_m = KDTree(self.points).query(self.points, k=2)[0][:, 1]
+        self.spacing_m = 2 * float(np.quantile(nearest_m, 0.99))
+        """How far a point of the surface can be from the nearest sample [m]."""
 
-def _spacing_m(tree: KDTree, points: Float) -> float:
-    """How far a point of the surface can be from the nearest sample."""
-    return float(np.quantile(tree.query(points, k=2)[0][:, 1], 0.99))
+    def matched(self, S: Float) -> tuple[Float, Float, Float]:
+        """The points moved by ``S``, and the points and normals that they fall upon."""
+        moved, turned = apply(S, self.points), self.normals @ S[:3, :3].T
+        found = self._tree.query(np.hstack([moved, self._weight_m * turned]))[1]
+        return moved, self.points[found], self.normals[found]
 
 
 def _step(moved: Float, to: Float, n: Float) -> Float:

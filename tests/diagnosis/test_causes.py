@@ -1,0 +1,144 @@
+"""Where one thing is broken on purpose, the diagnosis names it. bench/diagnosis.py measures this over 20 seeds each."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.diagnosis import named
+from bench.failing_scenes import Thing as Made
+from bench.failing_scenes import broken_scene, comes_right, frame_of, model, near, standing
+from verefine_viz.core.compare import first_difference
+from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.session.files import load_session, resolve
+from verefine_viz.session.toolbox import Toolbox
+
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
+FAILING = 2
+"""Scenes per cause."""
+
+
+@pytest.mark.parametrize("cause", list(Cause))
+def test_what_is_broken_is_named(cause: Cause) -> None:
+    n_failed = 0
+    for seed in count():
+        diagnosis = named(broken_scene(cause, seed))
+        if diagnosis is None:
+            continue
+        assert diagnosis.cause == cause, (seed, diagnosis.sentence)
+        assert diagnosis.is_confirmed
+        assert diagnosis.sentence.endswith(".")
+        assert diagnosis.evidence
+        n_failed += 1
+        if n_failed == FAILING:
+            return
+        assert seed < 12, "too few of these scenes fail"
+
+
+BUILT_IN: tuple[tuple[str, dict[str, Any], float, Cause], ...] = (
+    ("failure_no_hypothesis_near", {}, 0.1, Cause.POOL),
+    ("failure_icp_slides", {}, 0.1, Cause.REFINER),
+    ("failure_score_prefers_wrong", {}, 0.1, Cause.SCORE),
+    ("failure_arm_starved", {}, 0.1, Cause.ARM_STARVED),
+    # SIR saves the other three from the worst; their errors are smaller.
+    ("failure_simulation_topples", {}, 0.05, Cause.SIMULATION),
+    ("failure_mask_leaks", {}, 0.05, Cause.MASK),
+    ("failure_wrong_plane", {"method": {"name": "phys_after"}}, 0.04, Cause.PLANE),
+)
+
+
+@pytest.mark.parametrize(("name", "settings", "threshold", "cause"), BUILT_IN, ids=[b[0] for b in BUILT_IN])
+def test_built_in_failures_get_their_name(name: str, settings: dict[str, Any], threshold: float, cause: Cause) -> None:
+    toolbox = Toolbox(load_session(SESSIONS / f"{name}.toml", settings))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox, threshold)
+    assert diagnosis.cause == cause
+    assert diagnosis.is_confirmed
+
+
+def test_every_cause_has_a_title() -> None:
+    assert set(TITLES) == set(Cause)
+    assert len(set(TITLES.values())) == len(TITLES)
+
+
+def sound_scene(n_hypotheses: int = 2) -> tuple[Toolbox, Any]:
+    rng = np.random.default_rng(0)
+    m = model("duck")
+    T = standing(m, rng)
+    toolbox = Toolbox(resolve({"method": {"name": "rir", "iterations": 3}}))
+    return toolbox, toolbox.ordered(frame_of([Made(m, T, near(T, rng, n_hypotheses, 8, 8))], rng))
+
+
+def test_what_came_out_right_needs_no_diagnosis() -> None:
+    toolbox, problem = sound_scene()
+    assert comes_right(toolbox, problem)
+    run = toolbox.run(problem)
+    run.finish()
+    assert diagnose(run, toolbox) == ()
+
+
+def test_the_threshold_decides_what_failed() -> None:
+    toolbox, problem = sound_scene()
+    run = toolbox.run(problem)
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox, threshold=0.0)
+    assert not diagnosis.is_confirmed or diagnosis.cause in (Cause.SCORE, Cause.REFINER)
+
+
+def test_without_ground_truth_nothing_is_said() -> None:
+    from dataclasses import replace
+
+    toolbox, problem = sound_scene()
+    blind = replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
+    run = toolbox.run(blind)
+    run.finish()
+    assert diagnose(run, toolbox) == ()
+
+
+def test_no_answer_is_a_failure_of_the_pool() -> None:
+    toolbox, problem = sound_scene(0)
+    run = toolbox.run(problem)
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox)
+    assert diagnosis.cause == Cause.POOL
+    assert "no hypothesis" in diagnosis.sentence
+    assert diagnosis.evidence["error_from_truth"] < 0.1
+
+
+def test_the_same_run_gets_the_same_diagnosis_and_is_left_as_it_was() -> None:
+    broken = broken_scene(Cause.POOL, 0)
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    before = run.iterations
+    first, second = (diagnose(run, broken.toolbox) for _ in range(2))
+    assert first_difference(first, second) is None
+    again = broken.toolbox.run(broken.problem)
+    again.finish()
+    assert first_difference(before, again.iterations) is None
+
+
+def test_asking_for_every_cause_keeps_the_main_one() -> None:
+    broken = broken_scene(Cause.SIMULATION, 0)
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    (brief,), (thorough,) = diagnose(run, broken.toolbox), diagnose(run, broken.toolbox, every_cause=True)
+    assert brief.cause == thorough.cause == Cause.SIMULATION
+    assert brief.n_reruns <= thorough.n_reruns
+    assert {f.cause for f in brief.others} <= {f.cause for f in thorough.others}
+
+
+@pytest.mark.parametrize("method", ["vf_depth", "physim_mcts"])
+def test_methods_of_whole_scenes_are_diagnosed_as_well(method: str) -> None:
+    broken = broken_scene(Cause.POOL, 1)
+    settings = {"method": {"name": method, "iterations": 2}, "mcts": {"expansions": 4}}
+    toolbox = broken.toolbox.restarted(settings)
+    run = toolbox.run(broken.problem)
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox)
+    assert diagnosis.cause == Cause.POOL
