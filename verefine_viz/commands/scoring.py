@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -139,20 +140,35 @@ def _known(value: float) -> float | None:
 
 
 def _overview(found: Evaluation) -> Table:
-    title = f"{found.dataset}/{found.split}, {found.targets}"
-    table = Table(title=escape(title), title_justify="left")
-    table.add_column("method", overflow="fold")
-    if found.scores[0].precision is not None:
-        heads = ("mAP", "MSSD", "MSPD", "MSSD (2-20 mm)", "targets", "missing", "s/image")
-    else:
-        heads = ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD", "ADD(-S)", "r̄ °", "t̄ mm", "targets", "missing", "s/image")
-    for head in heads:
+    first = found.scores[0]
+    what = f"{found.dataset}/{found.split}, {found.targets}, {first.counts.targets} targets"
+    is_timed = any(score.mean_time_s >= 0 for score in found.scores)
+    table = _table(f"{what}: {_measure(first)} [%]", "method")
+    for head in (*_heads(first), "missing", *(["s/image"] if is_timed else [])):
         table.add_column(head, justify="right")
     for score in found.scores:
         seconds = f"{score.mean_time_s:.3g}" if score.mean_time_s >= 0 else "-"
-        counts = str(score.counts.targets), str(score.counts.missing), seconds
-        table.add_row(escape(score.name), *_numbers(score), *counts)
+        missing = str(score.counts.missing)
+        table.add_row(escape(score.name), *_numbers(score), missing, *([seconds] if is_timed else []))
     return table
+
+
+def _table(title: str, *names: str) -> Table:
+    # Narrow: ten columns are to fit a terminal of 80 characters.
+    table = Table(title=escape(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    for name in names:
+        table.add_column(name, overflow="ellipsis", no_wrap=True)
+    return table
+
+
+def _measure(score: Scores) -> str:
+    return "average recall" if score.precision is None else "mean average precision"
+
+
+def _heads(score: Scores) -> tuple[str, ...]:
+    if score.precision is not None:
+        return "mAP", "MSSD", "MSPD", "MSSD 2-20 mm"
+    return "AR", "VSD", "MSSD", "MSPD", "ADD(-S)", "r̄ °", "t̄ mm"
 
 
 def _numbers(score: Scores) -> list[str]:
@@ -180,14 +196,8 @@ def _percent(share: float) -> str:
 
 
 def _by_object(score: Scores, names: dict[int, str]) -> Table:
-    table = Table(title=escape(score.name), title_justify="left")
-    table.add_column("object", justify="right")
-    table.add_column("name", overflow="fold")
-    if score.precision is not None:
-        heads = ("mAP", "MSSD", "MSPD", "MSSD (2-20 mm)", "targets")
-    else:
-        heads = ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD", "ADD(-S)", "r̄ °", "t̄ mm", "targets", "missing")
-    for head in heads:
+    table = _table(f"{score.name}: {_measure(score)} [%]", "#", "object")
+    for head in (*_heads(score), "targets", *(["missing"] if score.precision is None else [])):
         table.add_column(head, justify="right")
     for obj_id, precision in score.precision_by_object.items():
         numbers = *_precisions(precision), str(precision.n_targets)
@@ -211,5 +221,5 @@ def _remarks(found: Evaluation) -> list[str]:
             limit = "the instances asked for" if score.task == "localization" else "the limit of an image"
             lines.append(f"{score.name}: {counts.surplus} rows beyond {limit} were left out, the lowest scores")
     if found.scores[0].task == "localization":
-        lines.append("percent; ADD(-S) below 10 % of the diameter; r̄, t̄ over the targets that have a pose")
+        lines.append("ADD(-S): targets with less than 10 % of the diameter; r̄, t̄: mean errors of those with a pose")
     return lines

@@ -1,0 +1,278 @@
+"""``verefine-viz evaluate``: what it prints, and what it refuses in one clear line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.scenes.bop_folder import OBJ_IDS, Made, cut, make
+from verefine_viz import cli
+from verefine_viz.scenes.results import HEADER, ResultRow, write_results
+
+POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
+
+
+@dataclass(frozen=True)
+class Desk:
+    """A data set, a perfect results file, and what the command prints."""
+
+    made: Made
+    results: Path
+    capsys: pytest.CaptureFixture[str]
+
+    def run(self, *words: object) -> str:
+        """Standard output of a run that ends well."""
+        code = cli.main(["evaluate", *map(str, words or [self.results]), "--dataset", str(self.made.root)])
+        captured = self.capsys.readouterr()
+        assert code == 0, captured.err
+        return captured.out
+
+    def json(self, *words: object) -> dict[str, Any]:
+        return json.loads(self.run(*(words or [self.results]), "--json"))
+
+    def refused(self, *words: object) -> str:
+        """The one line with which a run is refused."""
+        arguments = [*map(str, words or [self.results])]
+        if "--dataset" not in arguments:
+            arguments += ["--dataset", str(self.made.root)]
+        assert cli.main(["evaluate", *arguments]) == 2
+        captured = self.capsys.readouterr()
+        assert captured.out == ""
+        lines = [line for line in captured.err.splitlines() if line.strip()]
+        assert len(lines) == 1, captured.err
+        assert lines[0].startswith("verefine-viz: ")
+        assert "Traceback" not in captured.err
+        return lines[0]
+
+    def file(self, name: str, text: str) -> Path:
+        path = self.results.with_name(name)
+        path.write_text(text)
+        return path
+
+
+def rows(made: Made, time_s: float = 0.25) -> list[ResultRow]:
+    found = []
+    for instance, obj_id in zip(made.problem.instances, OBJ_IDS, strict=True):
+        assert instance.T_cam_obj_gt is not None
+        found.append(ResultRow(7, 3, obj_id, 0.5, instance.T_cam_obj_gt, time_s))
+    return found
+
+
+@pytest.fixture
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+    made = make(tmp_path / "boxes")
+    results = tmp_path / "perfect_boxes-test.csv"
+    write_results(results, rows(made))
+    return Desk(made, results, capsys)
+
+
+def test_the_table_has_a_row_for_each_file(desk: Desk) -> None:
+    other = desk.file("other_boxes-test.csv", f"{HEADER}\n7,3,5,1,{POSE},-1\n99,3,5,1,{POSE},-1\n")
+    text = desk.run(desk.results, other)
+    assert "boxes/test, test_targets_bop19.json, 3 targets: average recall [%]" in text
+    lines = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
+    assert " ".join(lines["method"]) == "method AR VSD MSSD MSPD ADD(-S) r̄ ° t̄ mm missing s/image"
+    assert lines["perfect"] == ["perfect", *["100.0"] * 5, "0.0", "0.0", "0", "0.25"]
+    assert lines["other"][1] == "0.0"
+    assert lines["other"][-2:] == ["2", "-"]
+    assert "other: 1 of 2 rows are about scenes, images or objects that the targets do not name" in text
+    assert "there is no models_eval" in text
+    assert max(map(len, text.splitlines()[:6])) <= 80
+
+
+def test_json_holds_every_number(desk: Desk) -> None:
+    found = desk.json()
+    assert (found["dataset"], found["split"], found["targets"]) == ("boxes", "test", "test_targets_bop19.json")
+    assert found["seconds"] > 0
+    assert len(found["notes"]) == 1
+    (score,) = found["results"]
+    assert score["method"] == "perfect"
+    assert score["file"] == str(desk.results)
+    assert [score[k] for k in ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD")] == [1.0] * 4
+    assert np.shape(score["recalls"]["VSD"]) == (10, 10)
+    assert score["recalls"]["MSSD"] == score["recalls"]["MSPD"] == [1.0] * 10
+    counts = {"rows": 3, "scored": 3, "surplus": 0, "unasked": 0, "targets": 3, "missing": 0}
+    assert score["counts"] == counts
+    assert set(score["objects"]) == {"2", "5"}
+    assert score["objects"]["2"]["targets"] == 2
+    assert score["objects"]["2"]["AR"] == 1.0
+    assert score["average_time_per_image_s"] == 0.25
+    assert score["add_s_below_10_percent"] == 1.0
+
+
+def test_json_has_null_where_nothing_is_known(desk: Desk) -> None:
+    path = desk.file("none_boxes-test.csv", f"99,3,5,1,{POSE},-1\n")
+    (score,) = desk.json(path)["results"]
+    assert score["AR"] == 0.0
+    assert score["mean_rotation_deg"] is None
+    assert score["average_time_per_image_s"] is None
+    assert score["counts"]["missing"] == 3
+
+
+def test_a_table_by_object(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    assert "obj_000005" not in desk.run(desk.results)
+    text = desk.run(desk.results, "--per-object")
+    assert "obj_000002" in text
+    assert "obj_000005" in text
+
+
+def test_detection(desk: Desk) -> None:
+    (score,) = desk.json(desk.results, "--task", "detection")["results"]
+    assert [score[k] for k in ("mAP", "mAP_MSSD", "mAP_MSPD", "mAP_MSSD_mm")] == [1.0] * 4
+    assert "mAP" in desk.run(desk.results, "--task", "detection", "--per-object")
+
+
+def test_targets_of_bop24_ask_for_detection(desk: Desk) -> None:
+    (desk.made.root / "test_targets_bop24.json").write_text(json.dumps([{"scene_id": 7, "im_id": 3}]))
+    assert desk.json(desk.results)["results"][0]["task"] == "localization"
+    assert desk.json(desk.results, "--targets", "test_targets_bop24.json")["results"][0]["task"] == "detection"
+    refusal = desk.refused(desk.results, "--targets", "test_targets_bop24.json", "--task", "localization")
+    assert "name a …_targets_bop19.json with --targets" in refusal
+
+
+def test_targets_may_be_few(desk: Desk) -> None:
+    entries = [{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}]
+    path = desk.file("mine.json", json.dumps(entries))
+    (score,) = desk.json(desk.results, "--targets", path)["results"]
+    assert score["counts"]["targets"] == 1
+    assert score["counts"]["unasked"] == 2
+
+
+def test_a_split_with_another_name_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = make(tmp_path / "tless", split="test_primesense")
+    results = tmp_path / "perfect_tless-test.csv"
+    write_results(results, rows(made))
+    assert Desk(made, results, capsys).json()["split"] == "test_primesense"
+
+
+def test_models_eval_win(desk: Desk) -> None:
+    shutil.copytree(desk.made.root / "models", desk.made.root / "models_eval")
+    assert desk.json()["notes"] == []
+    cut(desk.made.root / "models" / "obj_000005.ply")
+    assert desk.json()["results"][0]["AR"] == 1.0
+
+
+def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> None:
+    (desk.made.scene / "scene_gt_info.json").unlink()
+    found = desk.json()
+    assert found["results"][0]["AR"] == 1.0
+    assert any("scene 7 has no scene_gt_info.json" in note for note in found["notes"])
+
+
+def test_methods_of_the_same_name_are_told_apart(desk: Desk) -> None:
+    other = desk.results.parent / "more" / desk.results.name
+    other.parent.mkdir()
+    shutil.copy(desk.results, other)
+    methods = [score["method"] for score in desk.json(desk.results, other)["results"]]
+    assert len(set(methods)) == 2
+
+
+def edit(path: str, change: Callable[[Any], None]) -> Callable[[Desk], None]:
+    return lambda desk: desk.made.edit(path, change)
+
+
+def remove(path: str) -> Callable[[Desk], None]:
+    return lambda desk: (desk.made.scene / path).unlink()
+
+
+def damage(path: str) -> Callable[[Desk], None]:
+    return lambda desk: cut(desk.made.scene / path)
+
+
+def write(path: str, text: str) -> Callable[[Desk], None]:
+    def change(desk: Desk) -> None:
+        (desk.made.scene / path).write_text(text)
+
+    return change
+
+
+def black_and_white(desk: Desk) -> None:
+    Image.new("RGB", (80, 60)).save(desk.made.scene / "depth" / "000003.png")
+
+
+TARGETS = "../../test_targets_bop19.json"
+MODELS = "../../models"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (remove("scene_gt.json"), "scene_gt.json is missing; without ground truth there is nothing to score"),
+        (damage("scene_gt.json"), "scene_gt.json is not JSON"),
+        (edit("scene_gt.json", lambda x: x.pop("3")), "scene_gt.json has no image 3, which the targets name"),
+        (edit("scene_gt.json", lambda x: x["3"][1].pop("cam_R_m2c")), "image 3, entry 1 has no 'cam_R_m2c'"),
+        (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3 is a JSON int, expected a list of instances"),
+        (edit("scene_gt_info.json", lambda x: x["3"].pop()), "does not describe the 3 instances of scene_gt.json"),
+        (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
+        (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 9)), "focal lengths 0, 0"),
+        (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
+        (remove("depth/000003.png"), "000003.png is missing; VSD needs the depth image"),
+        (damage("depth/000003.png"), "000003.png is damaged or no image"),
+        (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
+        (remove(TARGETS), "no test_targets_bop19.json or test_targets_bop24.json, but no targets file; name one with"),
+        (write(TARGETS, "[]"), "test_targets_bop19.json lists no targets"),
+        (write(TARGETS, '{"a": 1}'), "test_targets_bop19.json holds a JSON dict, expected a list"),
+        (edit(TARGETS, lambda x: x[1].pop("inst_count")), "test_targets_bop19.json, entry 1 has no 'inst_count'"),
+        (edit(TARGETS, lambda x: x[1].update(inst_count=-1)), "'inst_count' is -1, expected 0 or more instances"),
+        (edit(TARGETS, lambda x: x[0].update(im_id=8)), "has no image 8, which the targets name"),
+        (edit(TARGETS, lambda x: x[0].update(scene_id=8)), "unknown scene 8; available: 7"),
+        (remove(f"{MODELS}/models_info.json"), "models_info.json cannot be read"),
+        (
+            edit(f"{MODELS}/models_info.json", lambda x: x.pop("5")),
+            "has no entry for object 5; its 'diameter' is needed",
+        ),
+        (
+            edit(f"{MODELS}/models_info.json", lambda x: x["5"].update(diameter=0)),
+            "'diameter' is 0, expected millimetres",
+        ),
+        (damage(f"{MODELS}/obj_000005.ply"), "obj_000005.ply"),
+        (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),
+    ],
+)
+def test_a_data_set_that_cannot_be_used(desk: Desk, change: Callable[[Desk], None], words: str) -> None:
+    change(desk)
+    assert words in desk.refused()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "holds no estimates"),
+        (HEADER, "holds no estimates"),
+        (f"{HEADER}\n7,3,5,1,{POSE}\n", "line 2: found 6 comma-separated fields, expected 7 fields"),
+        (f"{HEADER}\n7,3,5,1,{POSE},-1\n\n7,3,5,1,{POSE},-1\n", "line 3: found a blank line"),
+        (f"7.0,3,5,1,{POSE},-1\n", "line 1: scene_id is '7.0', expected an integer"),
+        (f"7,3,5,high,{POSE},-1\n", "line 1: score is 'high'"),
+        ("7,3,5,1,1 0 0 0 1 0 0 0,0 0 500,-1\n", "line 1: R holds 8 numbers, expected 9"),
+        (f"7,3,5,1,{POSE},soon\n", "line 1: time is 'soon'"),
+        (f"7,3,5,1,{POSE},1\n7,3,2,1,{POSE},1.5\n", "line 2: time is 1.5 s, but 1 s in an earlier line"),
+        (f"scene_id, im_id, obj_id, score, R, t, time\n7,3,5,1,{POSE},-1\n", "line 1: scene_id is 'scene_id'"),
+        (f"\ufeff7,3,5,1,{POSE},-1\n", "line 1: scene_id is"),
+    ],
+)
+def test_a_results_file_that_the_official_check_refuses(desk: Desk, text: str, words: str) -> None:
+    path = desk.file("bad_boxes-test.csv", text)
+    assert words in desk.refused(path)
+    assert words in desk.refused(desk.results, path)
+
+
+def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
+    assert "cannot be read: No such file" in desk.refused(tmp_path / "no.csv")
+    assert "no results file given" in desk.refused("--split", "test")
+    assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
+    assert "has no folder test*; say which split is meant" in desk.refused(desk.results, "--dataset", tmp_path)
+    assert "unknown split 'train'; available: test" in desk.refused(desk.results, "--split", "train")
+    assert "neither here nor in" in desk.refused(desk.results, "--targets", "no.json")
+    assert "--workers is 0" in desk.refused(desk.results, "--workers", "0")
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"\xff\xfe\x00")
+    assert "is no text file" in desk.refused(binary)
