@@ -9,6 +9,10 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import pytest
+
+from verefine_viz.cli import view
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -30,3 +34,22 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
     assert child.returncode == 0, errors
     assert output == ""
     assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--scene.demo", "nope"], "unknown demo scene 'nope'; available: mug"),
+        (["--method.name", "rirr"], "unknown method 'rirr'; available: "),
+        (["--method.refiner", "ipc"], "unknown refiner 'ipc'; available: icp"),
+        ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
+    ],
+)
+def test_what_does_not_exist_is_said_in_one_line_and_no_address_is_given(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert view([*words, "--port", "0", "--no-open-browser"]) == 2
+    output, errors = capsys.readouterr()
+    assert output == ""
+    assert said in errors
+    assert errors.count("\n") == 1

@@ -129,26 +129,42 @@ def test_methods_without_a_bandit_say_so() -> None:
 def test_a_far_start_is_found_until_the_run_arrives() -> None:
     view = replace(after(), initial_errors=(off(41, 80, 0.9), off(50, 90, 1.1), None))
     view = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(41, 80, 0.9))})
-    assert findings(view)[0].text.startswith("No hypothesis starts near: best initial error 41° and 80 mm")
+    (said,) = findings(view)
+    assert said.text.startswith("The nearest start is off by 41° and 80 mm (hypothesis 1)")
+    assert said.calm, "nothing is wrong before the run"
     arrived = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(1, 1, 0.01))})
     assert findings(arrived) == ()
+
+
+def test_a_far_start_that_led_nowhere_is_red_at_the_end_of_the_run_only() -> None:
+    far = {"initial_errors": (off(41, 80, 0.9),) * 3}
+    view = after(c.RunUntil("end"))
+    (iteration, kept, _), *_ = reversed(view.error_series)
+    poses = view.poses | {"best": replace(view.poses["best"], errors=off(40, 70, 0.8))}
+    lost = replace(view, poses=poses, error_series=((iteration, kept, off(40, 70, 0.8)),), **far)  # type: ignore[arg-type]
+    texts = [f.text for f in findings(lost) if f.red]
+    assert any(t.startswith("No hypothesis starts near: best initial error 41° and 80 mm") for t in texts)
+    assert not [f for f in findings(replace(lost, cursor=0)) if f.red], "what is shown is not the end"
+    back = replace(after(c.RunUntil("end"), c.Seek(0)), **far)  # type: ignore[arg-type]
+    assert findings(back) == (), "the run got there, wherever the cursor is"
 
 
 def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     view = after(c.RunUntil("end"))
     best = view.poses["best"]
+    truth = view.truth
     assert best.score is not None
-    assert view.truth is not None
+    assert truth is not None
     view = replace(
         view,
         poses=view.poses | {"best": replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))},
-        truth=replace(view.truth, score=replace(best.score, score=0.82)),
+        truth=replace(truth, score=replace(best.score, score=0.82)),
     )
     texts = [f.text for f in findings(view)]
     assert any(
         t.startswith("The score prefers a wrong pose: best 0.94 (127° and 45 mm off) against 0.82") for t in texts
     )
-    view = replace(view, truth=replace(view.truth, score=replace(best.score, score=0.99)))
+    view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
 

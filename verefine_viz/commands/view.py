@@ -41,6 +41,7 @@ class View:
         elif self.session is not None and self.session.is_dir():
             session = _batch_session(self.session, overrides)
         else:
+            _check_kind(self.session)
             from verefine_viz.session.files import load_session
 
             session = load_session(self.session, overrides)
@@ -60,6 +61,17 @@ class View:
 def is_recording(path: Path | None) -> bool:
     """Whether a path is that of a recording, finished or not."""
     return path is not None and path.name.removesuffix(".part").endswith(".rrd")
+
+
+def _check_kind(path: Path | None) -> None:
+    """
+    Raises:
+        InputError: a file is there, but of a kind that cannot be opened.
+    """
+    if path is not None and path.suffix != ".toml" and path.exists():
+        raise InputError(
+            f"{path} cannot be opened; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
+        )
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:

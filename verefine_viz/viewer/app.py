@@ -13,8 +13,10 @@ from time import monotonic
 from typing import Any, cast
 
 from verefine_viz.batch.index import BatchIndex, read_batch
-from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
@@ -299,6 +301,21 @@ def real_parts(
     return make_tools, *checks, tuple(demo_names())
 
 
+def check_names(session: Session) -> None:
+    """That scene, method and refiner exist, before anyone is sent to a page that cannot open.
+
+    Raises:
+        VerefineError: one of them does not.
+    """
+    from verefine_viz.scenes.source import open_scene
+
+    if session.method.name not in ALL_METHOD_NAMES:
+        raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
+    if session.method.refiner not in REFINERS:
+        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
+    open_scene(session.scene, session.hypotheses)
+
+
 def _of_recordings(a: Path | None, b: Path | None) -> tuple[c.Command, ...]:
     """What opens them."""
     return (*([OpenRecording(str(a))] if a else []), *([CompareRecording(str(b))] if b else []))
@@ -322,6 +339,7 @@ def serve(
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
     batch = read_batch(session_path) if session_path is not None and session_path.is_dir() else None
+    check_names(session)
     app = App(
         session, None if batch else session_path, host, port, batch=batch, first=_of_recordings(*recordings)
     ).start()

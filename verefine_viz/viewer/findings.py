@@ -21,6 +21,8 @@ class Finding:
 
     text: str
     red: bool = False
+    calm: bool = False
+    """Good to know, but nothing is wrong yet."""
     command: c.Command | None = None
     """What to try."""
     label: str = ""
@@ -63,17 +65,18 @@ def _far_start(view: View) -> list[Finding]:
         return []
     _, j, errors = min(known, key=lambda k: k[0])
     best = view.poses.get("best")
-    arrived = best is not None and best.errors is not None and best.errors.relative < 0.1
+    found = [best.errors if best is not None else None, *(errors for _, _, errors in view.error_series[-1:])]
+    arrived = any(e is not None and e.relative < 0.1 for e in found)
     if errors.relative < FAR or arrived:
         return []
-    start = (
-        f"No hypothesis starts near: best initial error {errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm "
-        f"(hypothesis {j + 1}), ADD(-S) {errors.relative:.0%} of the diameter."
+    off = (
+        f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
+        f"{errors.relative:.0%} of the diameter."
     )
     if not _is_over(view):
-        text = f"{start} Above {FAR:.0%} it depends on the object whether refinement gets there: run it and see."
-        return [Finding(text, command=c.SelectArm(j), label="show it")]
-    text = f"{start} Refinement did not get there: look at the estimator first."
+        text = f"The nearest start is off by {off} Refinement may get there or not: run it and see."
+        return [Finding(text, calm=True, command=c.SelectArm(j), label="show it")]
+    text = f"No hypothesis starts near: best initial error {off} Refinement did not help: look at the estimator first."
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
 
 
@@ -87,7 +90,10 @@ def _alone(view: View) -> list[Finding]:
 
 
 def _is_over(view: View) -> bool:
+    """Whether the object in focus has had all its iterations at the cursor: then its best pose is the answer."""
     own = view.own_iterations
+    if own and own[-1].index > view.cursor:
+        return False
     if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
         return view.progress.done == view.progress.total
     done = view.progress.done == view.progress.total

@@ -102,6 +102,7 @@ STYLE = """<style>
 .vz tr.marked{background:rgba(40,200,80,.18)}
 .vz .sw{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:5px;
  border:1px solid rgba(0,0,0,.35);vertical-align:-1px}
+.vz.names td:first-child,.vz.names th:first-child,
 .vz.objects td:nth-child(2){max-width:0;width:99%;overflow:hidden;text-overflow:ellipsis}
 .vz.objects td,.vz.objects th{padding-inline:3px}
 .vz.objects td:nth-child(2),.vz.objects th:nth-child(2){text-align:left}

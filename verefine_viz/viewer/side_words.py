@@ -11,7 +11,7 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.side_view import SideNow, SidesView
-from verefine_viz.viewer.tables import cut, number
+from verefine_viz.viewer.tables import number
 
 _NONE = "–"
 
@@ -150,11 +150,10 @@ def outcome_table(v: SidesView) -> str:
     for o in v.outcomes:
         a, b = o.a, o.b
         cells = [
-            cut(o.name),
+            f'<span title="{text(o.name)}">{text(o.name)}</span>',
             _pair(a, b, lambda x: x.score, 2),
-            _pair(a, b, lambda x: x.errors and x.errors.add_s_mm, 1),
+            f'<span title="{_offsets(a, b)}">{_pair(a, b, lambda x: x.errors and x.errors.add_s_mm, 1)}</span>',
             _pair(a, b, lambda x: x.errors and x.errors.rotation_deg, 0, "°"),
-            _pair(a, b, lambda x: x.errors and x.errors.translation_mm, 1),
             {"A": _winner("A"), "B": _winner("B"), "even": "=", None: _NONE}[o.winner],
         ]
         rows.append(Row(cells, Focus(o.instance_id), marked=o.name == v.focus and len(v.outcomes) > 1))
@@ -164,7 +163,6 @@ def outcome_table(v: SidesView) -> str:
         ("score", f"verification score of A → B.{rule}"),
         ("ADD(-S)", "error against ground truth [mm], A → B"),
         ("rot.", "rotation error, A → B"),
-        ("mm", "translation error, A → B"),
         ("", "who is nearer to ground truth; without it, who scores higher"),
     ]
     return table(head, rows) + _totals(v)
@@ -187,6 +185,11 @@ def _totals(v: SidesView) -> str:
 
 def _effort_row(label: str, a: Effort, b: Effort, pick: Any) -> Row:
     return Row([label, f"{pick(a)}", f"{pick(b)}", f"{pick(b) - pick(a):+d}"])
+
+
+def _offsets(a: Answer | None, b: Answer | None) -> str:
+    """What there is no column for."""
+    return f"translation error: {_pair(a, b, lambda x: x.errors and x.errors.translation_mm, 1)} mm"
 
 
 def _winner(side: str) -> str:

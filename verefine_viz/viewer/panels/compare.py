@@ -44,8 +44,8 @@ class ComparePanel:
             "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
         )
         self.slider.on_update(by_person(lambda v: send(s.SeekMoment(int(v)))))
-        self._now = Block(gui)
-        self._outcome = Block(gui)
+        self._now = Block(gui, "names")
+        self._outcome = Block(gui, "names")
         self._curves = gui.add_folder("Curves", visible=False)
         with self._curves:
             self._caption = Block(gui)

@@ -75,6 +75,8 @@ class RunPanel:
 
 def _box(finding: Finding) -> str:
     extra = link(finding.label, finding.command) if finding.command else ""
+    if finding.calm:
+        return f'<p class="dim">{text(finding.text)} {extra}</p>'
     return warning(finding.text, extra, red=finding.red)
 
 

@@ -39,6 +39,11 @@ class SettingsPanel:
             "tricp.trim": gui.add_number(
                 "Trim", 1.0, min=0.05, max=1.0, step=0.05, hint="share of the observed points that the fit uses"
             ),
+            "dependency.rule": gui.add_dropdown(
+                "Order by",
+                ("recommended", "published"),
+                hint="the rule that the order of the objects follows, where none is given; needs a restart",
+            ),
             "hypotheses.seed": gui.add_number(
                 "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
             ),
@@ -82,4 +87,5 @@ class SettingsPanel:
         self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
+        self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
