@@ -1,24 +1,12 @@
-"""What a batch has written, and stopping one in the middle."""
+"""What a batch has noted, and stopping one in the middle."""
 
 from __future__ import annotations
 
-import csv
 import subprocess
 from pathlib import Path
 from time import monotonic, sleep
 
 import psutil
-
-from verefine_viz.batch.rows import TIME_COLUMNS
-
-
-def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
-    """results.csv and frames.csv, the columns of times left out."""
-    with (out / "results.csv").open(newline="") as file:
-        results = [row[:-1] for row in csv.reader(file)]
-    with (out / "frames.csv").open(newline="") as file:
-        frames = [{k: v for k, v in row.items() if k not in TIME_COLUMNS} for row in csv.DictReader(file)]
-    return results, frames
 
 
 def journal(out: Path) -> list[str]:

@@ -11,8 +11,9 @@ from pathlib import Path
 import psutil
 import pytest
 
+from bench.kills import without_times
 from tests.batch.frames import depth_file, make_frames, run_batch, start_batch, write_session
-from tests.batch.outputs import journal, stop_in_the_middle, without_times
+from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session

@@ -15,8 +15,9 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
+from bench.kills import without_times
 from tests.batch.frames import make_frames, run_batch, start_batch, write_session
-from tests.batch.outputs import stop_in_the_middle, without_times
+from tests.batch.outputs import stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz import cli
 from verefine_viz.batch import cluster

@@ -9,7 +9,6 @@ import pytest
 
 from tests.batch.frames import make_frames, write_session
 from verefine_viz import cli
-from verefine_viz.estimators import ppf_cache
 from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
@@ -21,7 +20,8 @@ BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ppf_cache, "cache_folder", lambda: tmp_path / "cache")
+    # Workers inherit it.
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 def run(*words: object) -> int:
@@ -77,9 +77,19 @@ def test_a_frame_that_fails_is_named_and_the_others_are_written(
     out = tmp_path / "pool.csv"
     assert run(session, "--out", out, *BY_PPF) == 1
     said = capsys.readouterr().out.splitlines()
-    (failure,) = [line for line in said if "failed" in line]
+    (failure,) = [line for line in said if line.startswith("frame ")]
     assert "/1 failed: " in failure
+    assert said[-1].startswith("1 failed; the same command with --retry-failed")
     assert {row.im_id for row in read_results(out)} == {0, 2}
+    # Mended and tried again: the frames that are done stay as they are.
+    (made.scene / "depth" / "000001.png").write_bytes((made.scene / "depth" / "000000.png").read_bytes())
+    before = {row.im_id: row.time_s for row in read_results(out)}
+    assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0
+    assert "(2 done before)" in capsys.readouterr().out
+    after = {row.im_id: row.time_s for row in read_results(out)}
+    assert after.keys() == {0, 1, 2}
+    assert {im_id: after[im_id] for im_id in (0, 2)} == before
+    assert not out.with_name("pool.csv.journal").exists()
 
 
 def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

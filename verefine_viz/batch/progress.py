@@ -42,13 +42,12 @@ def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress]
 def in_words(now: Progress) -> str:
     """``2.3 frames/s, 3:12 left, recall 71 %, 2 failed``."""
     parts: list[str] = []
-    n_new = now.counts.frames_done - now.n_resumed
-    if n_new > 0 and now.seconds > 0:
-        rate = n_new / now.seconds
-        parts.append(f"{rate:.1f} frames/s" if rate >= 1 else f"{1 / rate:.1f} s a frame")
-        if now.counts.frames_done < now.n_frames:
-            parts.append(f"{_clock((now.n_frames - now.counts.frames_done) / rate)} left")
-    elif now.counts.frames_done < now.n_frames:
+    n_left = now.n_frames - now.counts.frames_done
+    if now.frame_s:
+        parts.append(f"{1 / now.frame_s:.1f} frames/s" if now.frame_s <= 1 else f"{now.frame_s:.1f} s a frame")
+        if n_left:
+            parts.append(f"{_clock(n_left * now.frame_s)} left")
+    elif n_left:
         parts.append("starting")
     if now.counts.recall is not None:
         parts.append(f"recall {now.counts.recall:.0%}")

@@ -72,6 +72,8 @@ class Progress:
     """Frames that an earlier start had already finished."""
     seconds: float
     """Since this start."""
+    frame_s: float | None = None
+    """Time a frame takes, counted from the first one that was done: starting workers takes seconds."""
     warning: str = ""
 
 
@@ -149,6 +151,7 @@ class _Batch:
     place: Place
     counts: Counts = field(default_factory=Counts)
     n_resumed: int = 0
+    first_s: float = 0.0
     started: float = field(default_factory=time.perf_counter)
     begun: datetime = field(default_factory=lambda: datetime.now(UTC))
 
@@ -197,7 +200,12 @@ class _Batch:
         self.folder.write_json(RUN_FILE, {**facts, **when, "totals": totals, **made_by})
 
     def _progress(self) -> Progress:
-        return Progress(self.counts, len(self.frames), self.n_resumed, self._seconds(), self.workers.warning)
+        n_new, now_s, frame_s = self.counts.frames_done - self.n_resumed, self._seconds(), None
+        if n_new == 1:
+            self.first_s = now_s
+        elif n_new > 1:
+            frame_s = (now_s - self.first_s) / (n_new - 1)
+        return Progress(self.counts, len(self.frames), self.n_resumed, now_s, frame_s, self.workers.warning)
 
     def _seconds(self) -> float:
         return time.perf_counter() - self.started

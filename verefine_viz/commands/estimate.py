@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,19 +11,26 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+from verefine_viz.core.errors import SettingsError
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Find first poses in all frames of a session with its estimator, and keep them as a BOP results CSV."""
+    """Find first poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
 
     session: Annotated[Path, tyro.conf.Positional]
     """Session file (.toml); its hypotheses.source must be ppf or pcs, or say --hypotheses.source ppf."""
     out: Path
     """CSV file: up to hypotheses.max-per-object rows for each object, score = the estimator's confidence."""
+    workers: int = max(os.cpu_count() or 1, 1)
+    """Worker processes; the results are the same for any number."""
+    retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Try frames again that failed in an earlier start of the same command."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.commands.pools import write_pools
 
-        return write_pools(self.session, self.out, given(self.settings, arguments))
+        if self.workers < 1:
+            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        return write_pools(self.session, self.out, given(self.settings, arguments), self.workers, self.retry_failed)

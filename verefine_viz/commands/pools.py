@@ -2,55 +2,34 @@
 
 from __future__ import annotations
 
-import time
+import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from verefine_viz.core.errors import InputError, SettingsError, VerefineError
-from verefine_viz.core.problem import Problem
+from verefine_viz.batch.progress import shown_progress
+from verefine_viz.batch.rows import read_frames_csv
+from verefine_viz.batch.runner import Outcome, Place, run_batch
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import DependencySettings, Session
 from verefine_viz.estimators.registry import ESTIMATORS
-from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+
+SHOWN = 10
+"""Objects without a pose that are named; the others are counted."""
 
 
-@dataclass
-class Pools:
-    """What was found so far."""
-
-    rows: list[ResultRow] = field(default_factory=list)
-    n_frames: int = 0
-    n_objects: int = 0
-    without: list[str] = field(default_factory=list)
-    """A line for each object for which nothing was found."""
-    failed: list[str] = field(default_factory=list)
-    """A line for each frame that failed."""
-
-    def add(self, problem: Problem, seconds: float) -> None:
-        """Takes the hypotheses of a frame."""
-        self.n_objects += len(problem.instances)
-        for instance in problem.instances:
-            if not instance.hypotheses:
-                name = problem.models[instance.obj_id].name
-                self.without.append(f"frame {problem.frame}: no hypothesis for {name} (#{instance.instance_id})")
-            self.rows += [
-                ResultRow(problem.scene_id, problem.im_id, instance.obj_id, h.confidence, h.T_cam_obj, seconds)
-                for h in instance.hypotheses
-            ]
-
-
-def write_pools(path: Path, out: Path, overrides: Mapping[str, Any]) -> int:
+def write_pools(
+    path: Path, out: Path, overrides: Mapping[str, Any], n_workers: int = 1, retry_failed: bool = False
+) -> int:
     """Estimates every frame of the session at ``path`` into the results file ``out``; the exit code.
 
     Frames that fail are listed and make it 1; the others are written. Where nothing was found in any frame there is
-    nothing to write.
+    nothing to write. Beside ``out`` lies a journal while frames are missing, so that the next start goes on.
 
     Raises:
         VerefineError: the session or ``out`` cannot be used.
@@ -62,12 +41,20 @@ def write_pools(path: Path, out: Path, overrides: Mapping[str, Any]) -> int:
             "say --hypotheses.source ppf"
         )
     _check(out)
-    started = time.perf_counter()
-    pools = _estimated(session, out.name)
-    if pools.rows:
-        write_results(out, pools.rows)
-    _print_summary(pools, out, time.perf_counter() - started)
-    return 1 if pools.failed or not pools.rows else 0
+    journal = out.with_name(f"{out.name}.journal")
+    with shown_progress(out.name, Console(stderr=True)) as tell:
+        outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")
+    rows = read_frames_csv(journal / "frames.csv")
+    n_found = sum(row.n_hypotheses for row in rows)
+    if n_found:
+        with atomic(out) as part:
+            shutil.copyfile(journal / "results.csv", part)
+    without = [f"{row.scene_id}/{row.im_id}: no hypothesis for {row.name} (#{row.instance_id})" for row in rows
+               if row.status == "no_answer"]  # fmt: skip
+    _print_summary(outcome, n_found, without, out)
+    if not outcome.n_failed:
+        shutil.rmtree(journal)
+    return 1 if outcome.n_failed or not n_found else 0
 
 
 def _only_estimating(session: Session) -> Session:
@@ -86,39 +73,18 @@ def _check(out: Path) -> None:
         raise InputError(f"cannot write {out}: {error.strerror}") from None
 
 
-def _estimated(session: Session, title: str) -> Pools:
-    errors = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
-    )
-    pools = Pools()
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-        task = bar.add_task(escape(title), total=None, note="starting")
-        toolbox = Toolbox(session, lambda doing: bar.update(task, note=escape(doing)))
-        frames = toolbox.frames
-        bar.update(task, total=len(frames))
-        for frame in frames:
-            started = time.perf_counter()
-            try:
-                problem = toolbox.problem(frame)
-                pools.add(problem, round(time.perf_counter() - started, 3))
-            except VerefineError as error:
-                pools.failed.append(f"frame {frame} failed: {error}")
-            except Exception as error:  # One frame must not cost the work of all others.
-                pools.failed.append(f"frame {frame} failed: {type(error).__name__}: {error}")
-            pools.n_frames += 1
-            bar.update(task, completed=pools.n_frames)
-    return pools
-
-
-def _print_summary(pools: Pools, out: Path, seconds: float) -> None:
+def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
-    counts = f"{pools.n_frames} frames, {pools.n_objects} objects, {len(pools.rows)} hypotheses; {seconds:.1f} s."
-    where = f"Results in {out}" if pools.rows else f"Nothing was found, so {out} was not written"
-    console.print(escape(f"{counts} {where}"))
-    for line in (*pools.without, *pools.failed):
-        console.print(escape(" ".join(line.split())))
+    numbers = outcome.totals
+    before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""
+    counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_found} hypotheses"
+    where = f"Results in {out}" if n_found else f"Nothing was found, so {out} was not written"
+    console.print(escape(f"{counts}; {outcome.seconds:.1f} s. {where}"))
+    for line in without[:SHOWN]:
+        console.print(escape(f"frame {line}"))
+    if len(without) > SHOWN:
+        console.print(f"… and {len(without) - SHOWN} more objects without a hypothesis")
+    for frame, why in outcome.failures:
+        console.print(escape(f"frame {frame} failed: {why}"))
+    if outcome.n_failed:
+        console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")

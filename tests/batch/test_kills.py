@@ -1,0 +1,22 @@
+"""A batch that is killed at random moments leaves what one that never was leaves. bench/kills.py does it 20 times."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+from bench.kills import killed_until_done, without_times
+from bench.light_frames import write_light_frames
+from tests.batch.frames import command, run_batch
+
+N_KILLS = 3
+
+
+def test_kills_at_random_moments_change_nothing(tmp_path: Path) -> None:
+    session = write_light_frames(tmp_path, 40)
+    assert run_batch(session, tmp_path / "whole", "--workers", 1).returncode == 0
+    out = tmp_path / "killed"
+    killed = killed_until_done(command("batch", session, "--out", out, "--workers", 2), out, N_KILLS, random.Random(2))
+    assert killed.kills == N_KILLS
+    assert without_times(out) == without_times(tmp_path / "whole")
+    assert not list(out.rglob("*.part"))

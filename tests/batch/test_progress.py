@@ -1,0 +1,80 @@
+"""What a batch says while it works."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from verefine_viz.batch import progress
+from verefine_viz.batch.progress import in_words, shown_progress
+from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
+from verefine_viz.batch.runner import Progress
+from verefine_viz.batch.totals import Counts, Totals
+
+
+def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> FrameResult:
+    row = ObjectRow.model_validate(
+        {"scene_id": 0, "im_id": im_id, "status": status, "add_s_mm": add_s_mm, "diameter_mm": 100.0, "score": 0.5,
+         "has_truth": True}
+    )  # fmt: skip
+    return FrameResult(frame=f"0/{im_id}", failed=False, seconds=1, objects=(row,), stages_ms={"read": 2.0})
+
+
+RESULTS = [
+    solved(0, 5.0),
+    solved(1, 50.0),
+    solved(2, None, "no_answer"),
+    failed_frame("0/3", "no depth"),
+    solved(4, 1.0),
+]
+
+
+def counted() -> Counts:
+    counts = Counts()
+    for result in RESULTS:
+        counts.add(result)
+    return counts
+
+
+def test_objects_without_an_answer_are_missed() -> None:
+    counts = counted()
+    assert counts.recall == 2 / 4
+    assert (counts.frames_done, counts.frames_failed, counts.objects_without_answer) == (5, 1, 1)
+
+
+def test_totals_see_every_result_once() -> None:
+    totals = Totals()
+    assert list(totals.passing(RESULTS)) == RESULTS
+    numbers = totals.as_json(7)
+    assert (numbers["frames"], numbers["frames_done"], numbers["frames_failed"]) == (7, 5, 1)
+    assert numbers["median_add_s_mm"] == 5.0
+    assert numbers["mean_stages_ms_per_frame"] == {"read": 2.0}
+    assert totals.failures == [("0/3", "no depth")]
+
+
+@pytest.mark.parametrize(
+    ("frame_s", "n_frames", "said"),
+    [
+        (None, 100, "starting, recall 50%, 1 failed"),
+        (0.25, 100, "4.0 frames/s, 0:24 left, recall 50%, 1 failed"),
+        (60.0, 105, "60.0 s a frame, 1:40:00 left, recall 50%, 1 failed"),
+        (2.0, 5, "2.0 s a frame, recall 50%, 1 failed"),
+    ],
+)
+def test_rate_rest_and_recall(frame_s: float | None, n_frames: int, said: str) -> None:
+    assert in_words(Progress(counted(), n_frames, 0, 10.0, frame_s)) == said
+
+
+def test_a_log_file_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "EVERY_S", 30.0)
+    text = io.StringIO()
+    with shown_progress("run", Console(file=text, width=200)) as tell:
+        for seconds in (1.0, 31.0, 45.0, 62.0):
+            tell(Progress(counted(), 100, 0, seconds, 1.0, "too little memory"))
+    lines = text.getvalue().splitlines()
+    assert lines == [
+        "note: too little memory",
+        *["run: 5/100 frames, 1.0 frames/s, 1:35 left, recall 50%, 1 failed"] * 2,
+    ]
