@@ -107,10 +107,14 @@ def bop_scores(
     for obj_id in sorted({i for table in tables for mine in table.by_image.values() for i in mine} & asked):
         truth.model(obj_id)
     score = _Localization(tables, truth, targets) if task == "localization" else _Detection(tables, truth, targets)
-    with ThreadPoolExecutor(workers) as pool:
+    pool = ThreadPoolExecutor(workers)
+    try:
         for done, (image, parts) in enumerate(zip(images, pool.map(score.image, images), strict=True), start=1):
             score.add(image, parts)
             tell(done, len(images))
+    finally:
+        # After an error or Ctrl-C nobody waits for the images that have not begun.
+        pool.shutdown(cancel_futures=True)
     return score.scores()
 
 

@@ -47,7 +47,8 @@ def mspd_px(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_m
     Source: BOP challenge 2019, where it is multiplied by 640 / image width before it is compared with thresholds.
     """
     points, n_hull = model.sorted_vertices
-    pose = K @ np.column_stack([R_est, t_est_mm]), K @ np.column_stack([R_gt, t_gt_mm])
+    with np.errstate(invalid="ignore", over="ignore"):  # a pose may hold infinity
+        pose = K @ np.column_stack([R_est, t_est_mm]), K @ np.column_stack([R_gt, t_gt_mm])
     return float(_mspd(*pose, model.symmetries_mm, points, min(N_PROBES, n_hull)))
 
 
