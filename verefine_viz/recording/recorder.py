@@ -27,6 +27,7 @@ from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.background import background
 from verefine_viz.recording.blueprint import blueprint_messages
+from verefine_viz.recording.direct_file import DirectFile
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.graph import dependency_chunks
 from verefine_viz.recording.journal import Journal
@@ -86,7 +87,7 @@ class Recorder:
         self._verifier = verifier if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
-        self._file: RrdFile | LiveFile | None = None
+        self._file: DirectFile | RrdFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
         self._best_error: tuple[Best | None, float] = (None, float("nan"))
@@ -110,7 +111,11 @@ class Recorder:
             part.unlink(missing_ok=True)
             has_maps = self._verifier is not None
             port = self._live_port
-            self._file = RrdFile(part) if port is None else LiveFile(part, port, self._layout, has_maps)
+            if port is not None:
+                self._file = LiveFile(part, port, self._layout, has_maps)
+            else:
+                # Pictures are worth a thread of their own: most of the work on them does not need the interpreter.
+                self._file = RrdFile(part) if has_maps else DirectFile(part)
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
         self._file.send(self._frame(about))

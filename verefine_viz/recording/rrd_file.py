@@ -108,6 +108,17 @@ def _signal(reached: Event) -> Iterator[Chunk]:
     yield from ()
 
 
+def head(content: bytes) -> bytes:
+    """How an .rrd file begins.
+
+    Raises:
+        ValueError: it is no such file.
+    """
+    if not content.startswith(HEAD):
+        raise ValueError("not an .rrd file")
+    return content[:_HEAD_SIZE]
+
+
 def messages(content: bytes) -> bytes:
     """All messages of an .rrd file but its footer.
 
