@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | replay | doctor``.
+"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | report | datasets | replay | doctor``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 130 stopped by Ctrl-C.
 """
@@ -15,10 +15,12 @@ import tyro
 
 import verefine_viz
 from verefine_viz.commands.batch import Batch
+from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
 from verefine_viz.commands.evaluate import Evaluate
 from verefine_viz.commands.replay import Replay
+from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import VerefineError
@@ -30,6 +32,8 @@ COMMANDS: dict[str, type[Command]] = {
     "estimate": Estimate,
     "evaluate": Evaluate,
     "study": Study,
+    "report": Report,
+    "datasets": Datasets,
     "replay": Replay,
     "doctor": Doctor,
 }

@@ -1,0 +1,39 @@
+"""``verefine-viz report``: one or two batches as a page to read, keep and send."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from verefine_viz.core.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a batch, or of two side by side: one HTML file with scores, causes and failures."""
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN_DIR")]
+    """The folder of a batch run."""
+    other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_DIR_B]")] = None
+    """Another run of the same frames, to compare with: who got better, who got worse."""
+    out: Path | None = None
+    """The file to write; by default report.html in RUN_DIR."""
+    failures: int = 60
+    """Failures that are shown with pictures, worst first; 0 = none."""
+    workers: int = max(os.cpu_count() or 1, 1)
+    """Threads for the BOP scores; they are the same for any number."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        if self.failures < 0:
+            raise SettingsError(f"--failures is {self.failures}, expected 0 or more")
+        if self.workers < 1:
+            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        from verefine_viz.report.command import print_report
+
+        print_report(self.folder, self.other, self.out, self.failures, self.workers)
+        return 0

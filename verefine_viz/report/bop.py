@@ -1,0 +1,94 @@
+"""BOP scores of a run on the frames that it solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.batch.rows import frame_ids
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.evaluation.bop_scores import bop_scores
+from verefine_viz.evaluation.pose_table import pose_table
+from verefine_viz.evaluation.recalls import Recalls
+from verefine_viz.evaluation.targets import Targets, find_targets, read_targets
+from verefine_viz.evaluation.truth import VISIB_FRACT, BopTruth, ProblemTruth, TruthSource
+from verefine_viz.report.loaded import Loaded
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.results import ResultRow
+from verefine_viz.scenes.source import open_scene
+
+
+@dataclass(frozen=True, eq=False)
+class BopRecalls:
+    """Average recalls, or why there are none."""
+
+    total: Recalls | None = None
+    by_object: dict[int, Recalls] = field(default_factory=dict)
+    note: str = ""
+    """What was asked for; or, without recalls, what is missing for them."""
+
+    @property
+    def ar(self) -> float | None:
+        return None if self.total is None else self.total.ar
+
+    @property
+    def ar_by_object(self) -> dict[int, float]:
+        return {obj_id: recalls.ar for obj_id, recalls in self.by_object.items()}
+
+
+def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] = lambda done, of: None) -> BopRecalls:
+    """The recalls of a run over what is asked for in its frames: the targets file's entries, else what is visible.
+
+    A run whose data set cannot be read, or without ground truth, has none; that is no error.
+    """
+    if not run.with_truth:
+        return BopRecalls(note="BOP scores need ground truth, which this data does not have.")
+    try:
+        truth, targets = _asked(run)
+        scores = bop_scores([pose_table(run.method, list(_rows(run)))], truth, targets, "localization", workers, tell)
+    except VerefineError as error:
+        return BopRecalls(note=f"No BOP scores: {error}.")
+    found = scores[0]
+    return BopRecalls(found.recalls, found.recalls_by_object, f"BOP scores over {targets.name}.")
+
+
+def _asked(run: Loaded) -> tuple[TruthSource, Targets]:
+    scene = run.index.session.scene
+    images = [frame_ids(frame) for frame in run.frames]
+    if scene.source == "demo":
+        source = open_scene(scene, run.index.session.hypotheses)
+        truth = ProblemTruth(scene.demo, [source.problem(frame) for frame in run.frames])
+        return truth, truth.targets
+    dataset = BopDataset(Path(scene.dataset), scene.split)
+    truth = BopTruth(dataset)
+    try:
+        listed = read_targets(find_targets(dataset.folder, dataset.split, "localization"))
+        if listed.task != "localization":
+            raise InputError("the targets file is not about localization")
+        counts, name = {i: dict(listed.counts[i]) for i in images if i in listed.counts}, listed.name
+    except InputError:
+        counts, name = {}, ""
+    if len(counts) < len(images):
+        counts = {image: _visible(truth, image) for image in images}
+        name = "all instances that are at least 10 % visible"
+    if scene.objects:
+        counts = {image: {i: n for i, n in mine.items() if i in scene.objects} for image, mine in counts.items()}
+    return truth, Targets(f"{name} in the frames of this run", counts, "localization")
+
+
+def _visible(truth: TruthSource, image: tuple[int, int]) -> dict[int, int]:
+    counts: dict[int, int] = {}
+    for instance in truth.image(*image, with_depth=False).truths:
+        if instance.visib_fract >= VISIB_FRACT:
+            counts[instance.obj_id] = counts.get(instance.obj_id, 0) + 1
+    return counts
+
+
+def _rows(run: Loaded) -> Iterator[ResultRow]:
+    for result in run.journal.results(run.frames):
+        for e in result.estimates:
+            T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
+            yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.seconds)

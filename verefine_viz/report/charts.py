@@ -1,0 +1,257 @@
+"""The report's charts. Colours of text and grid come from the page, which has a light and a dark side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
+from verefine_viz.diagnosis.causes import TITLES
+from verefine_viz.report.difference import Difference
+from verefine_viz.report.gallery import Curve
+from verefine_viz.report.loaded import Loaded, frame_of, relative_error
+from verefine_viz.report.numbers import THRESHOLDS, recall_curve, stage_times
+
+MOST_POINTS = 4000
+"""Of a scatter plot; of more, an even choice is drawn."""
+SMALLEST_PERCENT = 0.05
+"""Errors below this share of the diameter are drawn there: a logarithmic axis has no zero."""
+RIGHT, WRONG = EVENT_COLORS["new_best"], EVENT_COLORS["score_fell"]
+STAGE_WORDS = {
+    "read": ("read", "#8d99ae"),
+    "start": ("hypotheses", "#577590"),
+    "refine": ("refine", "rgb(50,110,255)"),
+    "simulate": ("simulate", "rgb(255,140,0)"),
+    "score": ("score", "rgb(40,200,80)"),
+    "rest of the iterations": ("rest of the iterations", "#b8c0cc"),
+    "summarise": ("summarise", "#c9ada7"),
+    "record": ("record", "#9a8c98"),
+}
+
+
+def color(run: Loaded) -> str:
+    """A run's colour in charts; darker than on the page, to be seen on paper."""
+    if not run.label:
+        return css(STAGE_COLORS["refined"])
+    r, g, b = (round(0.7 * c) for c in SIDE_COLORS[run.label])
+    return css((r, g, b))
+
+
+def css(rgb: RGB) -> str:
+    """As style sheets write it."""
+    return f"rgb({rgb[0]},{rgb[1]},{rgb[2]})"
+
+
+def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
+    """Recall over the threshold, all objects with ground truth."""
+    figure = _figure("error below … % of the diameter", "share of objects [%]")
+    for run in runs:
+        figure.add_scatter(
+            x=_round(100 * THRESHOLDS, 1),
+            y=_round(100 * recall_curve(run.with_truth), 1),
+            name=run.name,
+            mode="lines",
+            line={"color": color(run), "width": 2.5, "dash": "dash" if run.label == "B" else "solid"},
+            hovertemplate="below %{x} %: %{y} %<extra></extra>",
+        )
+    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.update_yaxes(range=[0, 103])
+    figure.update_xaxes(range=[0, 50])
+    figure.update_layout(showlegend=len(runs) > 1)
+    return figure
+
+
+def score_figure(run: Loaded) -> go.Figure:
+    """Score over error, a point per object: a score that tells the truth falls from left to right."""
+    figure = _figure("error [% of the diameter]", "score")
+    rows = _some([r for r in run.objects if r.score is not None and relative_error(r) is not None])
+    for is_right, name, symbol in ((True, "right", "circle"), (False, "wrong", "x")):
+        mine = [r for r in rows if r.is_correct is is_right]
+        figure.add_scatter(
+            x=[_percent(r) for r in mine],
+            y=[round(r.score or 0.0, 4) for r in mine],
+            text=[f"{r.name} in {frame_of(r)}" for r in mine],
+            name=name,
+            mode="markers",
+            marker={"color": css(RIGHT if is_right else WRONG), "symbol": symbol, "size": 7, "opacity": 0.75},
+            hovertemplate="%{text}<br>error %{x} %, score %{y}<extra></extra>",
+        )
+    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    _percent_axis(figure.update_xaxes)
+    figure.update_yaxes(range=[0, 1.02])
+    return figure
+
+
+def time_figure(runs: Sequence[Loaded]) -> go.Figure:
+    """Mean time a frame by stage."""
+    figure = _figure("ms a frame", "")
+    times = {run.name: stage_times(run) for run in runs}
+    for stage in dict.fromkeys(stage for mine in times.values() for stage in mine):
+        name, shade = STAGE_WORDS.get(stage, (stage, "#cccccc"))
+        figure.add_bar(
+            y=list(times),
+            x=_round(np.array([mine.get(stage, 0.0) for mine in times.values()]), 1),
+            name=name,
+            orientation="h",
+            marker={"color": shade},
+            hovertemplate=f"{name}: %{{x}} ms<extra></extra>",
+        )
+    figure.update_layout(barmode="stack", height=130 + 60 * len(runs), legend={"traceorder": "normal"})
+    figure.update_yaxes(autorange="reversed", automargin=True, showticklabels=len(runs) > 1)
+    return figure
+
+
+def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
+    """How many failures each cause has."""
+    figure = _figure("failed objects", "")
+    counts = {run.name: cause_counts(run.failures) for run in runs}
+    causes = sorted(
+        {c for mine in counts.values() for c in mine}, key=lambda c: -sum(m.get(c, 0) for m in counts.values())
+    )
+    for run in runs:
+        mine = counts[run.name]
+        figure.add_bar(
+            y=[cause_title(c) for c in causes],
+            x=[mine.get(c, 0) for c in causes],
+            name=run.name,
+            orientation="h",
+            marker={"color": color(run)},
+            hovertemplate="%{y}: %{x}<extra></extra>",
+        )
+    figure.update_layout(barmode="group", height=110 + (26 + 14 * (len(runs) - 1)) * max(len(causes), 1))
+    figure.update_layout(showlegend=len(runs) > 1)
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    figure.update_xaxes(rangemode="tozero", tickformat="d")
+    return figure
+
+
+def change_figure(found: Difference) -> go.Figure:
+    """Error of B over error of A, a point per object: below the line B is better."""
+    figure = _figure("error of A [% of the diameter]", "error of B [% of the diameter]")
+    changes = _some([c for c in found.changes if np.isfinite(c.error_a) and np.isfinite(c.error_b)])
+    ends = [SMALLEST_PERCENT, 200]
+    figure.add_scatter(
+        x=ends, y=ends, mode="lines", line={"color": "#888", "width": 1}, hoverinfo="skip", showlegend=False
+    )
+    for name, shade, mine in (
+        ("B better", RIGHT, [c for c in changes if c.by < 0]),
+        ("B worse", WRONG, [c for c in changes if c.by >= 0]),
+    ):
+        figure.add_scatter(
+            x=[_percent(c.a) for c in mine],
+            y=[_percent(c.b) for c in mine],
+            text=[f"{c.a.name} in {c.frame}" for c in mine],
+            name=name,
+            mode="markers",
+            marker={"color": css(shade), "size": 7, "opacity": 0.75, "symbol": "circle" if name == "B better" else "x"},
+            hovertemplate="%{text}<br>A %{x} %, B %{y} %<extra></extra>",
+        )
+    line = {"width": 1, "dash": "dot", "color": "#888"}
+    figure.add_vline(x=10, line=line)
+    figure.add_hline(y=10, line=line)
+    _percent_axis(figure.update_xaxes)
+    _percent_axis(figure.update_yaxes)
+    return figure
+
+
+def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
+    """A failure's score over the iterations, with the error of the best pose."""
+    figure = _figure("iteration", "score", height=170)
+    xs = list(curve.iterations)
+    figure.add_scatter(
+        x=xs,
+        y=[None if s is None else round(s, 4) for s in curve.scores],
+        text=[f"hypothesis {arm + 1}" for arm in curve.arms],
+        name="kept pose",
+        mode="markers",
+        marker={"color": [css(ARM_COLORS[arm % len(ARM_COLORS)]) for arm in curve.arms], "size": 6},
+        hovertemplate="iteration %{x}, %{text}: score %{y}<extra></extra>",
+    )
+    figure.add_scatter(
+        x=xs,
+        y=_round(np.array(curve.best_scores), 4),
+        name="best so far",
+        mode="lines",
+        line={"color": css(STAGE_COLORS["best"]), "width": 2, "shape": "hv"},
+        hovertemplate="best score %{y}<extra></extra>",
+    )
+    if any(e is not None for e in curve.best_errors_mm):
+        figure.add_scatter(
+            x=xs,
+            y=[None if e is None else round(e, 2) for e in curve.best_errors_mm],
+            name="error of the best [mm]",
+            yaxis="y2",
+            mode="lines",
+            line={"color": css(WRONG), "width": 1.5, "dash": "dot", "shape": "hv"},
+            hovertemplate="error %{y} mm<extra></extra>",
+        )
+        figure.update_layout(
+            yaxis2={
+                "overlaying": "y",
+                "side": "right",
+                "rangemode": "tozero",
+                "title": {"text": "mm"},
+                "showgrid": False,
+            }
+        )
+    if worst_iteration:
+        figure.add_vline(x=worst_iteration, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.update_yaxes(range=[0, 1], selector={"anchor": "x"})
+    figure.update_layout(yaxis={"range": [0, 1.02]}, margin={"l": 44, "r": 44, "t": 6, "b": 34}, showlegend=False)
+    return figure
+
+
+def cause_counts(rows: Sequence[ObjectRow]) -> dict[str, int]:
+    """Failures by cause, those without a diagnosis left out."""
+    counts: dict[str, int] = {}
+    for row in rows:
+        if row.cause:
+            counts[row.cause] = counts.get(row.cause, 0) + 1
+    return counts
+
+
+def cause_title(cause: str) -> str:
+    """A cause in words."""
+    titles = {str(known): title for known, title in TITLES.items()}
+    return titles.get(cause, cause.replace("_", " "))
+
+
+def _figure(x: str, y: str, height: int = 340) -> go.Figure:
+    axis = {"zeroline": False, "ticks": "outside", "ticklen": 4}
+    return go.Figure(
+        layout={
+            # Without it every figure would carry 7 kB of a theme that the page replaces.
+            "template": go.layout.Template(),
+            "height": height,
+            "margin": {"l": 56, "r": 16, "t": 10, "b": 46},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "xaxis": {"title": {"text": x}, **axis},
+            "yaxis": {"title": {"text": y}, **axis},
+            "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+            "hovermode": "closest",
+        }
+    )
+
+
+def _percent_axis(update: object) -> None:
+    assert callable(update)
+    ticks = [0.1, 0.3, 1, 3, 10, 30, 100]
+    update(type="log", tickvals=ticks, ticktext=[f"{t:g}" for t in ticks])
+
+
+def _percent(row: ObjectRow) -> float:
+    return round(max(100 * (relative_error(row) or 0.0), SMALLEST_PERCENT), 3)
+
+
+def _round(values: np.ndarray, digits: int) -> list[float]:
+    return np.round(values, digits).tolist()
+
+
+def _some(points: list) -> list:
+    """All points, or an even choice."""
+    step = -(-len(points) // MOST_POINTS) or 1
+    return points[::step]

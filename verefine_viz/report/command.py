@@ -1,0 +1,84 @@
+"""What ``verefine-viz report`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.report.bop import bop_recalls
+from verefine_viz.report.difference import difference
+from verefine_viz.report.gallery import gallery
+from verefine_viz.report.loaded import Loaded, load, load_pair
+from verefine_viz.report.page import Side, render, write
+
+FILE_NAME = "report.html"
+Tell = Callable[[str, int, int], None]
+"""Told what is being done, how many are done, and how many there are."""
+
+
+def print_report(folder: Path, other: Path | None, out: Path | None, most_failures: int, workers: int) -> None:
+    """Writes the report and says where it is.
+
+    Raises:
+        VerefineError: a folder is no run, the two do not go together, or the file cannot be written.
+    """
+    path = out or folder / FILE_NAME
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("reading", total=None)
+        notes = write_report(
+            folder,
+            other,
+            path,
+            most_failures,
+            workers,
+            lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
+        )
+    console = Console(highlight=False, soft_wrap=True)
+    for note in notes:
+        console.print(escape(note))
+    console.print(escape(f"Report in {path} ({path.stat().st_size / 1e6:.1f} MB)"))
+
+
+def write_report(
+    folder: Path,
+    other: Path | None,
+    path: Path,
+    most_failures: int = 60,
+    workers: int = 1,
+    tell: Tell = lambda what, done, of: None,
+) -> tuple[str, ...]:
+    """Writes the report of the run in ``folder``, beside that in ``other`` if there is one.
+
+    Args:
+        folder: a batch folder.
+        other: another one on the same data, or None.
+        path: the HTML file.
+        most_failures: failures with pictures.
+        workers: threads for the BOP scores.
+        tell: progress.
+
+    Returns:
+        What is missing in it, and why.
+
+    Raises:
+        VerefineError: a folder is no run, the two do not go together, or the file cannot be written.
+    """
+    if path.is_dir():
+        raise InputError(f"--out {path} is a folder, expected the name of a file")
+    a, b = load_pair(folder, other) if other else (load(folder), None)
+    sides = [Side(run, bop_recalls(run, workers, _telling(tell, run))) for run in (a, b) if run is not None]
+    found = difference(a, b) if b else None
+    failures = gallery(a, b, most_failures, lambda done, of: tell("pictures", done, of))
+    html = render(sides[0], sides[1] if b else None, found, failures)
+    write(path, html)
+    return (*(side.bop.note for side in sides if side.bop.total is None), *failures.notes)
+
+
+def _telling(tell: Tell, run: Loaded) -> Callable[[int, int], None]:
+    return lambda done, of: tell(f"BOP scores {run.label}".strip(), done, of)

@@ -1,0 +1,145 @@
+"""A batch as a report looks at it: its rows, what failed in it, and where its answers and recordings are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.batch.index import BatchIndex, read_batch
+from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.rows import FrameResult, ObjectRow, frame_name
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+
+Key = tuple[int, int, int | None, int | None]
+"""scene_id, im_id, instance_id, obj_id: the same object in two runs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """One run."""
+
+    label: str
+    """"A" or "B" beside another run; empty where it stands alone."""
+    index: BatchIndex
+
+    @property
+    def folder(self) -> Path:
+        return self.index.folder
+
+    @property
+    def rows(self) -> tuple[ObjectRow, ...]:
+        """One per object, and one per frame that failed as a whole."""
+        return self.index.rows
+
+    @property
+    def method(self) -> str:
+        return self.index.session.method.name
+
+    @property
+    def name(self) -> str:
+        """For legends and headings."""
+        return f"{self.label}: {self.method} ({self.folder.name})" if self.label else self.method
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Each "scene/image", in the order of frames.csv."""
+        return tuple(dict.fromkeys(frame_of(row) for row in self.rows))
+
+    @cached_property
+    def objects(self) -> tuple[ObjectRow, ...]:
+        """Rows of objects, without frames that failed as a whole."""
+        return tuple(row for row in self.rows if row.status != "failed")
+
+    @cached_property
+    def with_truth(self) -> tuple[ObjectRow, ...]:
+        """Objects that can be right or wrong."""
+        return tuple(row for row in self.objects if row.has_truth or row.add_s_mm is not None)
+
+    @cached_property
+    def failures(self) -> tuple[ObjectRow, ...]:
+        """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score."""
+        worst_first = self.index.sorted_by("error")
+        if not self.with_truth:
+            return tuple(row for row in worst_first if row.status != "failed")
+        return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
+
+    @property
+    def journal(self) -> Journal:
+        return Journal(self.folder / "frames")
+
+    def result(self, frame: str) -> FrameResult | None:
+        """What the journal says about a frame; None where it says nothing."""
+        return self.journal.read(frame)
+
+    def answers(self, frame: str) -> dict[int, Float]:
+        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
+        result = self.result(frame)
+        if result is None:
+            return {}
+        # Estimates are there for the objects that got an answer, in their order.
+        solved = [row for row in result.objects if row.status == "ok"]
+        return {
+            row.instance_id: np.array(estimate.T_cam_obj).reshape(4, 4)
+            for row, estimate in zip(solved, result.estimates, strict=False)
+            if row.instance_id is not None and row.obj_id == estimate.obj_id
+        }
+
+    def recording(self, frame: str) -> Path:
+        """Where the frame's recording is, if it was kept."""
+        return self.folder / "recordings" / f"{frame_name(frame)}.rrd"
+
+
+def load(folder: Path, label: str = "") -> Loaded:
+    """The run in ``folder``.
+
+    Raises:
+        InputError: it is no batch folder, its files are missing or damaged, or it holds no result.
+    """
+    loaded = Loaded(label, read_batch(folder))
+    if not loaded.rows:
+        raise InputError(f"{folder} holds a run without a single finished frame; run verefine-viz batch again")
+    return loaded
+
+
+def load_pair(folder: Path, other: Path) -> tuple[Loaded, Loaded]:
+    """Two runs that can be compared.
+
+    Raises:
+        InputError: one of them cannot be read, or they are not about the same objects of the same data set.
+    """
+    a, b = load(folder, "A"), load(other, "B")
+    if folder.resolve() == other.resolve():
+        raise InputError(f"{folder} and {other} are the same folder; name two runs, or one")
+    there, here = data_set(a), data_set(b)
+    if there != here:
+        raise InputError(f"{folder} is a run on {there} and {other} one on {here}; only runs on the same data compare")
+    if not {key(row) for row in a.objects} & {key(row) for row in b.objects}:
+        raise InputError(f"{folder} and {other} have no object in common: they are about other frames or other objects")
+    return a, b
+
+
+def data_set(run: Loaded) -> str:
+    """Which data a run is about, for people."""
+    scene = run.index.session.scene
+    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else f"the built-in scene {scene.demo}"
+
+
+def frame_of(row: ObjectRow) -> str:
+    """``scene/image`` of a row."""
+    return f"{row.scene_id}/{row.im_id}"
+
+
+def key(row: ObjectRow) -> Key:
+    """What makes two rows be about the same object."""
+    return row.scene_id, row.im_id, row.instance_id, row.obj_id
+
+
+def relative_error(row: ObjectRow) -> float | None:
+    """ADD(-S) of the answer as a share of the diameter; None where there is no answer or no ground truth."""
+    if row.add_s_mm is None or not row.diameter_mm:
+        return None
+    return row.add_s_mm / row.diameter_mm

@@ -1,0 +1,92 @@
+"""Numbers and findings as the report's sentences."""
+
+from __future__ import annotations
+
+import math
+
+from verefine_viz.report.difference import Difference
+from verefine_viz.report.loaded import Loaded
+from verefine_viz.report.numbers import Numbers, lies
+
+DASH = "–"
+
+
+def percent(share: float | None, digits: int = 0) -> str:
+    """0.891 → 89 %."""
+    return (
+        DASH
+        if share is None or math.isnan(share)
+        else f"{100 * share:.{digits}f} %"
+        if math.isfinite(share)
+        else "no answer"
+    )
+
+
+def number(value: float | None, digits: int = 1, unit: str = "") -> str:
+    """12.34 → 12.3 mm."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    return f"{value:,.{digits}f}".replace(",", "\u202f") + (f" {unit}" if unit else "")
+
+
+def signed(value: float | None, digits: int = 1, unit: str = "") -> str:
+    """A difference with its sign."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    shown = f"{value:+.{digits}f}".replace("-", "−")
+    return shown + (f" {unit}" if unit else "")
+
+
+def headline(run: Loaded, n: Numbers) -> str:
+    """The run in a sentence."""
+    objects = f"{n.n_objects} objects in {n.n_frames} frame{'s' * (n.n_frames != 1)}"
+    if n.recall is None:
+        return f"{run.method} on {objects}; without ground truth nobody can say which answers are right."
+    right = round(n.recall * n.n_with_truth)
+    said = f"{run.method} got {right} of {n.n_with_truth} objects right (error below 10 % of the diameter)"
+    rest = []
+    if n.n_without_answer:
+        rest.append(f"{n.n_without_answer} without a hypothesis")
+    if n.n_failed_frames:
+        rest.append(f"{n.n_failed_frames} of {n.n_frames} frames failed as a whole")
+    return f"{said}{'; ' * bool(rest)}{', '.join(rest)}."
+
+
+def score_sentence(run: Loaded) -> str:
+    """Whether the score can be trusted."""
+    share = lies(run)
+    if share is None:
+        return "There are not both right and wrong answers with a score, so nothing can be said about the score."
+    verdict = (
+        "tells right from wrong"
+        if share < 0.1
+        else "often misleads"
+        if share > 0.3
+        else "mostly tells right from wrong"
+    )
+    return (
+        f"The score {verdict}: of all pairs of a wrong and a right answer, the wrong one scores higher in {share:.0%}. "
+        "Crosses in the upper right are where it lies."
+    )
+
+
+def difference_sentence(found: Difference) -> str:
+    """What changed from A to B."""
+    right = sum(c.turned == "now right" for c in found.changes)
+    wrong = sum(c.turned == "now wrong" for c in found.changes)
+    said = (
+        f"Of {len(found.changes)} objects that both runs have, B is better in {len(found.better)} and worse in "
+        f"{len(found.worse)}; {right} became right, {wrong} became wrong."
+    )
+    left = [f"{n} only in {side}" for n, side in ((found.only_a, "A"), (found.only_b, "B")) if n]
+    return said + (f" Left out: objects {' and '.join(left)}." if left else "")
+
+
+def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:
+    """What the gallery shows."""
+    if not n_shown:
+        return "Nothing failed." if not n_more else f"{n_more} failures, none of them shown (--failures)."
+    what = "failure" if has_truth else "object"
+    order = "worst first" if has_truth else "lowest score first, as there is no ground truth"
+    more = f"; {n_more} more in frames.csv" if n_more else ""
+    return f"{n_shown} {what}{'s' * (n_shown != 1)}, {order}{more}."
