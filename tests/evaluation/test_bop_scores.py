@@ -19,7 +19,7 @@ from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
 from verefine_viz.evaluation.targets import Targets
-from verefine_viz.evaluation.truth import ProblemTruth
+from verefine_viz.evaluation.truth import ProblemTruth, visible_targets
 from verefine_viz.scenes.results import ResultRow, write_results
 
 
@@ -170,6 +170,9 @@ def test_objects_and_scenes_add_up(demo: DemoSet) -> None:
 def test_problems_in_memory_score_as_their_folder(demo: DemoSet) -> None:
     truth = ProblemTruth("demo", demo.problems)
     assert {k: dict(v) for k, v in truth.targets.counts.items()} == {k: dict(v) for k, v in demo.targets.counts.items()}
+    # The writer's targets are made by the same rule.
+    in_folder = visible_targets(demo.truth, demo.targets.counts)
+    assert in_folder.counts == {image: dict(counts) for image, counts in demo.targets.counts.items()}
     given = table(demo.rows(disturbed))
     in_memory = bop_scores([given], truth, truth.targets)[0]
     # The folder's depth was rounded to 0.1 mm.

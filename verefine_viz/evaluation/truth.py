@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -158,13 +159,7 @@ class ProblemTruth:
     @property
     def targets(self) -> Targets:
         """Every instance that is at least 10 % visible."""
-        counts: dict[tuple[int, int], dict[int, int]] = {}
-        for image in self._problems:
-            mine = counts.setdefault(image, {})
-            for truth in self.image(*image, with_depth=False).truths:
-                if truth.visib_fract >= VISIB_FRACT:
-                    mine[truth.obj_id] = mine.get(truth.obj_id, 0) + 1
-        return Targets("all visible instances", counts, "localization")
+        return visible_targets(self, self._problems)
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
         if (scene_id, im_id) not in self._problems:
@@ -190,6 +185,21 @@ class ProblemTruth:
         if obj_id not in self._models:
             raise InputError(unknown("model", obj_id, self._models))
         return self._models[obj_id]
+
+
+def visible_targets(truth: TruthSource, images: Iterable[tuple[int, int]]) -> Targets:
+    """Every instance of some images, (scene_id, im_id), that is at least 10 % visible: how BOP chooses its targets.
+
+    Raises:
+        InputError: an image is missing or damaged.
+    """
+    counts = {
+        image: dict(
+            Counter(t.obj_id for t in truth.image(*image, with_depth=False).truths if t.visib_fract >= VISIB_FRACT)
+        )
+        for image in images
+    }
+    return Targets("all instances that are at least 10 % visible", counts, "localization")
 
 
 def _truths(entries: Any, infos: dict[str, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
