@@ -188,7 +188,9 @@ def test_a_bowl_carries_what_is_in_it() -> None:
 
 @pytest.mark.parametrize("frame", ["0/0", "0/1", "0/2"])
 def test_nothing_in_the_clutter_carries_anything(frame: str) -> None:
-    assert kinds(dependency_graph(demo("clutter", frame), DEFAULT), "support") == set()
+    graph = dependency_graph(demo("clutter", frame), DEFAULT)
+    assert kinds(graph, "support") == set()
+    assert graph.notes == (), "all stand on the table, round ones too"
 
 
 # Real frames

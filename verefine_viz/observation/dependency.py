@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -16,6 +16,9 @@ from verefine_viz.observation.occlusion_edges import occlusion_edges
 from verefine_viz.observation.published_order import published_clusters, touching_masks
 from verefine_viz.observation.support_edges import lowest_m, support_edges
 from verefine_viz.observation.visible_parts import VisiblePart, label, visible_parts
+
+ROUND_SHARE = 0.25
+"""A round body seen from above hides about so much of its height from the sensor, as a share of its diameter."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,8 @@ def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: Depen
     if not notes:
         hidden = {e.second for e in edges if e.kind == "occlusion"}
         edges += support_edges(parts, near, hidden, settings)
-        notes = _hovering(parts, edges, settings.base_m)
+        diameters_m = {i.instance_id: problem.models[i.obj_id].diameter_m for i in problem.instances}
+        notes = _hovering(parts, edges, settings.base_m, diameters_m)
     order = ordered({p.instance_id: p.median_depth_m for p in parts}, edges, settings.cut)
     notes += tuple(
         f"what carries what runs in a circle; its weakest sign, that {label(problem, e.first)} carries "
@@ -90,10 +94,16 @@ def _no_plane(problem: Problem) -> tuple[str, ...]:
     return ("no support plane: what carries what is not known, and objects are ordered front to back",)
 
 
-def _hovering(parts: Sequence[VisiblePart], edges: Sequence[Edge], base_m: float) -> tuple[str, ...]:
-    """What stands neither on the plane nor on anything seen, though nothing hides its lower end."""
+def _hovering(
+    parts: Sequence[VisiblePart], edges: Sequence[Edge], base_m: float, diameters_m: Mapping[int, float]
+) -> tuple[str, ...]:
+    """What stands neither on the plane nor on anything seen, though nothing hides its lower end but itself."""
     excused = {e.second for e in edges if e.kind in ("support", "occlusion")}
-    heights_m = {p.name: lowest_m(p) for p in parts if p.instance_id not in excused}
+    heights_m = {
+        p.name: lowest_m(p)
+        for p in parts
+        if p.instance_id not in excused and lowest_m(p) > ROUND_SHARE * diameters_m[p.instance_id]
+    }
     return tuple(
         f"{name} begins {1000 * height_m:.0f} mm above the plane and nothing is seen to carry it; what does may be "
         "hidden, or have no mask"

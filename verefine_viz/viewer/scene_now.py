@@ -94,7 +94,9 @@ class SceneNow:
         return latest if latest is not None and latest.iteration == self.cursor else None
 
 
-def scene_now(problem: Problem, state: Any, iterations: Sequence[Iteration], cursor: int, errors: Errors) -> SceneNow:
+def scene_now(
+    problem: Problem, state: Any, iterations: Sequence[Iteration], cursor: int, errors: Errors, alone: bool = False
+) -> SceneNow:
     """The scene at iteration ``cursor``.
 
     Args:
@@ -103,6 +105,7 @@ def scene_now(problem: Problem, state: Any, iterations: Sequence[Iteration], cur
         iterations: the whole history.
         cursor: 0 = before the first.
         errors: errors of a pose against ground truth.
+        alone: whether the method solves every object for itself, in the order of the frame.
     """
     at = iterations[cursor - 1] if cursor else None
     spent = Counter(i.instance_id for i in iterations[:cursor])
@@ -114,7 +117,7 @@ def scene_now(problem: Problem, state: Any, iterations: Sequence[Iteration], cur
         stands |= {p.instance_id: p.T_cam_obj for p in at.tree.rollout} if at.tree else {}
         stands[at.instance_id] = at.accepted_stage.T_cam_obj
     objects = []
-    clusters = clusters_of(problem)
+    clusters = tuple((i,) for i in ids) if alone else clusters_of(problem)
     for k, cluster in enumerate(clusters, 1):
         for instance_id in cluster:
             target, answer = problem.target(instance_id), answers[instance_id]

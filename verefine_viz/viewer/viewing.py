@@ -18,6 +18,7 @@ from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
 from verefine_viz.viewer.scene_now import SceneNow, scene_now
 from verefine_viz.viewer.scene_sides import scene_sides, scene_target
+from verefine_viz.viewer.scene_words import ALONE
 from verefine_viz.viewer.side_view import sides_view
 from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
 from verefine_viz.viewer.workspace import Branch
@@ -42,7 +43,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     state = state_of(run.state, target)
     arm = _arm(look, shown, state)
     truth = _truth(judge, target)
-    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors)
+    alone = branch.tools.session.method.name in ALONE
+    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors, alone)
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
     running = debugger.goal is not None
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
