@@ -8,7 +8,10 @@ import pytest
 
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
-from verefine_viz.batch.frame import solve_frame
+from verefine_viz.batch import causes
+from verefine_viz.batch.frame import explain_frame, solve_frame
+from verefine_viz.batch.rows import STAGES
+from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
@@ -68,6 +71,32 @@ def test_an_error_that_nobody_foresaw_leaves_its_traceback(
     (row,) = solve_frame(tools, "7/0", tmp_path).objects
     assert row.message == "ZeroDivisionError: division by zero (see errors/000007_000000.txt)"
     assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
+
+
+def test_causes_are_asked_for_where_the_answer_is_wrong(tmp_path: Path, made: Made) -> None:
+    near = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
+    assert {row.cause for row in explain_frame(near, "7/0", tmp_path).objects} == {""}
+    far = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
+    asked = explain_frame(far, "7/0", tmp_path)
+    for row in asked.objects:
+        assert row.cause in set(Cause)
+        assert row.evidence
+    plain = solve_frame(far, "7/0", tmp_path)
+    assert {row.cause for row in plain.objects} == {""}
+    assert asked.estimates == plain.estimates
+    assert asked.stages_ms["explain"] > 0
+    assert set(asked.stages_ms) <= set(STAGES)
+
+
+def test_a_diagnosis_that_breaks_costs_no_answer(tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(run: object, toolbox: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(causes, "diagnose", broken)
+    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
+    result = explain_frame(tools, "7/0", tmp_path)
+    assert not result.failed
+    assert {row.evidence for row in result.objects} == {"no diagnosis: ZeroDivisionError: division by zero"}
 
 
 def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:

@@ -11,13 +11,19 @@ from rich.markup import escape
 
 from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.runner import Outcome, Place, check, run_batch
+from verefine_viz.batch.tasks import TaskName
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
 
 def run_sessions(
-    paths: Sequence[Path], out: Path, place: Place, overrides: Mapping[str, Any], retry_failed: bool = False
+    paths: Sequence[Path],
+    out: Path,
+    place: Place,
+    overrides: Mapping[str, Any],
+    retry_failed: bool = False,
+    task: TaskName = "explain",
 ) -> int:
     """Runs each session; the exit code: 0, or 1 where frames failed.
 
@@ -30,7 +36,7 @@ def run_sessions(
         # A mistake in the last of several sessions should not show after hours.
         for session in sessions.values():
             check(session)
-    outcomes = [_run(sessions[path], folder, place, retry_failed) for path, folder in jobs.items()]
+    outcomes = [_run(sessions[path], folder, place, retry_failed, task) for path, folder in jobs.items()]
     return 1 if any(outcome.n_failed for outcome in outcomes) else 0
 
 
@@ -49,9 +55,9 @@ def folders(paths: Sequence[Path], out: Path) -> dict[Path, Path]:
     return {path: out / path.stem for path in paths}
 
 
-def _run(session: Session, out: Path, place: Place, retry_failed: bool) -> Outcome:
+def _run(session: Session, out: Path, place: Place, retry_failed: bool, task: TaskName) -> Outcome:
     with shown_progress(out.name, Console(stderr=True)) as tell:
-        outcome = run_batch(session, out, place, tell, retry_failed)
+        outcome = run_batch(session, out, place, tell, retry_failed, task)
     _print_summary(outcome)
     return outcome
 
@@ -73,6 +79,8 @@ def _print_summary(outcome: Outcome) -> None:
         parts.append(f"median score {numbers['median_score']:.3f}")
     took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{', '.join(parts)}; {took}. Results in {outcome.folder}"))
+    if numbers["causes"]:
+        console.print("causes: " + ", ".join(f"{cause} {n}" for cause, n in numbers["causes"].items()))
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     n_more = outcome.n_failed - len(outcome.failures)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from verefine_viz.batch.causes import with_causes
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.errors import VerefineError
@@ -20,9 +21,18 @@ def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
 
     Whatever goes wrong is part of the answer: a frame that fails must not stop the others.
     """
+    return _answered(toolbox, frame, out, explain=False)
+
+
+def explain_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """The same, with the causes of wrong answers where ground truth is known; their re-runs take time."""
+    return _answered(toolbox, frame, out, explain=True)
+
+
+def _answered(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
     started = time.perf_counter()
     try:
-        result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd")
+        result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd", explain)
     except VerefineError as error:
         result = failed_frame(frame, str(error), toolbox.session)
     except Exception as error:
@@ -41,7 +51,7 @@ def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Fra
     return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)
 
 
-def _solved(toolbox: Toolbox, frame: str, recording: Path) -> FrameResult:
+def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> FrameResult:
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
         problem = toolbox.problem(frame)
@@ -59,6 +69,9 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path) -> FrameResult:
     finally:
         with watch("record"):
             recorder.close()
+    if explain and any(row.has_truth and row.is_correct is not True for row in result.objects):
+        with watch("explain"):
+            result = with_causes(result, run, toolbox)
     # Recorders watch while the run goes on: theirs is what the iterations themselves do not account for.
     watch.move(sum(i.ms for i in run.iterations), "record", "iterate")
     return result.model_copy(update={"stages_ms": watch.stages_ms})

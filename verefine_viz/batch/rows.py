@@ -81,8 +81,8 @@ TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 """Columns of frames.csv that differ from run to run; everything else is the same for the same session."""
 
 
-STAGES = ("read", "start", "iterate", "record", "summarise")
-"""What a frame's time is spent on: images and clouds; scores of hypotheses; iterations; recording; errors and rows."""
+STAGES = ("read", "start", "iterate", "record", "summarise", "explain")
+"""What a frame's time goes to: images and clouds; first scores; iterations; recording; errors and rows; causes."""
 
 
 class Estimate(Row):

@@ -9,7 +9,8 @@ from typing import Literal, Protocol
 from verefine_viz.batch.rows import FrameResult
 from verefine_viz.session.toolbox import Toolbox
 
-TaskName = Literal["solve", "estimate"]
+TaskName = Literal["solve", "explain", "estimate"]
+"""solve; solve and say why answers are wrong; first poses only."""
 FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 """(tools, "scene/image", folder of the batch) → result. Never raises because of a bad frame."""
 
@@ -45,6 +46,6 @@ def task_named(name: TaskName) -> FrameTask:
         from verefine_viz.batch.first_poses import estimate_frame
 
         return estimate_frame
-    from verefine_viz.batch.frame import solve_frame
+    from verefine_viz.batch.frame import explain_frame, solve_frame
 
-    return solve_frame
+    return explain_frame if name == "explain" else solve_frame

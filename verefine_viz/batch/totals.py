@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -53,6 +54,7 @@ class Totals:
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))
     _times_ms: array[float] = field(default_factory=lambda: array("d"))
     _stages_ms: dict[str, float] = field(default_factory=dict)
+    _causes: Counter[str] = field(default_factory=Counter)
 
     def passing(self, results: Iterable[FrameResult]) -> Iterator[FrameResult]:
         """The same results; each is counted on its way."""
@@ -67,6 +69,7 @@ class Totals:
         for name, ms in result.stages_ms.items():
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
         for row in result.objects:
+            self._causes[row.cause] += row.cause != ""
             if row.status == "ok":
                 self._times_ms.append(row.ms_total)
                 if row.score is not None:
@@ -85,6 +88,7 @@ class Totals:
             "objects_without_answer": counts.objects_without_answer,
             "objects_with_truth": counts.objects_with_truth,
             "recall": counts.recall,
+            "causes": {cause: n for cause, n in self._causes.most_common() if cause},
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),
             "median_ms_per_object": _median(self._times_ms),

@@ -13,7 +13,9 @@ from verefine_viz.core.settings import Session
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def work(channel: connection.Connection, session: Session, out: Path, task: Literal["solve", "estimate"]) -> None:
+def work(
+    channel: connection.Connection, session: Session, out: Path, task: Literal["solve", "explain", "estimate"]
+) -> None:
     """The process's main: receives frames, sends results, until the channel closes."""
     # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))

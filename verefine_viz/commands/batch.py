@@ -29,6 +29,9 @@ class Batch:
     shared by all."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Try frames again that failed before; without it they stay as they are."""
+    diagnose: bool = True
+    """Say why an answer is wrong where ground truth is known (columns cause and evidence); its re-runs take time, for
+    wrong answers only."""
     cluster: str = ""
     """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers."""
     ship: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -50,4 +53,5 @@ class Batch:
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
         place = Place(self.workers, limit, self.cluster, self.ship)
-        return run_sessions(self.sessions, self.out, place, given(self.settings, arguments), self.retry_failed)
+        task = "explain" if self.diagnose else "solve"
+        return run_sessions(self.sessions, self.out, place, given(self.settings, arguments), self.retry_failed, task)
