@@ -62,6 +62,6 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
     names = [f"{stem}_targets_bop{year}.json" for year in years]
     found = next((dataset / name for name in names if (dataset / name).is_file()), None)
     if found is None:
-        there = ", ".join(sorted(p.name for p in dataset.glob("*targets*.json"))) or "no targets file"
-        raise InputError(f"{dataset} has no {' or '.join(names)}, but {there}; name one with --targets")
+        there = ", ".join(sorted(p.name for p in dataset.glob("*targets*.json"))) or "none at all"
+        raise InputError(f"{dataset} has no {' or '.join(names)} (targets files there: {there}); name one by --targets")
     return found
