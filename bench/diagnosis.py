@@ -1,6 +1,6 @@
 """How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
 
-``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--verbose]``. A scene that comes out right in spite of what is
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--verbose]``. A scene that comes out right in spite of what is
 broken has nothing to diagnose; further seeds are taken until there are enough that fail.
 """
 
@@ -28,15 +28,17 @@ def named(broken: Broken) -> Diagnosis | None:
     return next((d for d in found if d.instance_id == broken.instance_id), None)
 
 
-def run(causes: Sequence[Cause] = tuple(Cause), n_seeds: int = SEEDS, verbose: bool = False) -> list[dict[str, object]]:
+def run(
+    causes: Sequence[Cause] = tuple(Cause), n_seeds: int = SEEDS, first: int = 0, verbose: bool = False
+) -> list[dict[str, object]]:
     """One row per cause: how many of the failing scenes were named right, and what the others were called."""
     rows: list[dict[str, object]] = []
     for cause in causes:
         said: Counter[Cause] = Counter()
         n_fine, n_confirmed, n_reruns, ms = 0, 0, 0, 0.0
         began = perf_counter()
-        for seed in count():
-            if said.total() >= n_seeds or seed >= MOST_SEEDS:
+        for seed in count(first):
+            if said.total() >= n_seeds or seed >= first + MOST_SEEDS:
                 break
             diagnosis = named(broken_scene(cause, seed))
             if diagnosis is None:
@@ -73,9 +75,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("causes", nargs="*", type=Cause, help="default: all")
     parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
-    run(args.causes or tuple(Cause), args.seeds, args.verbose)
+    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose)
     return 0
 
 

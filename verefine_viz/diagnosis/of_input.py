@@ -18,6 +18,7 @@ from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.symmetry import nearby_symmetry
 from verefine_viz.diagnosis.words import instead
+from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.observation.support import Gravity, find_support
@@ -35,6 +36,10 @@ BORDER_PX = 2
 def symmetric(case: Case) -> Finding | None:
     """The object looks the same where the estimate is, and its model declares no such symmetry."""
     if case.answer is None:
+        return None
+    # A pose that looks the same has its surface where the true one has it: a cheap question first.
+    adds_mm = pose_errors(case.target.model, case.answer.T_cam_obj, case.T_true).adds_mm
+    if adds_mm * 1e-3 >= case.threshold * case.target.model.diameter_m:
         return None
     T_rest = inverse(case.answer.T_cam_obj) @ case.T_true
     S = nearby_symmetry(case.target.model, T_rest)

@@ -14,10 +14,10 @@ TOUCHES_M = 0.003
 ON_M = 0.008
 """Background closer to a plane than this lies on it [m]."""
 LEAST_SHARE = 0.02
-"""A plane that holds less of the background near the objects is not seen."""
+"""A plane that holds less of the background near the objects (what lies below it taken off) is not seen."""
 FIT_POINTS = 300
 """With so many points of background on it, the plane is fitted to them."""
-POINTS = 6000
+POINTS = 4000
 """Points of the background that are looked at."""
 MOST_TURN_RAD = np.radians(6.0)
 """A fit that turns the plane further than this follows something else."""
@@ -44,18 +44,17 @@ def carrying_plane(vertices_cam: Float, background_cam: Float) -> Support | None
     near = near[:: 1 + len(near) // POINTS]
     if len(near) < 20:
         return None
-    best, most = None, LEAST_SHARE
-    for equation in np.unique(np.round(hull.equations, 5), axis=0):
-        normal, offset_m = -equation[:3], -equation[3]
-        if offset_m <= 0 or not _rests(corners, normal, offset_m, middle):
-            continue  # The camera is below it, or they would tip over.
-        heights = near @ normal + offset_m
-        share = float(np.mean(np.abs(heights) < ON_M) - np.mean(heights < -2 * ON_M))
-        if share > most:
-            best, most = (normal, offset_m), share
-    if best is None:
-        return None
-    return _support(*_fitted(*best, near), middle, most)
+    planes = -np.unique(np.round(hull.equations, 5), axis=0)
+    planes = planes[planes[:, 3] > 0]  # Of the others the camera is below.
+    heights = near @ planes[:, :3].T + planes[:, 3]
+    shares = np.mean(np.abs(heights) < ON_M, axis=0) - np.mean(heights < -2 * ON_M, axis=0)
+    for k in np.argsort(-shares):
+        if shares[k] < LEAST_SHARE:
+            return None
+        normal, offset_m = planes[k, :3], float(planes[k, 3])
+        if _rests(corners, normal, offset_m, middle):
+            return _support(*_fitted(normal, offset_m, near), middle, float(shares[k]))
+    return None
 
 
 def _rests(corners: Float, normal: Float, offset_m: float, middle: Float) -> bool:

@@ -62,7 +62,8 @@ def _step(moved: Float, to: Float, n: Float) -> Float:
     """The small motion (4, 4) that brings points closer to the planes through others: point-to-plane ICP."""
     A = np.concatenate([np.cross(moved, n), n], axis=1)
     b = np.einsum("ij,ij->i", to - moved, n)
-    x = np.linalg.lstsq(A, b, rcond=1e-4)[0]
+    # A motion along which nothing changes, such as a can's turn about its axis, is left out.
+    x = np.linalg.pinv(A.T @ A, rcond=1e-8, hermitian=True) @ (A.T @ b)
     angle = float(np.linalg.norm(x[:3]))
     R = axis_angle(x[:3], angle) if angle > 1e-12 else np.eye(3)
     return transform(R, x[3:])

@@ -16,7 +16,8 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.diagnosis.plane import carrying_plane
 from verefine_viz.diagnosis.registration import Registration, registration
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.rendering.mesh import render_mesh
+from verefine_viz.rendering.rasterizer import draw_frame
 
 HIDDEN_M = 0.015
 """Something measured nearer than the true surface by more than this hides it [m]."""
@@ -40,9 +41,15 @@ class FrameTruth:
     @cached_property
     def _rendered(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Z (H, W) [m] of all of them, and whose it is (instance_id, -1 elsewhere)."""
-        drawn = render_scene(list(self.placed.values()), self.problem.observation.camera)
-        ids = np.array([*self.placed, -1])
-        return drawn.depth_m, ids[drawn.labels].astype(np.int32)
+        camera = self.problem.observation.camera
+        pinhole = camera.fx, camera.fy, camera.cx, camera.cy
+        inv_z, owner = np.zeros(camera.shape, np.float32), np.full(camera.shape, -1, np.int32)
+        for instance_id, placed in self.placed.items():
+            mesh = render_mesh(placed.model.vertices, placed.model.faces)
+            face_of = np.full(camera.shape, -1, np.int32)
+            draw_frame(np.ascontiguousarray(placed.T_cam_obj), *mesh.arrays, *pinhole, inv_z, face_of)
+            owner[face_of >= 0] = instance_id
+        return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), owner
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
