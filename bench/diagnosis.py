@@ -1,7 +1,7 @@
 """How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
 
-``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--verbose]``. A scene that comes out right in spite of what is
-broken has nothing to diagnose; further seeds are taken until there are enough that fail.
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--verbose]``. A scene that comes out right in spite of
+what is broken has nothing to diagnose; further seeds are taken until there are enough that fail.
 """
 
 from __future__ import annotations
