@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.causes import TITLES
-from verefine_viz.report.difference import Difference
+from verefine_viz.report.difference import SAME, Difference
 from verefine_viz.report.gallery import Curve
 from verefine_viz.report.loaded import Loaded, frame_of, relative_error
 from verefine_viz.report.numbers import THRESHOLDS, recall_curve, stage_times
@@ -136,9 +136,10 @@ def change_figure(found: Difference) -> go.Figure:
     figure.add_scatter(
         x=ends, y=ends, mode="lines", line={"color": "#888", "width": 1}, hoverinfo="skip", showlegend=False
     )
-    for name, shade, mine in (
-        ("B better", RIGHT, [c for c in changes if c.by < 0]),
-        ("B worse", WRONG, [c for c in changes if c.by >= 0]),
+    for name, shade, symbol, mine in (
+        ("B better", css(RIGHT), "circle", [c for c in changes if c.by < -SAME]),
+        ("the same", "#8d99ae", "circle-open", [c for c in changes if abs(c.by) <= SAME]),
+        ("B worse", css(WRONG), "x", [c for c in changes if c.by > SAME]),
     ):
         figure.add_scatter(
             x=[_percent(c.a) for c in mine],
@@ -146,7 +147,7 @@ def change_figure(found: Difference) -> go.Figure:
             text=[f"{c.a.name} in {c.frame}" for c in mine],
             name=name,
             mode="markers",
-            marker={"color": css(shade), "size": 7, "opacity": 0.75, "symbol": "circle" if name == "B better" else "x"},
+            marker={"color": shade, "size": 7, "opacity": 0.75, "symbol": symbol},
             hovertemplate="%{text}<br>A %{x} %, B %{y} %<extra></extra>",
         )
     line = {"width": 1, "dash": "dot", "color": "#888"}
@@ -193,6 +194,8 @@ def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
                 "overlaying": "y",
                 "side": "right",
                 "rangemode": "tozero",
+                "tickmode": "auto",
+                "nticks": 4,
                 "title": {"text": "mm"},
                 "showgrid": False,
             }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -129,31 +128,40 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
 
 def tiles(a: Numbers, b: Numbers | None) -> list[Tile]:
     """The headline numbers that are known."""
-    percent_of: Callable[[float | None], str] = lambda v: words.percent(v, 1)  # noqa: E731
-    entries: list[tuple[str, str, str, Callable[[float | None], str], float]] = [
-        ("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as the BOP challenge computes it", percent_of, 1.0),
-        ("recall", "below 10 % ∅", "share of objects whose ADD(-S) is below 10 % of the diameter", percent_of, 1.0),
-        ("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S", lambda v: words.number(v, 1, "mm"), -1.0),
-        ("mean_mm", "mean ADD(-S)", "over the objects that got an answer", lambda v: words.number(v, 1, "mm"), -1.0),
-        ("median_score", "median score", "of the answers", lambda v: words.number(v, 2), 1.0),
-        ("ms_per_frame", "method, a frame", "computing time of the method for a frame, all objects",
-         lambda v: words.number(v, 0, "ms"), -1.0),
-        ("calls_per_object", "refiner calls", "for one object, mean", lambda v: words.number(v, 1), 0.0),
-    ]  # fmt: skip
     shown = []
-    for field, label, hint, say, good in entries:
+    for field, label, hint, scale, digits, unit, good in _HEADLINE:
         mine, theirs = getattr(a, field), getattr(b, field) if b else None
         if mine is None and theirs is None:
             continue
-        by = theirs - mine if mine is not None and theirs is not None else None
-        is_share = field in ("ar", "recall")
-        digits = {"ms_per_frame": 0, "median_score": 2}.get(field, 1)
-        change = (
-            words.signed(100 * by if is_share else by, digits, "points" if is_share else "") if by is not None else ""
+        by = None if mine is None or theirs is None else theirs - mine
+        points = "points" if unit == "%" else unit
+        shown.append(
+            Tile(
+                label,
+                hint,
+                words.number(_scaled(mine, scale), digits, "" if b else unit),
+                words.number(_scaled(theirs, scale), digits, unit) if b else "",
+                words.signed(_scaled(by, scale), digits, points) if by is not None else "",
+                None if not by or not good else by * good > 0,
+            )
         )
-        better = None if not by or not good else by * good > 0
-        shown.append(Tile(label, hint, say(mine), say(theirs) if b else "", change, better))
     return shown
+
+
+_HEADLINE = (
+    ("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as the BOP challenge computes it", 100, 1, "%", 1),
+    ("recall", "below 10 % ∅", "share of objects whose ADD(-S) is below 10 % of the diameter", 100, 1, "%", 1),
+    ("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", 1, 1, "mm", -1),
+    ("mean_mm", "mean ADD(-S)", "of the objects with an answer", 1, 1, "mm", -1),
+    ("median_score", "median score", "of the answers", 1, 2, "", 1),
+    ("ms_per_frame", "method, a frame", "the method's computing time for a frame, all objects", 1, 0, "ms", -1),
+    ("calls_per_object", "refiner calls", "for one object, mean", 1, 1, "", 0),
+)
+"""Field, label, hint, factor, digits, unit, and whether more is better (1), worse (-1) or neither."""
+
+
+def _scaled(value: float | None, scale: float) -> float | None:
+    return None if value is None else scale * value
 
 
 def _contours(both: bool) -> list[tuple[str, str]]:

@@ -157,7 +157,7 @@ def _difference(
 
 def _outline(image: Image, mask: Mask, color: RGB) -> None:
     """Draws the contour of a mask, two pixels wide with a dark rim, so that it shows on any ground."""
-    line = mask & ~ndimage.binary_erosion(mask, iterations=2)
-    rim = ndimage.binary_dilation(line) & ~line
+    line = mask & ~np.asarray(ndimage.binary_erosion(mask, iterations=2), bool)
+    rim = np.asarray(ndimage.binary_dilation(line), bool) & ~line
     image[rim] = (image[rim] * 0.35).astype(np.uint8)
     image[line] = color

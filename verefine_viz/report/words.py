@@ -57,6 +57,8 @@ def score_sentence(run: Loaded) -> str:
     share = lies(run)
     if share is None:
         return "There are not both right and wrong answers with a score, so nothing can be said about the score."
+    n_right = sum(row.is_correct is True for row in run.objects)
+    n_wrong = sum(row.is_correct is False for row in run.objects)
     verdict = (
         "tells right from wrong"
         if share < 0.1
@@ -65,7 +67,8 @@ def score_sentence(run: Loaded) -> str:
         else "mostly tells right from wrong"
     )
     return (
-        f"The score {verdict}: of all pairs of a wrong and a right answer, the wrong one scores higher in {share:.0%}. "
+        f"The score {verdict}: of all pairs of a wrong and a right answer, the wrong one scores higher in {share:.0%} "
+        f"({n_wrong} wrong, {n_right} right). "
         "Crosses in the upper right are where it lies."
     )
 
