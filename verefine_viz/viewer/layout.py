@@ -88,6 +88,8 @@ class Layout:
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)
+        if with_batch:  # One tab more, and still one row of them.
+            gui.add_html("<style>[data-dock-tab][data-dock-tab]{padding:0 3px!important}</style>")
         main = gui.main_panel
         main.dock_right()
         main.set_width(RIGHT_PX)
