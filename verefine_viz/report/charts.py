@@ -99,7 +99,7 @@ def time_figure(runs: Sequence[Loaded]) -> go.Figure:
             marker={"color": shade},
             hovertemplate=f"{name}: %{{x}} ms<extra></extra>",
         )
-    figure.update_layout(barmode="stack", height=130 + 60 * len(runs), legend={"traceorder": "normal"})
+    figure.update_layout(barmode="stack", height=190 + 50 * len(runs), legend={"traceorder": "normal"})
     figure.update_yaxes(autorange="reversed", automargin=True, showticklabels=len(runs) > 1)
     return figure
 

@@ -14,6 +14,7 @@ function themed() {
 async function draw(place) {
   const figure = JSON.parse(document.getElementById(place.dataset.figure).textContent);
   figure.layout.autosize = true;
+  place.style.height = figure.layout.height + "px";
   await Plotly.newPlot(place, figure.data, figure.layout, { displayModeBar: false, responsive: true });
   charts.push(place);
   await Plotly.relayout(place, themed());
@@ -29,8 +30,17 @@ let chosen = prefersDark.matches ? "dark" : "light";
 root.dataset.theme = chosen;
 prefersDark.addEventListener("change", (e) => setTheme((chosen = e.matches ? "dark" : "light")));
 document.getElementById("theme").addEventListener("click", () => setTheme((chosen = chosen === "dark" ? "light" : "dark")));
-addEventListener("beforeprint", () => setTheme("light"));
-addEventListener("afterprint", () => setTheme(chosen));
+
+// Paper is narrower than the screen, and charts do not follow by themselves.
+const PAPER = { half: 300, whole: 650 };
+addEventListener("beforeprint", () => {
+  setTheme("light");
+  for (const place of charts) Plotly.relayout(place, { width: place.closest(".two > :not(.wide), .failure") ? PAPER.half : PAPER.whole });
+});
+addEventListener("afterprint", () => {
+  setTheme(chosen);
+  for (const place of charts) Plotly.relayout(place, { width: null, autosize: true });
+});
 
 // Tables: a click on a head sorts by that column, another one the other way round.
 for (const head of document.querySelectorAll("th.sort")) {
