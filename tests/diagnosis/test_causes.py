@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -91,9 +92,33 @@ def test_the_threshold_decides_what_failed() -> None:
     assert not diagnosis.is_confirmed or diagnosis.cause in (Cause.SCORE, Cause.REFINER)
 
 
-def test_without_ground_truth_nothing_is_said() -> None:
-    from dataclasses import replace
+@pytest.mark.parametrize("seed", range(4))
+def test_sound_input_draws_no_suspicion(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    m = model(["duck", "mug", "carton", "jug"][seed])
+    T = standing(m, rng)
+    toolbox = Toolbox(resolve({"method": {"name": "rir", "iterations": 1}}))
+    problem = toolbox.ordered(frame_of([Made(m, T, near(T, rng, 1, 8, 8))], rng))
+    run = toolbox.run(problem)
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox, threshold=0.0, every_cause=True)
+    named = {diagnosis.cause, *(f.cause for f in diagnosis.others)}
+    assert not named & {Cause.SYMMETRIC, Cause.DEPTH, Cause.MASK, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR}
 
+
+def test_a_mask_beside_the_object_and_a_frame_without_plane_are_no_errors() -> None:
+    toolbox, problem = sound_scene()
+    (instance,) = problem.instances
+    empty = replace(instance, mask=np.zeros_like(instance.mask), points_cam=np.zeros((0, 3)))
+    blank = replace(problem, instances=(empty,), observation=replace(problem.observation, support=None))
+    run = toolbox.run(blank)
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox, threshold=0.03)
+    assert diagnosis.cause == Cause.MASK
+    assert diagnosis.evidence["miss_share"] == 1.0
+
+
+def test_without_ground_truth_nothing_is_said() -> None:
     toolbox, problem = sound_scene()
     blind = replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
     run = toolbox.run(blind)
