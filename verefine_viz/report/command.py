@@ -29,7 +29,8 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     """
     path = out or folder / FILE_NAME
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    stderr = Console(stderr=True)
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
         bar = progress.add_task("reading", total=None)
         notes = write_report(
             folder,

@@ -1,0 +1,96 @@
+"""Headline numbers and differences."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.report.runs import row, write_run
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.report.difference import difference
+from verefine_viz.report.loaded import Loaded, load, load_pair
+from verefine_viz.report.numbers import THRESHOLDS, by_object, lies, numbers_of, recall_curve, stage_times
+from verefine_viz.session.files import resolve
+
+WRONG = {"add_s_mm": 40.0}
+NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
+
+
+def run_of(*rows: ObjectRow, label: str = "") -> Loaded:
+    return Loaded(label, BatchIndex(Path("run"), resolve({}), {}, rows))
+
+
+def test_an_object_without_an_answer_is_not_found() -> None:
+    numbers = numbers_of(run_of(row(1), row(2, **WRONG), row(3, **NO_ANSWER), row(4)))
+    assert numbers.recall == 0.5
+    assert numbers.n_without_answer == 1
+    assert numbers.median_mm == 2.0
+    assert numbers.mean_mm == pytest.approx((2 + 40 + 2) / 3)
+
+
+def test_failed_frames_are_counted_apart() -> None:
+    failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
+    numbers = numbers_of(run_of(row(1), failed))
+    assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
+    assert numbers.ms_per_frame == 40.0
+
+
+def test_a_frame_takes_as_long_as_its_objects() -> None:
+    assert numbers_of(run_of(row(1, 0), row(1, 1), row(2, 0))).ms_per_frame == pytest.approx(60.0)
+
+
+def test_search_trees_do_not_count_refiner_calls() -> None:
+    run = Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), {}, (row(1),)))
+    assert numbers_of(run).calls_per_object is None
+    assert numbers_of(run_of(row(1))).calls_per_object == 25.0
+
+
+def test_objects_are_counted_by_model_with_their_most_frequent_cause() -> None:
+    rows = row(1, 0, cause="pool"), row(2, 0, cause="score"), row(3, 0, cause="score"), row(1, 1)
+    first, second = by_object(run_of(*rows), {1: 0.25})
+    assert (first.obj_id, first.numbers.n_objects, first.most_frequent_cause, first.numbers.ar) == (1, 3, "score", 0.25)
+    assert (second.obj_id, second.numbers.ar, second.most_frequent_cause) == (2, None, "")
+
+
+@given(st.lists(st.none() | st.floats(0, 100), min_size=1, max_size=20))
+def test_recall_never_falls_and_agrees_with_the_headline(errors_mm: list[float | None]) -> None:
+    rows = [row(k, **({"add_s_mm": e} if e is not None else NO_ANSWER)) for k, e in enumerate(errors_mm)]
+    curve = recall_curve(rows)
+    assert (np.diff(curve) >= 0).all()
+    at_ten = curve[np.argmin(abs(THRESHOLDS - 0.1))]
+    assert at_ten == pytest.approx(numbers_of(run_of(*rows)).recall, abs=sum(e == 10.0 for e in errors_mm))
+
+
+@given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.1, 0.5, 0.5, 0.9])), max_size=14))
+def test_lies_counts_pairs(answers: list[tuple[bool, float]]) -> None:
+    rows = [row(k, score=s, **({} if right else WRONG)) for k, (right, s) in enumerate(answers)]
+    pairs = [(w, r) for is_w, w in answers if not is_w for is_r, r in answers if is_r]
+    found = lies(run_of(*rows))
+    if not pairs:
+        assert found is None
+    else:
+        assert found == pytest.approx(sum((w > r) + (w == r) / 2 for w, r in pairs) / len(pairs))
+
+
+def test_stages_add_up(tmp_path: Path) -> None:
+    times = stage_times(load(write_run(tmp_path / "a", [row(1, 0), row(1, 1), row(2, 0), row(2, 1)])))
+    assert sum(times.values()) == pytest.approx(30.0 + 10.0 + 200.0)
+    assert times["refine"] == pytest.approx(20.0)
+    assert list(times)[:2] == ["read", "start"]
+
+
+def test_who_got_better_and_who_got_worse(tmp_path: Path) -> None:
+    a = [row(1, 0, **WRONG), row(1, 1), row(2, 0, **NO_ANSWER), row(2, 1), row(3, 0), row(4, 0)]
+    b = [row(1, 0), row(1, 1, add_s_mm=2.1), row(2, 0), row(2, 1, **WRONG), row(3, 0, **NO_ANSWER), row(5, 0)]
+    found = difference(*load_pair(write_run(tmp_path / "a", a), write_run(tmp_path / "b", b)))
+    assert [(c.frame, c.turned) for c in found.better] == [("1/2", "now right"), ("1/1", "now right")]
+    assert [(c.frame, c.turned) for c in found.worse] == [("1/3", "now wrong"), ("1/2", "now wrong")]
+    assert (found.only_a, found.only_b) == (1, 1)
+    assert found.better[0].by == -math.inf
+    assert {f.frame: (f.n_right_a, f.n_right_b) for f in found.frames} == {"1/1": (1, 2), "1/2": (1, 1), "1/3": (1, 0)}
