@@ -33,7 +33,6 @@ class Journal:
     """Appends rows; each is with the operating system when :meth:`append` returns."""
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
-        self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         os.write(self._file, MAGIC + _framed(json.dumps(about).encode()))
 
@@ -45,11 +44,6 @@ class Journal:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
-
-    def remove(self) -> None:
-        """Close and delete: the recording beside it is complete."""
-        self.close()
-        self._path.unlink(missing_ok=True)
 
 
 def encode(row: Row) -> bytes:
@@ -79,13 +73,36 @@ def encode(row: Row) -> bytes:
     return _framed(b"".join((counts, *arrays, _to_json(texts).encode())))
 
 
+class JournalReader:
+    """Reads a journal while it is written."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._at = 0
+
+    def rows(self) -> tuple[Row, ...]:
+        """The whole entries that were added since the last call.
+
+        Raises:
+            OSError: there is no such file.
+        """
+        with self._path.open("rb") as file:
+            file.seek(self._at)
+            content = file.read()
+        is_begin = self._at == 0
+        entries, used = _whole_entries(content, len(MAGIC) if is_begin else 0)
+        self._at += used
+        return tuple(map(_decode, entries[1:] if is_begin else entries))
+
+
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     """What the journal is about and all its whole entries.
 
     What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
     """
     content = path.read_bytes()
-    about, *entries = _whole_entries(content) or [b"{}"]
+    found, _ = _whole_entries(content, len(MAGIC)) if content.startswith(MAGIC) else ([], 0)
+    about, *entries = found or [b"{}"]
     return json.loads(about), tuple(map(_decode, entries))
 
 
@@ -93,17 +110,17 @@ def _framed(body: bytes) -> bytes:
     return _FRAME.pack(len(body), zlib.crc32(body)) + body
 
 
-def _whole_entries(content: bytes) -> list[bytes]:
+def _whole_entries(content: bytes, at: int) -> tuple[list[bytes], int]:
+    """The entries from ``at`` on, and where they end."""
     found: list[bytes] = []
-    at = len(MAGIC)
-    while content.startswith(MAGIC) and at + _FRAME.size <= len(content):
+    while at + _FRAME.size <= len(content):
         length, crc = _FRAME.unpack_from(content, at)
         body = content[at + _FRAME.size : at + _FRAME.size + length]
         if len(body) < length or zlib.crc32(body) != crc:
             break
         found.append(body)
         at += _FRAME.size + length
-    return found
+    return found, at
 
 
 def _decode(body: bytes) -> Row:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rerun as rr
 from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
@@ -24,18 +23,17 @@ from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import pose_errors
-from verefine_viz.recording import columns, entities
-from verefine_viz.recording.background import background
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.direct_file import DirectFile
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.graph import dependency_chunks
+from verefine_viz.recording.drawn import Job, frame_chunks, journal_path, name_finished, part_path
 from verefine_viz.recording.journal import Journal
 from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.row import Row, row_of
 from verefine_viz.recording.rrd_file import RrdFile
+from verefine_viz.recording.writer import WriterProcess
 from verefine_viz.session.files import session_toml
 
 SCHEMA = 2
@@ -43,16 +41,6 @@ SCHEMA = 2
 BLOCK = 50
 """Iterations that are drawn together; the journal holds them until then."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
-
-
-def part_path(path: Path) -> Path:
-    """Where a recording lies while it is written."""
-    return path.with_name(path.name + ".part")
-
-
-def journal_path(path: Path) -> Path:
-    """The journal beside a recording that is being written."""
-    return path.with_name(path.name + ".journal")
 
 
 class Recorder:
@@ -70,6 +58,7 @@ class Recorder:
         verifier: Verifier | None = None,
         live_port: int | None = None,
         block: int = BLOCK,
+        writer: WriterProcess | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -80,6 +69,8 @@ class Recorder:
             verifier: makes the score maps; None = no maps, whatever the session says.
             live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
             block: iterations drawn together; with a live viewer every iteration is drawn at once.
+            writer: draws recordings without maps in a process of its own. The file is then complete after the next
+                ``writer.wait()``, not when the run is over.
         """
         self._path = path
         self._session = session
@@ -87,6 +78,8 @@ class Recorder:
         self._verifier = verifier if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
+        self._writer = writer if self._verifier is None and live_port is None else None
+        self._is_open = False
         self._file: DirectFile | RrdFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
@@ -105,20 +98,30 @@ class Recorder:
         self._drawing = Drawing(self._layout)
         about = properties(self._session, self._problem, self._layout)
         part = part_path(self._path)
+        if self._writer is not None:
+            # It may still be reading a journal of the same name.
+            self._writer.wait()
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._journal = Journal(journal_path(self._path), about)
             part.unlink(missing_ok=True)
             has_maps = self._verifier is not None
             port = self._live_port
-            if port is not None:
+            if self._writer is not None:
+                self._file = None
+            elif port is not None:
                 self._file = LiveFile(part, port, self._layout, has_maps)
             else:
                 # Pictures are worth a thread of their own: most of the work on them does not need the interpreter.
                 self._file = RrdFile(part) if has_maps else DirectFile(part)
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        self._file.send(self._frame(about))
+        self._is_open = True
+        job = Job(self._path, about, self._layout, self._problem)
+        if self._writer is not None:
+            self._writer.begin(job)
+        elif self._file is not None:
+            self._file.send(frame_chunks(job, self._drawing, pictures=has_maps))
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         """Writes one iteration; it is on disk when this returns.
@@ -126,11 +129,11 @@ class Recorder:
         Raises:
             InputError: the file cannot be written any more.
         """
-        assert self._file is not None, "on_start comes first"
+        assert self._is_open, "on_start comes first"
         row = row_of(iteration, self._errors(self._targets[iteration.instance_id], iteration))
         self._journal.append(row)
         self._pending.append(row)
-        if self._verifier is not None:
+        if self._verifier is not None and self._file is not None:
             for chunks in self._pictures(self._verifier, row):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
@@ -138,9 +141,11 @@ class Recorder:
 
     def draw_now(self) -> None:
         """Draws the iterations that wait for their block."""
-        if self._file is not None and self._pending:
+        if self._pending and self._writer is not None:
+            self._writer.more()
+        elif self._pending and self._file is not None:
             self._file.send(self._drawing.draw(tuple(self._pending)))
-            self._pending.clear()
+        self._pending.clear()
 
     def flush(self) -> None:
         """Waits until all that was drawn is in the file, for whoever opens it unfinished."""
@@ -148,7 +153,7 @@ class Recorder:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Completes the file and gives it its name."""
+        """Completes the file and gives it its name, or leaves that to the writer."""
         self.close()
 
     def close(self) -> None:
@@ -157,25 +162,22 @@ class Recorder:
         Raises:
             InputError: it could not be written.
         """
-        if self._file is None:
+        if not self._is_open:
             return
+        if self._writer is not None:
+            self._is_open = False
+            self._journal.close()
+            self._writer.end()
+            return
+        assert self._file is not None
         self.draw_now()
+        self._is_open = False
         file, self._file = self._file, None
         try:
             file.close(blueprint_messages(self._layout, self._verifier is not None))
-        except BaseException:
+        finally:
             self._journal.close()
-            raise
-        part_path(self._path).replace(self._path)
-        self._journal.remove()
-
-    def _frame(self, about: Mapping[str, Any]) -> Iterator[Chunk]:
-        """Everything that is known before the first iteration; what makes the iterations readable comes first."""
-        yield from property_chunks(about)
-        yield from self._drawing.start()
-        if self._problem.dependencies is not None and self._layout.is_scene:
-            yield from dependency_chunks(self._problem.dependencies, self._layout)
-        yield from background(self._problem, pictures=self._verifier is not None)
+        name_finished(self._path)
 
     def _pictures(self, verifier: Verifier, row: Row) -> Iterator[Iterable[Chunk]]:
         """The maps of an iteration, and of the scene where it closes a pass."""
@@ -229,13 +231,6 @@ def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, 
 def _toml(settings: str) -> str:
     """A session as a file; made once for all frames of a batch."""
     return session_toml(Session.model_validate_json(settings))
-
-
-def property_chunks(about: Mapping[str, Any]) -> Iterator[Chunk]:
-    """The same as a recording holds them, and its name."""
-    yield Chunk.from_property(entities.PROPERTY, rr.AnyValues(**about))
-    name = f"{about['title']} {about['frame']} {about['method']}".strip()
-    yield columns.fixed("/__properties", rr.archetypes.RecordingInfo(name=name))
 
 
 def _rotation_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:

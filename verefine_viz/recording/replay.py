@@ -14,6 +14,7 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.drawn import property_chunks
 from verefine_viz.recording.entities import MAPS
 from verefine_viz.recording.reader import (
     PROPERTIES,
@@ -25,7 +26,7 @@ from verefine_viz.recording.reader import (
     read_recording,
     readable,
 )
-from verefine_viz.recording.recorder import property_chunks, versions
+from verefine_viz.recording.recorder import versions
 from verefine_viz.recording.row import Row, row_of
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.viewer_process import free_port, has_display, start_viewer
