@@ -16,8 +16,8 @@ from verefine_viz.viewer.app import App
 
 SHOTS = Path(__file__).parent / "shots"
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
-SLOW_MS = 60_000
-"""Software WebGL freezes the page while it compiles shaders."""
+SLOW_MS = 120_000
+"""Software WebGL freezes the page while it compiles shaders, for over a minute where other work shares the cores."""
 FLAGS = [
     "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--no-first-run",

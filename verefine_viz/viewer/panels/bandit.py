@@ -139,8 +139,9 @@ def score_lines(view: View, n_arms: int) -> list[Line]:
             values.append(now)
         lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
     best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
-    # The answer of a tree search is the pose in the cheapest scene, which may score less than another.
-    name = "answer" if any(i.tree is not None for i in view.own_iterations) else "best"
+    # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
+    of_scene = any(i.tree is not None or i.scene_pass is not None for i in view.own_iterations)
+    name = "answer" if of_scene else "best"
     lines.append(Line(name, (0, 170, 120), [best, *(i.best.score.score for i in view.own_iterations)], width=3.0))
     return lines
 

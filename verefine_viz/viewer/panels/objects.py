@@ -54,7 +54,8 @@ def filter_line(view: View) -> str:
         return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
     if view.look.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
-        return f"<p>Filtered to <b>{text(name)}</b> · {follow}</p>"
+        shown = f'<b class="cut" style="max-width:125px" title="{text(name)}">{text(name)}</b>'
+        return f"<p>Filtered to {shown} · {follow}</p>"
     return '<p class="dim">Panels follow the run; a click filters them.</p>'
 
 
