@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ import psutil
 from bench.light_frames import write_light_frames
 from verefine_viz.batch.rows import TIME_COLUMNS
 
-PATIENCE_S = 120.0
+PATIENCE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,14 @@ def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
     return results, frames
 
 
-def killed_until_done(command: list[str], out: Path, n_kills: int, rng: random.Random) -> Killed:
-    """Starts ``command``, which writes the batch ``out``, kills it, and so on; at last lets it run to its end."""
+def killed_until_done(
+    command: list[str], out: Path, n_kills: int, rng: random.Random, tell: Callable[[str], None] = lambda _: None
+) -> Killed:
+    """Starts ``command``, which writes the batch ``out``, kills it, and so on; at last lets it run to its end.
+
+    Raises:
+        RuntimeError: a start hangs or fails, or workers outlive their parent.
+    """
     at: list[int] = []
     for _ in range(n_kills):
         child = subprocess.Popen(
@@ -58,6 +65,7 @@ def killed_until_done(command: list[str], out: Path, n_kills: int, rng: random.R
         if child.wait() != -9:
             break  # It was done before.
         at.append(_n_done(out))
+        tell(f"killed with {at[-1]} frames done")
         left = psutil.wait_procs(workers, timeout=PATIENCE_S)[1]
         if left:
             raise RuntimeError(f"{len(left)} workers of a killed batch still run")
@@ -88,7 +96,7 @@ def main(n_kills: int) -> int:
     expected, k = without_times(root / "whole"), 0
     while total < n_kills:
         out = root / f"killed-{k}"
-        killed = killed_until_done([*batch, str(out)], out, n_kills - total, rng)
+        killed = killed_until_done([*batch, str(out)], out, n_kills - total, rng, lambda text: print(text, flush=True))
         same = without_times(out) == expected
         print(f"{killed.kills} kills, after {killed.frames_at_kill} frames: {'same' if same else 'OTHER'} tables")
         if not same:
