@@ -1,0 +1,47 @@
+"""The report in a browser without a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.report.runs import row, write_run
+from verefine_viz.report.command import write_report
+
+pytestmark = pytest.mark.browser
+GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
+
+
+def test_the_report_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:
+    a = [row(1, 0), row(2, 0, add_s_mm=40.0, cause="pool"), row(3, 1, add_s_mm=20.0, cause="score"), row(4, 2)]
+    b = [row(1, 0), row(2, 0), row(3, 1, add_s_mm=60.0), row(4, 2)]
+    path = tmp_path / "report.html"
+    write_report(write_run(tmp_path / "a", a, GONE), write_run(tmp_path / "b", b, GONE), path)
+    context = chromium.new_context(viewport={"width": 1280, "height": 800}, offline=True)
+    page, errors, foreign = context.new_page(), [], []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else foreign.append(r.url))
+    page.goto(path.as_uri())
+    page.wait_for_selector("html[data-ready=yes]", timeout=60_000)
+    assert page.locator(".chart .main-svg").count() >= 2 * page.locator(".chart").count()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+
+    names = page.locator("table[aria-label=objects] tbody tr td:nth-child(2)")
+    page.locator("table[aria-label=objects] th", has_text="object").click()
+    falling = names.all_inner_texts()
+    page.locator("table[aria-label=objects] th", has_text="object").click()
+    assert sorted([falling, names.all_inner_texts()]) == [sorted(falling), sorted(falling, reverse=True)]
+
+    assert [h.inner_text() for h in page.locator(".failure h3").all()] == ["object 1", "object 2"]
+    page.locator("#cause").select_option("score")
+    assert [h.inner_text() for h in page.locator(".failure h3").all() if h.is_visible()] == ["object 2"]
+
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.locator("#theme").click()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != before
+    context.close()
+    assert errors == []
+    assert foreign == []

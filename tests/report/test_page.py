@@ -1,0 +1,108 @@
+"""The report as a file: whole, small, and asking nobody for anything."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.report.runs import row, write_run
+from verefine_viz import cli
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.report import gallery
+from verefine_viz.report.command import write_report
+from verefine_viz.report.gallery import Curve
+from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
+
+GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
+
+
+def figures(html: str) -> dict[str, dict[str, Any]]:
+    """Every chart's JSON by id."""
+    found = re.findall(r'<script type="application/json" id="figure-([\w-]+)">(.*?)</script>', html, re.DOTALL)
+    return {name: json.loads(text) for name, text in found}
+
+
+def without_plotly(html: str) -> str:
+    return re.sub(r"<script>/\*.*?</script>", "", html, count=1, flags=re.DOTALL)
+
+
+def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    # Noise is what compresses worst: no frame can make larger pictures.
+    noise = [data_uri(rng.integers(0, 256, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)) for _ in range(4)]
+    ks = tuple(range(1, 251))
+    curve = Curve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
+    monkeypatch.setattr(gallery, "_pictures", lambda *_: Pictures(noise[0], noise[1]))
+    monkeypatch.setattr(gallery, "_curves", lambda *_: dict.fromkeys(range(6), curve))
+    errors = rng.gamma(1.0, 8.0, (1000, 6))
+    rows = [row(k, i, add_s_mm=float(errors[k, i]), score=0.5 + 0.01 * i) for k in range(1000) for i in range(6)]
+    other = [row(k, i, add_s_mm=float(errors[-k, i]), score=0.4 + 0.01 * i) for k in range(1000) for i in range(6)]
+    a, b = write_run(tmp_path / "a", rows, GONE), write_run(tmp_path / "b", other, GONE)
+    write_report(a, b, tmp_path / "report.html")
+    assert (tmp_path / "report.html").stat().st_size < 30e6
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert html.count('class="failure"') == 60
+    assert len(figures(html)["change"]["data"]) == 4
+
+
+def test_without_its_data_set_a_report_has_everything_but_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(
+        tmp_path / "a", [row(1), row(2, add_s_mm=40.0, cause="pool", evidence="All were far off.")], GONE
+    )
+    assert cli.main(["report", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("No pictures: ") == 1
+    assert "No BOP scores: " in said
+    html = without_plotly((folder / "report.html").read_text(encoding="utf-8"))
+    assert "<img" not in html
+    assert "rir got 1 of 2 objects right" in html
+    assert "no good hypothesis in the pool" in html
+    assert "All were far off." in html
+    assert {"recall", "score-1", "times", "causes"} <= figures(html).keys()
+
+
+def test_it_asks_nobody_for_anything(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "a", [row(1), row(2, add_s_mm=40.0)], GONE)
+    write_report(folder, None, tmp_path / "report.html")
+    html = without_plotly((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "default-src 'none'" in html
+    assert not re.search(r'(?:src|href)="(?!data:|#)', html)
+
+
+def test_what_files_say_is_text(tmp_path: Path) -> None:
+    name = "</script><b>object</b>"
+    rows = [row(1, name=name), row(2, name=name, add_s_mm=40.0, cause="odd", evidence="<i>why</i>")]
+    write_report(
+        write_run(tmp_path / "a", rows, GONE | {"title": "<u>run</u>"}),
+        None,
+        tmp_path / "r.html",
+    )
+    html = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert not re.search("<b>object|<i>why|<u>run", html)
+    assert any(name in text for text in figures(html)["score-1"]["data"][0]["text"])
+
+
+def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
+    rows = [row(k, has_truth=False, add_s_mm=None, score=0.1 * k) for k in (1, 2)]
+    write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
+    html = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "without ground truth" in html
+    assert "recall" not in figures(html)
+
+
+def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
+    rows = [ObjectRow(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
+    write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
+    assert "2 frames failed as a whole" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_no_failures_no_gallery(tmp_path: Path) -> None:
+    write_report(write_run(tmp_path / "a", [row(1)], GONE), None, tmp_path / "r.html")
+    assert "Nothing failed." in (tmp_path / "r.html").read_text(encoding="utf-8")
