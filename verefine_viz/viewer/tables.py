@@ -291,7 +291,7 @@ def branches_table(view: View) -> str:
     for i, branch in enumerate(view.branches):
         best, errors = branch.best[k], branch.errors[k]
         cells = [
-            cut(branch.name),
+            f'<span class="cut" style="max-width:170px" title="{text(branch.name)}">{text(branch.name)}</span>',
             f"{branch.length}/{branch.n_iterations}",
             number(best.score.score if best else None, 3),
             number(errors.add_s_mm if errors else None, 1),

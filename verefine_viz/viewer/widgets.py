@@ -52,7 +52,7 @@ class Line:
     dashed: bool = False
 
 
-WHOLE_NUMBERS = cast(uplot.Axis, {"size": 26, "incrs": [n * 10**k for k in range(6) for n in (1, 2, 5)]})
+WHOLE_NUMBERS = cast(uplot.Axis, {"size": 26, "space": 36, "incrs": [n * 10**k for k in range(6) for n in (1, 2, 5)]})
 """An axis of iterations: no 2.5 between 2 and 3. The library's type does not know ``incrs``, the page does."""
 
 
