@@ -1,8 +1,10 @@
-"""What recording costs: frames with and without it, in turns, each closed and complete on disk before the clock stops.
+"""What recording costs: frames with and without it, in turns.
 
-Three cases: one object, a scene of several, and a batch-like sequence of different frames in one process. The share is
-that of pairs of frames measured right after one another; processor time counts all threads of the process, the writer
-of the recording too.
+One object, a scene of several, and the frames of a batch with reading them, which is what a batch takes per frame. A
+recording is drawn by the run's process ("here"), or by a :class:`WriterProcess`, and the clock stops when its file is
+complete ("beside, complete") or when the run is over ("beside"; the next frame would be computed while it is finished).
+The share is that of pairs of frames measured right after one another; processor time is that of all threads of the
+run's process, so what is drawn beside is not in it.
 """
 
 from __future__ import annotations
@@ -11,15 +13,17 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.writer import WriterProcess
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+Drawn = Literal["here", "beside, complete", "beside"]
 REPEATS = 15
 MUG: dict[str, Any] = {"method": {"name": "rir"}, "scene": {"demo": "mug"}}
 CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": {"demo": "clutter"}}
@@ -28,37 +32,40 @@ CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": 
 def run() -> list[dict[str, object]]:
     """A row per case, without maps and (one object) with them."""
     mug, clutter = _toolbox(MUG, maps=False), _toolbox(CLUTTER, maps=False)
-    first, scenes = [mug.problem(mug.frames[0])], [clutter.problem(f) for f in clutter.frames]
-    return [
-        _row("one object", mug, first, REPEATS),
-        _row("whole scene", clutter, scenes[:1], max(REPEATS // 3, 1)),
-        _row("frames of a batch", clutter, scenes, max(REPEATS // 5, 1)),
-        _row("one object, maps", _toolbox(MUG, maps=True), first, max(REPEATS // 3, 1)),
-    ]
+    first, scenes = [mug.problem(mug.frames[0])], [clutter.problem(clutter.frames[0])]
+    rows: list[dict[str, object]] = []
+    ways: tuple[Drawn, ...] = ("here", "beside, complete", "beside")
+    for drawn in ways:
+        rows.append(_row("one object", mug, first, REPEATS, drawn))
+        rows.append(_row("whole scene", clutter, scenes, REPEATS // 3, drawn))
+        rows.append(_row("frames with reading them", clutter, clutter.frames, REPEATS // 5, drawn))
+    rows.append(_row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3, "here"))
+    return rows
 
 
 def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:
     return Toolbox(resolve({**session, "recording": {"maps": maps}}))
 
 
-def _row(what: str, toolbox: Toolbox, problems: Sequence[Problem], repeats: int) -> dict[str, object]:
+def _row(
+    what: str, toolbox: Toolbox, frames: Sequence[Problem] | Sequence[str], repeats: int, drawn: Drawn
+) -> dict[str, object]:
     """Measured in pairs, after each frame was run once: kernels, colliders, search structures, meshes are made."""
     pairs: list[tuple[tuple[float, float], tuple[float, float]]] = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, WriterProcess() as writer:
         path = Path(folder) / "run.rrd"
-        for problem in problems:
-            _measured(toolbox, problem, path)
+        for frame in frames:
+            _measured(toolbox, frame, path, writer, drawn)
         for k in range(repeats):
-            for problem in problems:
+            for frame in frames:
                 # In turns: the first of a pair would otherwise always meet the colder caches.
                 order = (None, path) if k % 2 else (path, None)
-                found = {file: _measured(toolbox, problem, file) for file in order}
+                found = {file: _measured(toolbox, frame, file, writer, drawn) for file in order}
                 pairs.append((found[None], found[path]))
-        n_iterations = toolbox.run(problems[-1]).n_iterations
         size = path.stat().st_size
     off, on = np.array(pairs)[:, 0] * 1e3, np.array(pairs)[:, 1] * 1e3
     return {
-        "what": f"rir, {what}, {n_iterations} iterations",
+        "what": f"rir, {what}, drawn {drawn}",
         "ms without": float(np.median(off[:, 0])),
         "ms with": float(np.median(on[:, 0])),
         "% (median of pairs)": float(100 * np.median(on[:, 0] / off[:, 0] - 1)),
@@ -68,9 +75,19 @@ def _row(what: str, toolbox: Toolbox, problems: Sequence[Problem], repeats: int)
     }
 
 
-def _measured(toolbox: Toolbox, problem: Problem, path: Path | None) -> tuple[float, float]:
-    """Wall and processor time [s] of a frame, with its recording where there is a ``path``."""
+def _measured(
+    toolbox: Toolbox, frame: Problem | str, path: Path | None, writer: WriterProcess, drawn: Drawn
+) -> tuple[float, float]:
+    """Wall and processor time [s] of a frame, which is read first if only its name is given; recorded to ``path``."""
     wall, processor = perf_counter(), process_time()
-    recorders = [] if path is None else [Recorder(path, toolbox.session, problem, toolbox.verifier)]
+    problem = toolbox.problem(frame) if isinstance(frame, str) else frame
+    recorders: list[Recorder] = []
+    if path is not None:
+        given = None if drawn == "here" else writer
+        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier, writer=given))
     toolbox.run(problem, recorders).finish()
-    return perf_counter() - wall, process_time() - processor
+    if drawn == "beside, complete":
+        writer.wait()
+    spent = perf_counter() - wall, process_time() - processor
+    writer.wait()
+    return spent
