@@ -10,7 +10,7 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.batch import batch_table, summary
+from verefine_viz.viewer.panels.batch import WRONG, batch_table, filtered, summary
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:
@@ -39,6 +39,20 @@ def test_the_summary_counts_what_is_correct_and_what_has_no_answer() -> None:
     )
 
 
+def test_filters_leave_what_passes_all_of_them() -> None:
+    rows = (row(1, add_s_mm=5.0), row(2, add_s_mm=50.0), row(3, "no_answer"))
+    rows = (rows[0], rows[1].model_copy(update={"cause": "pool", "evidence": "41° <off>"}), rows[2])
+    assert [r.im_id for r in filtered(rows, {})] == [1, 2, 3]
+    assert [r.im_id for r in filtered(rows, {"result": WRONG})] == [2, 3]
+    assert [r.im_id for r in filtered(rows, {"result": "right", "cause": "all"})] == [1]
+    assert [r.im_id for r in filtered(rows, {"cause": "no good hypothesis in the pool"})] == [2]
+    assert filtered(rows, {"result": "right", "cause": "no good hypothesis in the pool"}) == ()
+    assert filtered(rows, {"object": "mug"}) == ()
+    html = batch_table(rows, "")
+    assert "no good hypothesis in the pool" in html
+    assert "41° &lt;off&gt;" in html
+
+
 def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
     batch = index(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()
@@ -56,5 +70,10 @@ def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
         app.wait_until_idle()
         html = app.layout.batch._rows._handle.content
         assert html.index("0/1") < html.index("0/2")
+        app.send(c.FilterBatch("result", WRONG))
+        app.wait_until_idle()
+        html = app.layout.batch._rows._handle.content
+        assert "0/2" in html
+        assert "0/1<" not in html
     finally:
         app.stop()

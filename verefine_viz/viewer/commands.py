@@ -18,6 +18,7 @@ from verefine_viz.viewer.side_commands import SIDE_COMMANDS
 
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
+BatchFilter = Literal["result", "cause", "object", "method"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
 
@@ -248,6 +249,14 @@ class SortBatch(Command):
 
 
 @dataclass(frozen=True)
+class FilterBatch(Command):
+    """Which of a batch's objects are listed; every filter counts until it is set to "all"."""
+
+    by: BatchFilter
+    value: str
+
+
+@dataclass(frozen=True)
 class ScoreGroundTruth(Command):
     """Score the ground truth and put it beside the best pose."""
 
@@ -290,7 +299,8 @@ COMMANDS: dict[str, type[Command]] = {
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
         OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        SortBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
+        SortBatch, FilterBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS,
+        *ORDER_COMMANDS,
     )
 }  # fmt: skip
 

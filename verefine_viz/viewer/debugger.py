@@ -395,6 +395,6 @@ def _may_wait(command: c.Command) -> bool:
     return isinstance(
         command,
         c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer
-        | c.Animate | c.SetBreakpoints | c.SortBatch | c.ScoreGroundTruth | c.Export | s.CompareRun | s.CompareBranch
-        | s.CompareRecording | s.RunB | s.PauseB | s.StopComparing | s.ShowSide | s.ShowSidePoses,
+        | c.Animate | c.SetBreakpoints | c.SortBatch | c.FilterBatch | c.ScoreGroundTruth | c.Export | s.CompareRun
+        | s.CompareBranch | s.CompareRecording | s.RunB | s.PauseB | s.StopComparing | s.ShowSide | s.ShowSidePoses,
     )  # fmt: skip

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal, cast, get_args
 
 import numpy as np
@@ -52,6 +53,8 @@ class Look:
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
     batch_order: Literal["error", "score", "frame"] = "error"
+    batch_only: Mapping[str, str] = field(default_factory=dict)
+    """Filters of the batch's objects, by what they filter."""
     judged_truth: bool = False
     """Whether the score of the ground truth was asked for."""
 
@@ -104,6 +107,8 @@ def changed(look: Look, command: c.Command) -> Look | None:
             return replace(look, animate=on)
         case c.SortBatch(order):
             return replace(look, batch_order=order)
+        case c.FilterBatch(by, value):
+            return replace(look, batch_only={**look.batch_only, by: value})
         case c.ScoreGroundTruth():
             layers = look.layers | {"ground truth", "best"}
             return replace(look, a="best", b="ground truth", judged_truth=True, layers=layers)
