@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from verefine_viz.diagnosis.causes import TITLES, Cause
+
 
 def share(error: float) -> str:
     """An error as a share of the diameter."""
@@ -15,3 +17,8 @@ def instead(then: float, now: float) -> str:
     if not math.isfinite(then):
         return "there is no answer at all"
     return f"the error is {then:.0%} of the diameter instead of {share(now)}"
+
+
+def cause_title(cause: str) -> str:
+    """A cause as tables and filters show it; one that this version does not know is shown as it is."""
+    return TITLES[Cause(cause)] if cause in set(Cause) else cause.replace("_", " ")

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
-from verefine_viz.diagnosis.causes import TITLES
+from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report.difference import SAME, Difference
 from verefine_viz.report.gallery import Curve
 from verefine_viz.report.loaded import Loaded, frame_of, relative_error
@@ -27,6 +27,7 @@ STAGE_WORDS = {
     "simulate": ("simulate", "rgb(255,140,0)"),
     "score": ("score", "rgb(40,200,80)"),
     "rest of the iterations": ("rest of the iterations", "#b8c0cc"),
+    "explain": ("look for causes", "#6d597a"),
     "summarise": ("summarise", "#c9ada7"),
     "record": ("record", "#9a8c98"),
 }
@@ -107,6 +108,7 @@ def time_figure(runs: Sequence[Loaded]) -> go.Figure:
 def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
     """How many failures each cause has."""
     figure = _figure("failed objects", "")
+    runs = [run for run in runs if cause_counts(run.failures)]
     counts = {run.name: cause_counts(run.failures) for run in runs}
     causes = sorted(
         {c for mine in counts.values() for c in mine}, key=lambda c: -sum(m.get(c, 0) for m in counts.values())
@@ -214,12 +216,6 @@ def cause_counts(rows: Sequence[ObjectRow]) -> dict[str, int]:
         if row.cause:
             counts[row.cause] = counts.get(row.cause, 0) + 1
     return counts
-
-
-def cause_title(cause: str) -> str:
-    """A cause in words."""
-    titles = {str(known): title for known, title in TITLES.items()}
-    return titles.get(cause, cause.replace("_", " "))
 
 
 def _figure(x: str, y: str, height: int = 340) -> go.Figure:

@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.colormaps import difference_scale
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report import charts, words
 from verefine_viz.report.bop import BopRecalls
 from verefine_viz.report.difference import Difference
@@ -66,7 +67,7 @@ def render(a: Side, b: Side | None, found: Difference | None, failures: Gallery)
         "percent": words.percent,
         "number": words.number,
         "signed": words.signed,
-        "cause": charts.cause_title,
+        "cause": cause_title,
         "share": relative_error,
     }
     return environment.get_template("report.html").render(_context(a, b, found, failures))
@@ -103,6 +104,7 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
             (run.name, words.score_sentence(run), _json(charts.score_figure(run))) for run in runs if run.with_truth
         ],
         "times": _json(charts.time_figure(runs)) if any(stage_times(run) for run in runs) else None,
+        "not_explained": [run.name for run in runs if run.failures and not any(row.cause for row in run.failures)],
         "causes": _json(charts.cause_figure(runs)) if has_causes else None,
         "objects": [(mine, {o.obj_id: o for o in b.objects}.get(mine.obj_id) if b else None) for mine in a.objects],
         "found": found,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import viser
 
 from verefine_viz.batch.index import ORDERS
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, sentence, table, text
 from verefine_viz.viewer.tables import cut, number
@@ -29,7 +30,7 @@ class BatchPanel:
         self._words = Block(gui)
         self.order = gui.add_dropdown("Sort by", ORDERS, hint="worst first, or as they ran")
         self.order.on_update(by_person(lambda v: send(c.SortBatch(v))))
-        self.filters: dict[c.BatchFilter, viser.GuiDropdownHandle[str]] = {
+        self.filters: dict[c.BatchFilter, viser.GuiDropdownHandle[Any]] = {
             "result": gui.add_dropdown("Show", RESULTS, hint="wrong: an error of 10 % of the diameter or more"),
             "cause": gui.add_dropdown("Cause", (ALL,), hint="why the answer is wrong"),
             "object": gui.add_dropdown("Object", (ALL,)),
@@ -73,11 +74,6 @@ def filtered(rows: tuple[ObjectRow, ...], only: Mapping[str, str]) -> tuple[Obje
         and name in (ALL, row.name)
         and method in (ALL, row.method)
     )
-
-
-def cause_title(cause: str) -> str:
-    """A cause in words."""
-    return TITLES[Cause(cause)] if cause in set(Cause) else cause
 
 
 def summary(rows: tuple[ObjectRow, ...]) -> str:
