@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 from rerun.chunk import Chunk
+from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.direct_file import DirectFile
 from verefine_viz.recording.drawing import Drawing
@@ -240,11 +240,18 @@ def _rotation_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
 
 
 def _add_s_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
-    """As :func:`pose_errors` has it, without its search for nearest points where the object is not symmetric."""
+    """As ``pose_errors`` has it. Nearest points are looked for only where the object is symmetric, and in its
+    own frame, for which one search tree lasts.
+    """
     if model.is_symmetric:
-        return pose_errors(model, T_est, T_gt).add_s_mm
+        return 1e3 * float(_tree(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
     apart = apply(T_est - T_gt, model.points)
     return 1e3 * float(np.sqrt(np.einsum("ij,ij->i", apart, apart)).mean())
+
+
+@lru_cache(maxsize=64)
+def _tree(model: ObjectModel) -> KDTree:
+    return KDTree(model.points)
 
 
 @cache
