@@ -197,7 +197,8 @@ class SceneView:
         points = _all_points(view)
         middle = points.mean(axis=0)
         extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
-        distance = max(0.42, 2.5 * extent)
+        several = len(view.problem.instances) > 1
+        distance = max(0.42, (2.75 if several else 2.5) * extent)
         towards_sensor = -middle / np.linalg.norm(middle)
         beside = np.array([0.75, -0.35, 0.0])
         direction = towards_sensor + beside
@@ -205,6 +206,9 @@ class SceneView:
         eye, target = apply(self._T_world_cam, np.array([eye_cam, middle]))
         # The free part is the upper half: look below the objects, so that they appear above the middle.
         target = target - np.array([0.0, 0.0, 0.38 * distance])
+        if several:  # The list of objects covers the right: look past them on that side.
+            right = np.cross(target - eye, [0.0, 0.0, 1.0])
+            target = target + 0.06 * distance * right / max(float(np.linalg.norm(right)), 1e-9)
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
         camera.near = 0.005
