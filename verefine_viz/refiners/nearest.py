@@ -40,7 +40,7 @@ class NearestIndex(NamedTuple):
     """Its inverse."""
     counts: NDArray[np.int64]
     """(3,) cubes along x, y, z."""
-    starts: NDArray[np.int64]
+    starts: NDArray[np.int32]
     """(cubes + 1,) where each cube's candidates begin."""
     candidates: NDArray[np.int32]
     """Indices into ``points``, those nearest to the cube's centre first."""
@@ -155,7 +155,7 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
                             for k in range(n):
                                 pool[used + k] = of_cell[k]
                             used += n
-    starts = np.zeros(n_cells + 1, dtype=np.int64)
+    starts = np.zeros(n_cells + 1, dtype=np.int32)
     for cell in range(n_cells):
         starts[cell + 1] = starts[cell] + length[cell]
     candidates = np.empty(used, dtype=np.int32)
