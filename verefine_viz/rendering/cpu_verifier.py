@@ -32,6 +32,9 @@ from verefine_viz.rendering.results import (
 
 NOTHING_PLACED = np.zeros((0, 0), np.float32)
 
+FACES_PER_THREAD = 2500
+"""A thread is given at least so many faces to draw: handing over takes as long as drawing a small mesh."""
+
 
 @cache
 def _pool() -> ThreadPoolExecutor:
@@ -91,10 +94,11 @@ class CpuVerifier:
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         prepared, settings = self._targets.scene(targets, whole_frame), self.settings
+        meshes = self._meshes.together([target.model for target in targets])
         sums = np.empty((len(Ts), kernels.N_SUMS))
         arguments = (
             Ts,
-            self._meshes.together([target.model for target in targets]).arrays,
+            meshes.arrays,
             intrinsics(targets[0].observation.camera, settings),
             far_m(settings),
             prepared.observed,
@@ -108,9 +112,10 @@ class CpuVerifier:
             settings.alpha,
             sums,
         )
-        n = min(len(Ts), self._n_threads)
+        n_faces = len(Ts) * len(meshes.faces)
+        n = max(1, min(len(Ts), self._n_threads, n_faces // FACES_PER_THREAD))
         others = [_pool().submit(kernels.score_every, k, n, *arguments) for k in range(1, n)]
-        kernels.score_every(0, max(n, 1), *arguments)
+        kernels.score_every(0, n, *arguments)
         for other in others:
             other.result()
         return scores_from_sums(sums, settings)
