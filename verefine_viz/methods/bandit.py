@@ -59,7 +59,7 @@ def _why(j: int, mean: np.ndarray, exploration: np.ndarray, ucb: np.ndarray) -> 
     own = f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}"
     if len(ucb) == 1:
         return f"{own}, the only one"
-    rest = np.delete(np.arange(len(ucb)), j)
-    rival = int(rest[np.argmax(ucb[rest])])
-    sign = "=" if ucb[rival] == ucb[j] else ">"
+    bounds = ucb.tolist()
+    rival = max((k for k in range(len(bounds)) if k != j), key=bounds.__getitem__)
+    sign = "=" if bounds[rival] == bounds[j] else ">"
     return f"{own} {sign} hypothesis {rival + 1}: {mean[rival]:.2f} + {exploration[rival]:.2f}"

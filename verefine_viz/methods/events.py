@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Event, Iteration, Stage
@@ -34,13 +34,13 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
     if before.last_arm is not None and before.last_arm != iteration.arm:
         events.append(Event("arm_switched", f"Switched from hypothesis {before.last_arm + 1} to {iteration.arm + 1}."))
     if iteration.path is not None:
-        turned = np.rad2deg(angle_between(iteration.path.Ts_cam_obj[0, :3, :3], iteration.path.T_cam_obj[:3, :3]))
+        turned = math.degrees(angle_between(iteration.path.Ts_cam_obj[0, :3, :3], iteration.path.T_cam_obj[:3, :3]))
         if turned > UNSTABLE_DEG:
             events.append(Event("unstable", f"The simulation turned the object by {turned:.1f}°: it was not at rest."))
     if refined is not None:
         start = _refiner_start(iteration, refined)
-        moved = 1e3 * float(np.linalg.norm(refined.T_cam_obj[:3, 3] - start.T_cam_obj[:3, 3]))
-        turned = np.rad2deg(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
+        moved = 1e3 * math.dist(refined.T_cam_obj[:3, 3].tolist(), start.T_cam_obj[:3, 3].tolist())
+        turned = math.degrees(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
         if moved < STUCK_MM and turned < STUCK_MM:
             events.append(Event("refiner_stuck", "The refiner did not move: no correspondence within its gate."))
     for stage in iteration.stages:
