@@ -11,6 +11,7 @@ import numpy as np
 
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.core.arrays import Float
 from verefine_viz.session.files import resolve, save_session
 
 
@@ -23,8 +24,11 @@ def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
     return ObjectRow.model_validate({**known, **ids, **values})
 
 
-def write_run(folder: Path, rows: Sequence[ObjectRow], session: Mapping[str, Any] | None = None) -> Path:
-    """A finished batch of these rows; every object that was solved stands at the identity."""
+def write_run(
+    folder: Path, rows: Sequence[ObjectRow], session: Mapping[str, Any] | None = None, T_cam_obj: Float | None = None
+) -> Path:
+    """A finished batch of these rows; every object that was solved stands at ``T_cam_obj``, or at the identity."""
+    pose = tuple((np.eye(4) if T_cam_obj is None else T_cam_obj).ravel().tolist())
     folder.mkdir(parents=True, exist_ok=True)
     save_session(resolve(session or {"title": "A made-up run"}), folder / "session.toml")
     frames = dict.fromkeys(f"{r.scene_id}/{r.im_id}" for r in rows)
@@ -32,9 +36,7 @@ def write_run(folder: Path, rows: Sequence[ObjectRow], session: Mapping[str, Any
     for frame in frames:
         mine = tuple(r for r in rows if f"{r.scene_id}/{r.im_id}" == frame)
         estimates = tuple(
-            Estimate(obj_id=r.obj_id or 0, score=r.score or 0.0, T_cam_obj=tuple(np.eye(4).ravel().tolist()))
-            for r in mine
-            if r.status == "ok"
+            Estimate(obj_id=r.obj_id or 0, score=r.score or 0.0, T_cam_obj=pose) for r in mine if r.status == "ok"
         )
         failed = any(r.status == "failed" for r in mine)
         results.append(FrameResult(frame=frame, failed=failed, seconds=1.0, objects=mine, estimates=estimates))

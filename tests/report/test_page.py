@@ -17,7 +17,10 @@ from verefine_viz.report import gallery
 from verefine_viz.report.command import write_report
 from verefine_viz.report.gallery import Curve
 from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
+from verefine_viz.scenes.demo import demo_problem
+from verefine_viz.session.files import resolve
 
+NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve."
 GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
 
 
@@ -106,3 +109,24 @@ def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
 def test_no_failures_no_gallery(tmp_path: Path) -> None:
     write_report(write_run(tmp_path / "a", [row(1)], GONE), None, tmp_path / "r.html")
     assert "Nothing failed." in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> None:
+    session = resolve({})
+    instance = demo_problem("mug", session.scene, session.hypotheses).instances[0]
+    assert instance.T_cam_obj_gt is not None
+    ids = {"scene_id": 0, "obj_id": instance.obj_id, "add_s_mm": 40.0}
+    found = {}
+    for name, off_m in (("right", 0.0), ("wrong", 0.3)):
+        T_cam_obj = np.array(instance.T_cam_obj_gt)
+        T_cam_obj[0, 3] += off_m
+        folder = write_run(tmp_path / name, [row(0, instance.instance_id, **ids)], {"title": name}, T_cam_obj)
+        assert write_report(folder, None, tmp_path / "r.html") == (NO_RECORDING,)
+        html = (tmp_path / "r.html").read_text(encoding="utf-8")
+        assert html.count('<img src="data:image/webp;base64,') == 2
+        assert "BOP scores over all instances that are at least 10 % visible" in html
+        found[name] = re.search(r"BOP AR</div>\s*<div class=\"value\">([\d.]+) %", html)
+    assert found["right"] is not None
+    assert found["wrong"] is not None
+    assert float(found["right"][1]) == 100.0
+    assert float(found["wrong"][1]) == 0.0

@@ -14,7 +14,7 @@ from verefine_viz.evaluation.bop_scores import bop_scores
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.evaluation.recalls import Recalls
 from verefine_viz.evaluation.targets import Targets, find_targets, read_targets
-from verefine_viz.evaluation.truth import VISIB_FRACT, BopTruth, ProblemTruth, TruthSource
+from verefine_viz.evaluation.truth import BopTruth, ProblemTruth, TruthSource, visible_targets
 from verefine_viz.report.loaded import Loaded
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results import ResultRow
@@ -72,19 +72,11 @@ def _asked(run: Loaded) -> tuple[TruthSource, Targets]:
     except InputError:
         counts, name = {}, ""
     if len(counts) < len(images):
-        counts = {image: _visible(truth, image) for image in images}
-        name = "all instances that are at least 10 % visible"
+        listed = visible_targets(truth, images)
+        counts, name = {i: dict(mine) for i, mine in listed.counts.items()}, listed.name
     if scene.objects:
         counts = {image: {i: n for i, n in mine.items() if i in scene.objects} for image, mine in counts.items()}
     return truth, Targets(f"{name} in the frames of this run", counts, "localization")
-
-
-def _visible(truth: TruthSource, image: tuple[int, int]) -> dict[int, int]:
-    counts: dict[int, int] = {}
-    for instance in truth.image(*image, with_depth=False).truths:
-        if instance.visib_fract >= VISIB_FRACT:
-            counts[instance.obj_id] = counts.get(instance.obj_id, 0) + 1
-    return counts
 
 
 def _rows(run: Loaded) -> Iterator[ResultRow]:
