@@ -422,6 +422,16 @@ def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_p
         app.stop()
 
 
+def test_without_ground_truth_nobody_is_called_nearer() -> None:
+    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
+    assert "of 2 objects nearer" in summary(v)
+    blind = tuple(
+        replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes
+    )
+    assert "of 2 objects scoring higher" in summary(replace(v, outcomes=blind))
+    assert "nearer" not in summary(replace(v, outcomes=blind))
+
+
 def test_names_from_data_are_text() -> None:
     evil = "<img src=x onerror=alert(1)>"
 

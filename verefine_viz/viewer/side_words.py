@@ -59,9 +59,11 @@ def _ending(v: SidesView) -> str:
         said = (verdict if o.a.errors is not None else by_score)[o.winner or "even"]
         return f"{when} A {_short(o.a)}, B {_short(o.b)}: {said}."
     wins = tally(v.outcomes)
-    said = f"{when} A has {wins['A']} of {len(known)} objects nearer, B {wins['B']}"
-    said += f", {wins['even']} even" if wins["even"] else ""
     means = [_mean(known, side) for side in ("a", "b")]
+    # Without ground truth nobody knows who is nearer.
+    better = "scoring higher" if all(o.a is not None and o.a.errors is None for o in known) else "nearer"
+    said = f"{when} A has {wins['A']} of {len(known)} objects {better}, B {wins['B']}"
+    said += f", {wins['even']} even" if wins["even"] else ""
     if None not in means:
         said += f"; mean ADD(-S) A {means[0]:.1f} mm, B {means[1]:.1f} mm"
     if v.scene_scores is not None:

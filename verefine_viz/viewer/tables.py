@@ -42,7 +42,7 @@ def cut(name: str) -> str:
 
 
 def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
-    """The parts of the score of some poses, a column each; ``short``: the shares of pixels as bars only."""
+    """The parts of the score of some poses, a column each; ``short``: the pixels as bars only."""
     known = [p for p in poses if p is not None]
     head = [("", ""), *((p.name, f"the {p.name} pose") for p in known)]
     scores = [p.score for p in known]
@@ -58,8 +58,9 @@ def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
         row("depth fit f_d", "mean over the counted pixels; 1 = same depth, 0 = off by τ or more",
             part(lambda s: s.depth_fit, 3)),
         row("normal fit f_n", "mean over the counted pixels; 1 = same direction", part(lambda s: s.normal_fit, 3)),
-        row("pixels N", "how many pixels count", part(lambda s: s.n_pixels, 0)),
     ]  # fmt: skip
+    if not short:
+        rows.append(row("pixels N", "how many pixels count", part(lambda s: s.n_pixels, 0)))
     for name in () if short else PIXEL_CLASSES:
         cells = [_NONE if s is None else f"{s.shares[name]:.1%}" for s in scores]
         rows.append(row(f"{swatch(CLASS_COLORS[name])}{name}", CLASS_MEANING[name], cells))

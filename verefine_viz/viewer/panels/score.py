@@ -46,7 +46,7 @@ class ScorePanel:
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
         probed = view.look.pixel is not None
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
-        below = f'<p class="dim">{text(cut)}</p>' + ("" if probed else _HINT)
+        below = "" if probed else f'<p class="dim">{text(cut)}</p>{_HINT}'
         passes = passes_table(view) if view.is_whole_scene else ""
         self._numbers.show(score_table([a, b], short=probed) + passes + below)
         if not view.deep:
