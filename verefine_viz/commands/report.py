@@ -22,7 +22,7 @@ class Report:
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_DIR_B]")] = None
     """Another run of the same frames, to compare with: who got better, who got worse."""
     out: Path | None = None
-    """The file to write; by default report.html in RUN_DIR."""
+    """The file to write; by default report.html in RUN_DIR, for two runs report-against-NAME.html."""
     failures: int = 60
     """Failures that are shown with pictures, worst first; 0 = none."""
     workers: int = max(os.cpu_count() or 1, 1)

@@ -27,7 +27,9 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     Raises:
         VerefineError: a folder is no run, the two do not go together, or the file cannot be written.
     """
-    path = out or folder / FILE_NAME
+    # A comparison does not take the place of the run's own report.
+    name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
+    path = out or folder / name
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     stderr = Console(stderr=True)
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
