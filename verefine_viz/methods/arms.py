@@ -53,7 +53,7 @@ class Arm:
 
     def discounted(self, discount: float) -> Arm:
         """After a pass whose earlier plays count less: the mean stays, n ← γ n (METHODS 1.6)."""
-        return replace(self, plays=self.plays * discount)
+        return Arm(self.entries, self.plays * discount, self.mean, self.n_iterations)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
-from verefine_viz.rendering.rasterizer import draw_frame
+from verefine_viz.rendering.rasterizer import draw_depth, draw_frame
 from verefine_viz.rendering.results import (
     PIXELS,
     as_combinations,
@@ -149,6 +149,14 @@ class CpuVerifier:
             first_face += len(mesh.faces)
         return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), face_of
 
+    def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
+        """(H, W) z of objects at their poses [m]; 0 = empty."""
+        depth_m = np.zeros(camera.shape, np.float32)
+        for p in objects:
+            T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
+            draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
+        return depth_m
+
     def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
         """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""
         judged = [target.instance.instance_id for target in targets]
@@ -158,6 +166,6 @@ class CpuVerifier:
         camera = targets[0].observation.camera
         key = (camera.K.tobytes(), camera.shape, *((p.model.mesh_hash, p.T_cam_obj.tobytes()) for p in others))
         if key != self._placed_key:
-            self._placed_m = self._frame(((self._meshes.get(p.model), p.T_cam_obj) for p in others), camera)[0]
+            self._placed_m = self._depth(others, camera)
             self._placed_key = key
         return self._placed_m

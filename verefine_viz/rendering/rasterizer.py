@@ -267,3 +267,21 @@ def draw_frame(T, vertices, faces, normals, offsets, fx, fy, cx, cy, inv_z, face
     _, _, columns, _, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
     if columns > 0:
         draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0, first_face)
+
+
+@njit(cache=True, nogil=True)
+def draw_depth(T, vertices, faces, normals, offsets, fx, fy, cx, cy, depth):
+    """Draws a model into an image of z [m], 0 = empty, where it is nearer than what is there."""
+    height, width = depth.shape
+    projected = np.empty((len(vertices), 3))
+    x0, y0, columns, rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
+    if columns == 0:
+        return
+    inv_z, face_of = np.zeros((rows, columns), np.float32), np.empty((rows, columns), np.int32)
+    draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
+    for y in range(rows):
+        for x in range(columns):
+            if inv_z[y, x] > 0.0:
+                z, before = np.float32(1.0 / np.float64(inv_z[y, x])), depth[y + y0, x + x0]
+                if before == 0.0 or z < before:
+                    depth[y + y0, x + x0] = z
