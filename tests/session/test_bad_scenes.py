@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from PIL import Image
 
 from tests.scenes.bop_folder import OBJ_IDS, Made, make
+from verefine_viz import cli
 from verefine_viz.core.problem import Problem
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.session.files import resolve
@@ -121,3 +123,19 @@ def test_an_object_without_first_poses_has_no_answer_and_the_others_do(method: s
     assert found[1] is None
     assert found[0] is not None
     assert found[2] is not None
+
+
+def test_a_batch_says_what_the_page_would_say(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = make(tmp_path / "data")
+    _without_a_mask_file(made)
+    session = tmp_path / "bad.toml"
+    session.write_text(
+        f'[scene]\nsource = "bop"\ndataset = "{made.root}"\nmodel_points = 200\n[hypotheses]\nmax_per_object = 1\n'
+        '[method]\nname = "vf_breadth"\niterations = 1\n[dependency]\norder = [[999]]\n[recording]\nkeep = "none"\n'
+    )
+    assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), "--workers", "1", "--no-diagnose"]) == 0
+    said = capsys.readouterr().out
+    assert "obj_000005 (#1) is left out" in said
+    assert "note (1 frame): given order: unknown object 999; available: 2; it is ignored" in said
+    notes = json.loads((tmp_path / "out" / "run.json").read_text())["totals"]["notes"]
+    assert sum("left out" in note for note in notes) == 1

@@ -81,6 +81,8 @@ def _print_summary(outcome: Outcome) -> None:
     console.print(escape(f"{', '.join(parts)}; {took}. Results in {outcome.folder}"))
     if numbers["causes"]:
         console.print("causes: " + ", ".join(f"{cause} {n}" for cause, n in numbers["causes"].items()))
+    for note, n in numbers["notes"].items():
+        console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     n_more = outcome.n_failed - len(outcome.failures)

@@ -104,6 +104,8 @@ class FrameResult(Row):
     """Computing time, from reading the frame to its last record [s]."""
     objects: tuple[ObjectRow, ...]
     estimates: tuple[Estimate, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What a person should know about the frame's data: objects left out, unknown names in a given order, …"""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
 

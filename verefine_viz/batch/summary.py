@@ -37,7 +37,9 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
     )
-    return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates)
+    return FrameResult(
+        frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=problem.notes
+    )
 
 
 def object_row(

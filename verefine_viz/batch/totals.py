@@ -50,11 +50,14 @@ class Totals:
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
     max_failures: int = 10
+    max_notes: int = 20
+    """Different notes that are kept; the first ones."""
     _scores: array[float] = field(default_factory=lambda: array("d"))
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))
     _times_ms: array[float] = field(default_factory=lambda: array("d"))
     _stages_ms: dict[str, float] = field(default_factory=dict)
     _causes: Counter[str] = field(default_factory=Counter)
+    _notes: Counter[str] = field(default_factory=Counter)
 
     def passing(self, results: Iterable[FrameResult]) -> Iterator[FrameResult]:
         """The same results; each is counted on its way."""
@@ -68,6 +71,9 @@ class Totals:
             self.failures.append((result.frame, result.objects[0].message))
         for name, ms in result.stages_ms.items():
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
+        for note in dict.fromkeys(result.notes):
+            if note in self._notes or len(self._notes) < self.max_notes:
+                self._notes[note] += 1
         for row in result.objects:
             self._causes[row.cause] += row.cause != ""
             if row.status == "ok":
@@ -89,6 +95,7 @@ class Totals:
             "objects_with_truth": counts.objects_with_truth,
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
+            "notes": dict(self._notes.most_common()),
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),
             "median_ms_per_object": _median(self._times_ms),
