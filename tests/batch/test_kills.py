@@ -15,8 +15,11 @@ N_KILLS = 3
 def test_kills_at_random_moments_change_nothing(tmp_path: Path) -> None:
     session = write_light_frames(tmp_path, 40)
     assert run_batch(session, tmp_path / "whole", "--workers", 1).returncode == 0
-    out = tmp_path / "killed"
-    killed = killed_until_done(command("batch", session, "--out", out, "--workers", 2), out, N_KILLS, random.Random(2))
-    assert killed.kills == N_KILLS
-    assert without_times(out) == without_times(tmp_path / "whole")
-    assert not list(out.rglob("*.part"))
+    expected, n_kills, k = without_times(tmp_path / "whole"), 0, 0
+    while n_kills < N_KILLS:  # on a fast machine a batch may be done before it is killed often enough
+        out = tmp_path / f"killed-{k}"
+        again = command("batch", session, "--out", out, "--workers", 2)
+        n_kills += killed_until_done(again, out, N_KILLS - n_kills, random.Random(k)).kills
+        assert without_times(out) == expected
+        assert not list(out.rglob("*.part"))
+        k += 1

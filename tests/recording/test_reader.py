@@ -5,9 +5,12 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from tests.recording.runs import recorded_run
+from tests.fakes import box_problem
+from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
+from verefine_viz.recording.drawn import part_path
 from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recorder import Recorder
 
 
 def error_of(path: Path) -> str:
@@ -73,3 +76,17 @@ def test_unknown_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
         patched.setattr("verefine_viz.recording.recorder._toml", lambda settings: "")
         recorded_run(tmp_path / "odd.rrd")
     assert "settings cannot be read" in error_of(tmp_path / "odd.rrd")
+
+
+def test_a_part_that_cannot_be_read_yet_is_read_from_its_journal(tmp_path: Path) -> None:
+    bare, problem = session(maps=False), box_problem(3)
+    run = new_run(bare, problem, (Recorder(tmp_path / "run.rrd", bare, problem),))
+    for _ in range(3):
+        run.step()
+    whole = part_path(tmp_path / "run.rrd").read_bytes()
+    part_path(tmp_path / "run.rrd").write_bytes(b"RRF2" + bytes(range(60)))
+    recorded = read_recording(tmp_path / "run.rrd")
+    assert [row.index for row in recorded.rows] == [1, 2, 3]
+    assert recorded.n_drawn == 0
+    part_path(tmp_path / "run.rrd").write_bytes(whole)
+    run.close()

@@ -180,9 +180,15 @@ def _read(path: Path) -> tuple[dict[str, Any], list[Row], bool]:
     """
     if is_part(path) and not has_content(path):
         return {}, [], False
-    with readable(path) as file:
-        properties, rows = _content(file, path)
-        return properties, rows, file == path
+    try:
+        with readable(path) as file:
+            properties, rows = _content(file, path)
+            return properties, rows, file == path
+    except InputError:
+        # Somebody writes it right now. The journal beside it has every iteration.
+        if is_part(path) and journal_path(final_path(path)).is_file():
+            return {}, [], False
+        raise
 
 
 def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
