@@ -37,9 +37,10 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
     )
-    return FrameResult(
-        frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=problem.notes
-    )
+    seen, notes = problem.observation, problem.notes
+    if session.physics.enabled and seen.support is None:
+        notes = (*notes, f"no physics: {seen.support_note}")
+    return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=notes)
 
 
 def object_row(

@@ -6,9 +6,10 @@ in two ways the choice is a field; :data:`PUBLISHED` is what the authors' public
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -21,6 +22,20 @@ def _has_length(vector: tuple[float, float, float]) -> tuple[float, float, float
     if not any(vector):
         raise ValueError("a direction cannot be (0, 0, 0)")
     return vector
+
+
+def _as_written(value: Any) -> Any:
+    """Clusters written on a command line, "[[8, 2], [3]]" or "[8, 2]" "[3]", which come as one cluster of words."""
+    if isinstance(value, list | tuple) and len(value) == 1 and isinstance(value[0], list | tuple):
+        words = value[0]
+        if words and all(isinstance(word, str) and word.lstrip().startswith("[") for word in words):
+            try:
+                clusters = json.loads(f"[{','.join(words)}]")
+            except json.JSONDecodeError:
+                raise ValueError('expected clusters of ids, as "[[8, 2], [3]]"') from None
+            nested = len(clusters) == 1 and all(isinstance(entry, list) for entry in clusters[0])
+            return clusters[0] if nested else clusters
+    return value
 
 
 Direction = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_has_length)]
@@ -177,7 +192,7 @@ class DependencySettings(Settings):
     rule: Literal["recommended", "published"] = "recommended"
     """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
     one pixel form a cluster, lower tops come first."""
-    order: tuple[tuple[int | str, ...], ...] = ()
+    order: Annotated[tuple[tuple[int | str, ...], ...], BeforeValidator(_as_written)] = ()
     """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
     is there twice, as [[8, 2], [3]]."""
     order_file: str = ""

@@ -47,9 +47,9 @@ def _support(view: View) -> list[Finding]:
     if support.inlier_share < PLANE_SHARE:
         text = (
             f"The support plane explains only {support.inlier_share:.0%} of the background. If it cuts through objects "
-            "in 3D, gravity is wrong: set scene.gravity to world or to a vector."
+            "in 3D, gravity is wrong: give scene.gravity as a vector, or as world where the data set has camera poses."
         )
-        return [Finding(text, red=True)]
+        return [Finding(text)]
     return []
 
 
