@@ -15,7 +15,7 @@ from verefine_viz.session.toolbox import Toolbox
 
 ROOT = Path(__file__).resolve().parents[2]
 CLUTTER = ROOT / "sessions" / "clutter.toml"
-BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
+BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08", "--physics.enabled", "False")
 
 
 @pytest.fixture(autouse=True)
@@ -63,6 +63,7 @@ def test_a_session_can_start_from_the_file(tmp_path: Path) -> None:
     overrides = {
         "hypotheses": {"source": "results", "files": (str(out),)},
         "scene": {"frames": ("0/1",), "objects": (2,)},
+        "physics": {"enabled": False},
     }
     (instance,) = Toolbox(load_session(CLUTTER, overrides)).problem("0/1").instances
     assert [h.confidence for h in instance.hypotheses] == [row.score for row in read_results(out)]
