@@ -28,7 +28,7 @@ Spoil = Callable[[Made], Any]
     [
         (b"{}", "holds a JSON dict, expected a list"),
         (b"nonsense", "is not JSON"),
-        (gzip.compress(b"[" * 100)[:20], "is a damaged gzip file"),
+        (gzip.compress(b"[" * 100, mtime=0)[:20], "is a damaged gzip file"),
         (b'[{"scene_id": 7, "im_id": 3}]', "entry 0 has no 'image_id'"),
         (b'[{"scene_id": 7, "image_id": 3.5, "category_id": 2}]', "'image_id' is 3.5, expected an integer"),
         (b'[{"scene_id": 7, "image_id": 3, "category_id": "mug"}]', "'category_id' is 'mug', expected an integer"),
