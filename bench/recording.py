@@ -1,10 +1,8 @@
 """What recording costs: frames with and without it, in turns.
 
-One object, a scene of several, and the frames of a batch with reading them, which is what a batch takes per frame. A
-recording is drawn by the run's process ("here"), or by a :class:`WriterProcess`, and the clock stops when its file is
-complete ("beside, complete") or when the run is over ("beside"; the next frame would be computed while it is finished).
-The share is that of pairs of frames measured right after one another; processor time is that of all threads of the
-run's process, so what is drawn beside is not in it.
+One object, a scene of several, and the frames of a batch with reading them, which is what a batch takes per frame. The
+clock stops when the file is complete. The share is that of pairs of frames measured right after one another; processor
+time is that of all threads of the process.
 """
 
 from __future__ import annotations
@@ -13,17 +11,15 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.writer import WriterProcess
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
-Drawn = Literal["here", "beside, complete", "beside"]
 REPEATS = 15
 MUG: dict[str, Any] = {"method": {"name": "rir"}, "scene": {"demo": "mug"}}
 CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": {"demo": "clutter"}}
@@ -33,39 +29,35 @@ def run() -> list[dict[str, object]]:
     """A row per case, without maps and (one object) with them."""
     mug, clutter = _toolbox(MUG, maps=False), _toolbox(CLUTTER, maps=False)
     first, scenes = [mug.problem(mug.frames[0])], [clutter.problem(clutter.frames[0])]
-    rows: list[dict[str, object]] = []
-    ways: tuple[Drawn, ...] = ("here", "beside, complete", "beside")
-    for drawn in ways:
-        rows.append(_row("one object", mug, first, REPEATS, drawn))
-        rows.append(_row("whole scene", clutter, scenes, REPEATS // 3, drawn))
-        rows.append(_row("frames with reading them", clutter, clutter.frames, REPEATS // 5, drawn))
-    rows.append(_row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3, "here"))
-    return rows
+    return [
+        _row("one object", mug, first, REPEATS),
+        _row("whole scene", clutter, scenes, REPEATS // 3),
+        _row("frames with reading them", clutter, clutter.frames, REPEATS // 5),
+        _row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3),
+    ]
 
 
 def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:
     return Toolbox(resolve({**session, "recording": {"maps": maps}}))
 
 
-def _row(
-    what: str, toolbox: Toolbox, frames: Sequence[Problem] | Sequence[str], repeats: int, drawn: Drawn
-) -> dict[str, object]:
+def _row(what: str, toolbox: Toolbox, frames: Sequence[Problem] | Sequence[str], repeats: int) -> dict[str, object]:
     """Measured in pairs, after each frame was run once: kernels, colliders, search structures, meshes are made."""
     pairs: list[tuple[tuple[float, float], tuple[float, float]]] = []
-    with tempfile.TemporaryDirectory() as folder, WriterProcess() as writer:
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.rrd"
         for frame in frames:
-            _measured(toolbox, frame, path, writer, drawn)
+            _measured(toolbox, frame, path)
         for k in range(repeats):
             for frame in frames:
                 # In turns: the first of a pair would otherwise always meet the colder caches.
                 order = (None, path) if k % 2 else (path, None)
-                found = {file: _measured(toolbox, frame, file, writer, drawn) for file in order}
+                found = {file: _measured(toolbox, frame, file) for file in order}
                 pairs.append((found[None], found[path]))
         size = path.stat().st_size
     off, on = np.array(pairs)[:, 0] * 1e3, np.array(pairs)[:, 1] * 1e3
     return {
-        "what": f"rir, {what}, drawn {drawn}",
+        "what": f"rir, {what}",
         "ms without": float(np.median(off[:, 0])),
         "ms with": float(np.median(on[:, 0])),
         "% (median of pairs)": float(100 * np.median(on[:, 0] / off[:, 0] - 1)),
@@ -75,19 +67,12 @@ def _row(
     }
 
 
-def _measured(
-    toolbox: Toolbox, frame: Problem | str, path: Path | None, writer: WriterProcess, drawn: Drawn
-) -> tuple[float, float]:
+def _measured(toolbox: Toolbox, frame: Problem | str, path: Path | None) -> tuple[float, float]:
     """Wall and processor time [s] of a frame, which is read first if only its name is given; recorded to ``path``."""
     wall, processor = perf_counter(), process_time()
     problem = toolbox.problem(frame) if isinstance(frame, str) else frame
     recorders: list[Recorder] = []
     if path is not None:
-        given = None if drawn == "here" else writer
-        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier, writer=given))
+        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier))
     toolbox.run(problem, recorders).finish()
-    if drawn == "beside, complete":
-        writer.wait()
-    spent = perf_counter() - wall, process_time() - processor
-    writer.wait()
-    return spent
+    return perf_counter() - wall, process_time() - processor

@@ -13,9 +13,9 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.recording.entities import CURVES, EXACT
 from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.reader import chunks_of, read_recording
-from verefine_viz.recording.recorder import journal_path, part_path
 from verefine_viz.recording.replay import completed
 from verefine_viz.recording.row import row_of
+from verefine_viz.recording.unfinished import journal_path, part_path
 
 ROOT = Path(__file__).resolve().parents[2]
 

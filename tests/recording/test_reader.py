@@ -8,9 +8,9 @@ import rerun as rr
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.drawn import part_path
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.unfinished import part_path
 
 
 def error_of(path: Path) -> str:

@@ -14,8 +14,9 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.recorder import Recorder, journal_path, part_path
+from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.row import row_of
+from verefine_viz.recording.unfinished import journal_path, part_path
 from verefine_viz.session.files import load_session
 
 

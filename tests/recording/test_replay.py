@@ -16,6 +16,7 @@ from verefine_viz.recording import recorder
 from verefine_viz.recording.reader import Recorded
 from verefine_viz.recording.replay import open_viewer, verdict, verify
 from verefine_viz.recording.row import Row, row_of
+from verefine_viz.recording.unfinished import part_path
 from verefine_viz.session.engine import Run
 
 
@@ -96,7 +97,7 @@ def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path: Path) -> None:
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record_changed(tmp_path / "run.rrd", monkeypatch, 2, {"accepted": "mixed"})
-    (tmp_path / "run.rrd").rename(recorder.part_path(tmp_path / "run.rrd"))
+    (tmp_path / "run.rrd").rename(part_path(tmp_path / "run.rrd"))
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
     assert found.startswith("iteration 2: accepted")

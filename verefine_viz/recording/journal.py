@@ -73,35 +73,13 @@ def encode(row: Row) -> bytes:
     return _framed(b"".join((counts, *arrays, _to_json(texts).encode())))
 
 
-class JournalReader:
-    """Reads a journal while it is written."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._at = 0
-
-    def rows(self) -> tuple[Row, ...]:
-        """The whole entries that were added since the last call.
-
-        Raises:
-            OSError: there is no such file.
-        """
-        with self._path.open("rb") as file:
-            file.seek(self._at)
-            content = file.read()
-        is_begin = self._at == 0
-        entries, used = _whole_entries(content, len(MAGIC) if is_begin else 0)
-        self._at += used
-        return tuple(map(_decode, entries[1:] if is_begin else entries))
-
-
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     """What the journal is about and all its whole entries.
 
     What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
     """
     content = path.read_bytes()
-    found, _ = _whole_entries(content, len(MAGIC)) if content.startswith(MAGIC) else ([], 0)
+    found = _whole_entries(content) if content.startswith(MAGIC) else []
     about, *entries = found or [b"{}"]
     return json.loads(about), tuple(map(_decode, entries))
 
@@ -110,9 +88,9 @@ def _framed(body: bytes) -> bytes:
     return _FRAME.pack(len(body), zlib.crc32(body)) + body
 
 
-def _whole_entries(content: bytes, at: int) -> tuple[list[bytes], int]:
-    """The entries from ``at`` on, and where they end."""
+def _whole_entries(content: bytes) -> list[bytes]:
     found: list[bytes] = []
+    at = len(MAGIC)
     while at + _FRAME.size <= len(content):
         length, crc = _FRAME.unpack_from(content, at)
         body = content[at + _FRAME.size : at + _FRAME.size + length]
@@ -120,7 +98,7 @@ def _whole_entries(content: bytes, at: int) -> tuple[list[bytes], int]:
             break
         found.append(body)
         at += _FRAME.size + length
-    return found, at
+    return found
 
 
 def _decode(body: bytes) -> Row:

@@ -18,12 +18,12 @@ from rerun.chunk import Chunk, RrdReader
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
-from verefine_viz.recording.drawn import journal_path, part_path
 from verefine_viz.recording.exact import row_from
 from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.layout import Layout, layout_from_json
 from verefine_viz.recording.recorder import SCHEMA
 from verefine_viz.recording.row import Row
+from verefine_viz.recording.unfinished import journal_path, part_path
 from verefine_viz.recording.viewer_process import executable
 
 _MAGIC = b"RRF2"

@@ -26,14 +26,14 @@ from verefine_viz.core.settings import Session
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.direct_file import DirectFile
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.drawn import Job, frame_chunks, journal_path, name_finished, part_path
+from verefine_viz.recording.frame import frame_chunks
 from verefine_viz.recording.journal import Journal
 from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.row import Row, row_of
 from verefine_viz.recording.rrd_file import RrdFile
-from verefine_viz.recording.writer import WriterProcess
+from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
 from verefine_viz.session.files import session_toml
 
 SCHEMA = 2
@@ -58,7 +58,6 @@ class Recorder:
         verifier: Verifier | None = None,
         live_port: int | None = None,
         block: int = BLOCK,
-        writer: WriterProcess | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -69,8 +68,6 @@ class Recorder:
             verifier: makes the score maps; None = no maps, whatever the session says.
             live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
             block: iterations drawn together; with a live viewer every iteration is drawn at once.
-            writer: draws recordings without maps in a process of its own. The file is then complete after the next
-                ``writer.wait()``, not when the run is over.
         """
         self._path = path
         self._session = session
@@ -78,8 +75,6 @@ class Recorder:
         self._verifier = verifier if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
-        self._writer = writer if self._verifier is None and live_port is None else None
-        self._is_open = False
         self._file: DirectFile | RrdFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
@@ -98,30 +93,20 @@ class Recorder:
         self._drawing = Drawing(self._layout)
         about = properties(self._session, self._problem, self._layout)
         part = part_path(self._path)
-        if self._writer is not None:
-            # It may still be reading a journal of the same name.
-            self._writer.wait()
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._journal = Journal(journal_path(self._path), about)
             part.unlink(missing_ok=True)
             has_maps = self._verifier is not None
             port = self._live_port
-            if self._writer is not None:
-                self._file = None
-            elif port is not None:
+            if port is not None:
                 self._file = LiveFile(part, port, self._layout, has_maps)
             else:
                 # Pictures are worth a thread of their own: most of the work on them does not need the interpreter.
                 self._file = RrdFile(part) if has_maps else DirectFile(part)
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        self._is_open = True
-        job = Job(self._path, about, self._layout, self._problem)
-        if self._writer is not None:
-            self._writer.begin(job)
-        elif self._file is not None:
-            self._file.send(frame_chunks(job, self._drawing, pictures=has_maps))
+        self._file.send(frame_chunks(about, self._problem, self._layout, self._drawing, pictures=has_maps))
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         """Writes one iteration; it is on disk when this returns.
@@ -129,11 +114,11 @@ class Recorder:
         Raises:
             InputError: the file cannot be written any more.
         """
-        assert self._is_open, "on_start comes first"
+        assert self._file is not None, "on_start comes first"
         row = row_of(iteration, self._errors(self._targets[iteration.instance_id], iteration))
         self._journal.append(row)
         self._pending.append(row)
-        if self._verifier is not None and self._file is not None:
+        if self._verifier is not None:
             for chunks in self._pictures(self._verifier, row):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
@@ -141,11 +126,9 @@ class Recorder:
 
     def draw_now(self) -> None:
         """Draws the iterations that wait for their block."""
-        if self._pending and self._writer is not None:
-            self._writer.more()
-        elif self._pending and self._file is not None:
+        if self._pending and self._file is not None:
             self._file.send(self._drawing.draw(tuple(self._pending)))
-        self._pending.clear()
+            self._pending.clear()
 
     def flush(self) -> None:
         """Waits until all that was drawn is in the file, for whoever opens it unfinished."""
@@ -153,7 +136,7 @@ class Recorder:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Completes the file and gives it its name, or leaves that to the writer."""
+        """Completes the file and gives it its name."""
         self.close()
 
     def close(self) -> None:
@@ -162,16 +145,9 @@ class Recorder:
         Raises:
             InputError: it could not be written.
         """
-        if not self._is_open:
+        if self._file is None:
             return
-        if self._writer is not None:
-            self._is_open = False
-            self._journal.close()
-            self._writer.end()
-            return
-        assert self._file is not None
         self.draw_now()
-        self._is_open = False
         file, self._file = self._file, None
         try:
             file.close(blueprint_messages(self._layout, self._verifier is not None))

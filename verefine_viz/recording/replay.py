@@ -14,8 +14,8 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.drawn import property_chunks
 from verefine_viz.recording.entities import MAPS
+from verefine_viz.recording.frame import property_chunks
 from verefine_viz.recording.reader import (
     PROPERTIES,
     Recorded,
