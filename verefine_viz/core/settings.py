@@ -1,7 +1,7 @@
 """Every number that can be set, once: name, unit, default, and the paper's or the code's reading of it.
 
 A session file (TOML) is a :class:`Session`. The field docstrings are what ``--help`` shows. Where the paper can be read
-in two ways the choice is a field; :data:`PUBLISHED` is what the authors' public code does.
+in two ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
 """
 
 from __future__ import annotations
@@ -396,26 +396,3 @@ class Session(Settings):
     """Poses moved by hand, so that a saved session repeats them."""
     changes: tuple[Change, ...] = ()
     """Settings changed on the way, so that a saved session repeats them."""
-
-
-PUBLISHED: dict[str, dict[str, Any]] = {
-    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
-    "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
-    "tricp": {"trim": 1.0},
-    "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
-    "dependency": {"rule": "published"},
-    "method": {
-        "sim_candidate": "full",
-        "accept": "latest",
-        "exploration": 0.1,
-        "discount": 0.99,
-        "scene_reward": "current_pass",
-        "scene_answer": "per_object",
-        "scene_prior": "object",
-        "scene_pixels": "frame",
-        "occluders": "none",
-        "carry_clusters": False,
-    },
-    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
-}
-"""What ``preset = "published"`` changes (METHODS 1.8 and 9)."""

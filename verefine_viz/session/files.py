@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.core.presets import PUBLISHED
+from verefine_viz.core.settings import Session
 
 Raw = Mapping[str, Any]
 DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.errors import SettingsError, unknown
-from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.core.presets import PUBLISHED
+from verefine_viz.core.settings import Session
 from verefine_viz.session.files import resolve
 
 SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")
