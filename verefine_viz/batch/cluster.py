@@ -27,7 +27,7 @@ from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.errors import UnavailableError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
@@ -211,7 +211,8 @@ class ClusterWorkers:
             self._must_be_there()
             return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
         for name, content in answer.files.items():
-            _write(self._out / name, content)
+            with atomic(self._out / name) as part:
+                part.write_bytes(content)
         return FrameResult.model_validate_json(answer.result)
 
     def _look(self) -> None:
@@ -236,11 +237,3 @@ def _paths(session: Session) -> tuple[str, ...]:
     named += [scene.masks] if scene.masks not in ("mask", "mask_visib") else []
     named += hypotheses.files if hypotheses.source == "results" else ()
     return tuple(path for path in (*named, session.dependency.order_file) if path)
-
-
-def _write(path: Path, content: bytes) -> None:
-    try:
-        with atomic(path) as part:
-            part.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
