@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.index import BatchIndex, Order, is_batch_folder, read_batch
+from verefine_viz.batch.index import BatchIndex, Order, is_batch_folder, read_batch, run_folders
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
@@ -62,3 +63,16 @@ def test_another_folder_is_no_batch(tmp_path: Path) -> None:
     assert not is_batch_folder(tmp_path)
     with pytest.raises(InputError, match=r"has no run\.json"):
         read_batch(tmp_path)
+
+
+def test_several_runs_in_a_folder_are_found_by_name(
+    index: BatchIndex, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    several = tmp_path_factory.mktemp("several")
+    for name in ("sir", "rir"):
+        shutil.copytree(index.folder, several / name)
+    (several / "notes").mkdir()
+    assert run_folders(several) == (several / "rir", several / "sir")
+    assert run_folders(index.folder) == (index.folder,)
+    with pytest.raises(InputError, match="no folder of a batch"):
+        run_folders(several / "notes")

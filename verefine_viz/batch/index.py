@@ -56,6 +56,20 @@ def is_batch_folder(path: Path) -> bool:
     return (path / RUN_FILE).is_file()
 
 
+def run_folders(folder: Path) -> tuple[Path, ...]:
+    """The batch folders in ``folder``: itself, or what ``batch`` with several sessions left in it, by name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if is_batch_folder(folder):
+        return (folder,)
+    found = tuple(sorted(path for path in folder.iterdir() if is_batch_folder(path))) if folder.is_dir() else ()
+    if not found:
+        raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
+    return found
+
+
 def read_batch(folder: Path) -> BatchIndex:
     """The batch in ``folder``.
 
