@@ -12,9 +12,9 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from verefine_viz.batch.bar import counted_bar
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Counts, Scores
 from verefine_viz.evaluation.files import Evaluation, evaluate_files
@@ -38,18 +38,9 @@ def print_scores(
     Raises:
         VerefineError: a file or the data set cannot be used.
     """
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    stderr = Console(stderr=True)
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
-        bar = progress.add_task("images", total=None)
+    with counted_bar("images") as tell:
         found = evaluate_files(
-            files,
-            dataset,
-            split,
-            targets,
-            task,
-            workers,
-            lambda done, total: progress.update(bar, completed=done, total=total),
+            files, dataset, split, targets, task, workers, lambda done, total: tell("images", done, total)
         )
     if as_json:
         print(json.dumps(evaluation_json(found), indent=2, ensure_ascii=False, allow_nan=False))

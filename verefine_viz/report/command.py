@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from verefine_viz.batch.bar import counted_bar
 from verefine_viz.core.errors import InputError
 from verefine_viz.report.bop import bop_recalls
 from verefine_viz.report.difference import difference
@@ -30,18 +30,8 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     # A comparison does not take the place of the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     path = out or folder / name
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    stderr = Console(stderr=True)
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
-        bar = progress.add_task("reading", total=None)
-        notes = write_report(
-            folder,
-            other,
-            path,
-            most_failures,
-            workers,
-            lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
-        )
+    with counted_bar("reading") as tell:
+        notes = write_report(folder, other, path, most_failures, workers, tell)
     console = Console(highlight=False, soft_wrap=True)
     for note in notes:
         console.print(escape(note))
