@@ -13,9 +13,7 @@ from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
-ROOT = Path(__file__).resolve().parents[2]
-CLUTTER = ROOT / "sessions" / "clutter.toml"
-BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08", "--physics.enabled", "False")
+BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
 
 
 @pytest.fixture(autouse=True)
@@ -35,37 +33,44 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     return lines[0].removeprefix("verefine-viz: ")
 
 
-def test_the_file_holds_what_the_session_s_problem_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "new" / "ppf_demo-test.csv"
-    words = (*BY_PPF, "--hypotheses.max-per-object", "2", "--scene.frames", "0/1")
-    assert run(CLUTTER, "--out", out, *words) == 0
-    assert "1 frames, 6 objects" in capsys.readouterr().out
-    overrides = {
-        "hypotheses": {"source": "ppf", "max_per_object": 2},
-        "ppf": {"step": 0.08},
-        "scene": {"frames": ("0/1",)},
-        "physics": {"enabled": False},
-    }
-    problem = Toolbox(load_session(CLUTTER, overrides)).problem("0/1")
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    """Two frames of three boxes each."""
+    return write_session(tmp_path, make_frames(tmp_path / "data", 2))
+
+
+def test_the_file_holds_what_the_session_s_problem_holds(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new" / "ppf_boxes-test.csv"
+    assert run(session, "--out", out, *BY_PPF, "--scene.frames", "7/1") == 0
+    assert "1 frames, 3 objects" in capsys.readouterr().out
+    overrides = {"hypotheses": {"source": "ppf"}, "ppf": {"step": 0.08}, "physics": {"enabled": False}}
+    problem = Toolbox(load_session(session, overrides)).problem("7/1")
     wanted = [(i.obj_id, h) for i in problem.instances for h in i.hypotheses]
     rows = read_results(out)
-    assert len(rows) == len(wanted) > 6
+    assert len(rows) == len(wanted) == 6
     for row, (obj_id, h) in zip(rows, wanted, strict=True):
-        assert (row.scene_id, row.im_id, row.obj_id, row.score) == (0, 1, obj_id, h.confidence)
+        assert (row.scene_id, row.im_id, row.obj_id, row.score) == (7, 1, obj_id, h.confidence)
         assert np.allclose(row.T_cam_obj, h.T_cam_obj, atol=1e-9)
     assert list(out.parent.iterdir()) == [out]
 
 
-def test_a_session_can_start_from_the_file(tmp_path: Path) -> None:
+def test_nothing_is_made_that_only_physics_needs(session: Path, tmp_path: Path) -> None:
+    words = ("--physics.enabled", "True", "--dependency.order-file", "none.json")
+    assert run(session, "--out", tmp_path / "pool.csv", *BY_PPF, *words, "--scene.frames", "7/1") == 0
+    assert [p.name for p in (tmp_path / "cache" / "verefine-viz").iterdir()] == ["ppf"]
+
+
+def test_a_session_can_start_from_the_file(session: Path, tmp_path: Path) -> None:
     out = tmp_path / "pool.csv"
-    words = (*BY_PPF, "--scene.frames", "0/1", "--scene.objects", "2")
-    assert run(CLUTTER, "--out", out, *words) == 0
+    assert run(session, "--out", out, *BY_PPF, "--scene.frames", "7/1", "--scene.objects", "5") == 0
     overrides = {
         "hypotheses": {"source": "results", "files": (str(out),)},
-        "scene": {"frames": ("0/1",), "objects": (2,)},
+        "scene": {"frames": ("7/1",), "objects": (5,)},
         "physics": {"enabled": False},
     }
-    (instance,) = Toolbox(load_session(CLUTTER, overrides)).problem("0/1").instances
+    (instance,) = Toolbox(load_session(session, overrides)).problem("7/1").instances
     assert [h.confidence for h in instance.hypotheses] == [row.score for row in read_results(out)]
 
 
@@ -104,18 +109,20 @@ def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest
     assert out.read_text() == "older"
 
 
-def test_a_session_without_an_estimator_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    said = refused(capsys, CLUTTER, "--out", tmp_path / "pool.csv")
+def test_a_session_without_an_estimator_is_refused(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(capsys, session, "--out", tmp_path / "pool.csv")
     assert said.startswith("hypotheses.source is 'perturb', expected an estimator (ppf, pcs)")
     assert not (tmp_path / "pool.csv").exists()
 
 
-def test_a_folder_is_no_results_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "is a folder" in refused(capsys, CLUTTER, "--out", tmp_path, *BY_PPF)
+def test_a_folder_is_no_results_file(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is a folder" in refused(capsys, session, "--out", tmp_path, *BY_PPF)
 
 
 def test_a_place_that_cannot_be_written_is_refused_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("in the way")
-    assert "cannot write" in refused(capsys, CLUTTER, "--out", tmp_path / "file" / "pool.csv", *BY_PPF)
+    assert "cannot write" in refused(capsys, session, "--out", tmp_path / "file" / "pool.csv", *BY_PPF)
