@@ -168,12 +168,51 @@ def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> Non
     assert any("scene 7 has no scene_gt_info.json" in note for note in found["notes"])
 
 
-def test_methods_of_the_same_name_are_told_apart(desk: Desk) -> None:
-    other = desk.results.parent / "more" / desk.results.name
-    other.parent.mkdir()
-    shutil.copy(desk.results, other)
-    methods = [score["method"] for score in desk.json(desk.results, other)["results"]]
-    assert len(set(methods)) == 2
+@pytest.mark.parametrize(
+    ("files", "methods"),
+    [
+        (["a/results.csv", "b/results.csv"], ["a", "b"]),
+        (["x/rir/results.csv", "y/rir/results.csv", "y/sir/results.csv"], ["x/rir", "y/rir", "y/sir"]),
+        (["rir_boxes-test.csv", "rir_boxes-test_2.csv"], ["rir_boxes-test", "rir_boxes-test_2"]),
+        (["rir_boxes-test.csv", "sir_boxes-test.csv"], ["rir", "sir"]),
+        (["a/rir_boxes-test.csv", "b/rir_boxes-test.csv", "sir_boxes-test.csv"], ["a", "b", "sir"]),
+        (["a/results.csv", "a/results.csv"], ["a", "a"]),
+    ],
+)
+def test_methods_of_the_same_name_are_called_as_their_folders(desk: Desk, files: list[str], methods: list[str]) -> None:
+    paths = [desk.results.parent / "more" / name for name in files]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(desk.results, path)
+    assert [score["method"] for score in desk.json(*paths)["results"]] == methods
+
+
+def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
+    (whole,) = desk.json()["results"]
+    assert whole["coverage"] == {
+        "images": 1, "images_asked": 1, "objects": 2, "objects_asked": 2,
+        "not_finite": 0, "not_ranked": 0, "not_rigid": 0,
+    }  # fmt: skip
+    assert "has estimates for" not in desk.run()
+    half = desk.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
+    said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for"
+    assert said in desk.run(desk.results, half)
+    elsewhere = desk.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
+    assert "none: has estimates for 0 of 1 images and 0 of 2 objects" in desk.run(elsewhere)
+    only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
+    assert "none: has estimates for 0 of 1 images that the targets" in desk.run(elsewhere, "--targets", only_images)
+
+
+def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(desk: Desk) -> None:
+    mirrored, unknown = "1 0 0 0 1 0 0 0 -1,0 0 500", "nan 0 0 0 1 0 0 0 1,0 0 500"
+    lines = [f"7,3,5,1,{mirrored},-1", f"7,3,2,nan,{unknown},-1", f"7,3,2,1,{POSE.replace('500', 'inf')},-1"]
+    path = desk.file("odd_boxes-test.csv", "\n".join(lines))
+    text = desk.run(path)
+    assert "odd: 2 rows hold NaN or infinity for a pose, and count as wrong" in text
+    assert "odd: 1 rows have no number as score" in text
+    assert "odd: in 1 rows R is no rotation" in text
+    (score,) = desk.json(path)["results"]
+    assert (score["AR"], score["counts"]["missing"]) == (0.0, 0)
 
 
 def edit(path: str, change: Callable[[Any], None]) -> Callable[[Desk], None]:
@@ -276,3 +315,14 @@ def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xff\xfe\x00")
     assert "is no text file" in desk.refused(binary)
+
+
+def test_files_of_another_kind_say_what_was_expected(desk: Desk, tmp_path: Path) -> None:
+    line = desk.refused(desk.made.scene / "scene_camera.json")
+    assert "scene_camera.json is no results file; expected a BOP results CSV (scene_id,im_id,obj_id," in line
+    assert "such as a batch's results.csv: " in line
+    assert "is a folder, expected a BOP results CSV, such as" in desk.refused(tmp_path)
+    shutil.copy(desk.results, tmp_path / "results.csv")
+    assert f"is a folder, expected a BOP results CSV; did you mean {tmp_path / 'results.csv'}?" in desk.refused(
+        tmp_path
+    )

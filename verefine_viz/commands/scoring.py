@@ -16,7 +16,8 @@ from rich.table import Table
 
 from verefine_viz.batch.bar import counted_bar
 from verefine_viz.evaluation.answers import correct_share, mean_errors
-from verefine_viz.evaluation.bop_scores import Counts, Scores
+from verefine_viz.evaluation.bop_scores import Scores
+from verefine_viz.evaluation.coverage import Coverage
 from verefine_viz.evaluation.files import Evaluation, evaluate_files
 from verefine_viz.evaluation.precision import Precision
 from verefine_viz.evaluation.recalls import Recalls
@@ -64,8 +65,8 @@ def evaluation_json(found: Evaluation) -> dict[str, Any]:
         "notes": list(found.notes),
         "seconds": found.seconds,
         "results": [
-            {"file": str(path), **scores_json(score, found.names)}
-            for path, score in zip(found.files, found.scores, strict=True)
+            {"file": str(path), **scores_json(score, found.names), "coverage": asdict(covered)}
+            for path, score, covered in zip(found.files, found.scores, found.coverage, strict=True)
         ],
     }
 
@@ -202,16 +203,42 @@ def _by_object(score: Scores, names: dict[int, str]) -> Table:
 
 
 def _remarks(found: Evaluation) -> list[str]:
-    """What became of rows that were not scored, a sentence for each method it concerns."""
+    """What a person should know about each results file, a sentence each, and what the columns mean."""
     lines = []
-    for score in found.scores:
-        counts: Counts = score.counts
-        if counts.unasked:
-            ids = "scenes, images or objects that the targets do not name"
-            lines.append(f"{score.name}: {counts.unasked} of {counts.rows} rows are about {ids}, and were ignored")
-        if counts.surplus:
-            limit = "the instances asked for" if score.task == "localization" else "the limit of an image"
-            lines.append(f"{score.name}: {counts.surplus} rows beyond {limit} were left out, the lowest scores")
+    for score, covered in zip(found.scores, found.coverage, strict=True):
+        lines += [f"{score.name}: {what}" for what in (*_covered(covered), *_rows(score))]
     if found.scores[0].task == "localization":
         lines.append("ADD(-S): targets with less than 10 % of the diameter; r̄, t̄: mean errors of those with a pose")
+    return lines
+
+
+def _covered(covered: Coverage) -> list[str]:
+    """What a file says nothing about, and which of its rows are no poses."""
+    lines = []
+    if not covered.is_whole:
+        objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
+        lines.append(
+            f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for; "
+            "the others count as not found"
+        )
+    if covered.not_finite:
+        lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")
+    if covered.not_ranked:
+        lines.append(
+            f"{covered.not_ranked} rows have no number as score, so which of several rows come first is chance"
+        )
+    if covered.not_rigid:
+        lines.append(f"in {covered.not_rigid} rows R is no rotation; errors are measured with R as it is written")
+    return lines
+
+
+def _rows(score: Scores) -> list[str]:
+    """What became of rows that were not scored."""
+    counts, lines = score.counts, []
+    if counts.unasked:
+        ids = "scenes, images or objects that the targets do not name"
+        lines.append(f"{counts.unasked} of {counts.rows} rows are about {ids}, and were ignored")
+    if counts.surplus:
+        limit = "the instances asked for" if score.task == "localization" else "the limit of an image"
+        lines.append(f"{counts.surplus} rows beyond {limit} were left out, the lowest scores")
     return lines

@@ -10,10 +10,12 @@ from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
+from verefine_viz.evaluation.coverage import Coverage, coverage
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
 from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.results import HEADER
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +29,8 @@ class Evaluation:
     files: tuple[Path, ...]
     scores: tuple[Scores, ...]
     """One for each file."""
+    coverage: tuple[Coverage, ...]
+    """The same."""
     names: dict[int, str]
     """Of the objects that occur."""
     notes: tuple[str, ...]
@@ -60,7 +64,7 @@ def evaluate_files(
         SettingsError: the task does not go with the targets.
     """
     started = time.perf_counter()
-    tables = [read_pose_table(path) for path in files]
+    tables = [_read(path) for path in files]
     folder = BopDataset(dataset, split or default_split(dataset))
     asked = _targets(folder, targets, task)
     truth = BopTruth(folder)
@@ -72,6 +76,7 @@ def evaluate_files(
         asked.name,
         tuple(files),
         scores,
+        tuple(coverage(table, asked) for table in tables),
         {i: folder.models.name(i) for i in sorted(obj_ids)},
         truth.notes,
         time.perf_counter() - started,
@@ -104,12 +109,44 @@ def _targets(dataset: BopDataset, path: Path | None, task: Task | None) -> Targe
     return read_targets(path if path.is_file() else inside)
 
 
+def _read(path: Path) -> PoseTable:
+    """
+    Raises:
+        InputError: it is no results file, or breaks the format.
+    """
+    if path.is_dir():
+        inside = path / "results.csv"
+        hint = f"; did you mean {inside}?" if inside.is_file() else ", such as a batch's results.csv"
+        raise InputError(f"{path} is a folder, expected a BOP results CSV{hint}")
+    try:
+        return read_pose_table(path)
+    except InputError as error:
+        if path.suffix.lower() == ".csv" or not path.is_file():
+            raise
+        raise InputError(
+            f"{path} is no results file; expected a BOP results CSV ({HEADER}), such as a batch's results.csv: {error}"
+        ) from None
+
+
 def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:
-    """Methods that share a name are called as their files are, or as those and their folders."""
-    for rename in (lambda p: p.stem, lambda p: f"{p.parent.name}/{p.stem}", str):
-        names = Counter(table.name for table in tables)
-        tables = [
-            table if names[table.name] == 1 else replace(table, name=rename(path))
-            for table, path in zip(tables, files, strict=True)
-        ]
-    return list(tables)
+    """Methods that share a name are called as their files are; where those share one too, as their folders are."""
+    names = [table.name for table in tables]
+    for name, n in Counter(names).items():
+        if n > 1:
+            names = [path.stem if own == name else own for own, path in zip(names, files, strict=True)]
+    for name, n in Counter(names).items():
+        if n > 1:
+            same = [k for k, own in enumerate(names) if own == name]
+            for k, folder in zip(same, _tails([files[k].absolute().parent for k in same]), strict=True):
+                names[k] = folder
+    return [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
+
+
+def _tails(folders: Sequence[Path]) -> list[str]:
+    """As many of the last parts of each path as tell them apart: ``rir-0``, or ``a/out`` and ``b/out``."""
+    longest = max(len(folder.parts) for folder in folders)
+    for n in range(1, longest):
+        tails = ["/".join(folder.parts[-n:]) for folder in folders]
+        if len(set(tails)) == len(set(folders)):
+            return tails
+    return [str(folder) for folder in folders]
