@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -47,20 +47,26 @@ def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] 
     if not run.with_truth:
         return BopRecalls(note="BOP scores need ground truth, which this data does not have.")
     try:
-        truth, targets = _asked(run)
-        scores = bop_scores([pose_table(run.method, list(_rows(run)))], truth, targets, "localization", workers, tell)
+        truth, targets = asked(run, run.frames)
+        table = pose_table(run.method, list(result_rows(run, run.frames)))
+        scores = bop_scores([table], truth, targets, "localization", workers, tell)
     except VerefineError as error:
         return BopRecalls(note=f"No BOP scores: {error}.")
     found = scores[0]
     return BopRecalls(found.recalls, found.recalls_by_object, f"BOP scores over {targets.name}.")
 
 
-def _asked(run: Loaded) -> tuple[TruthSource, Targets]:
-    scene = run.index.session.scene
-    images = [frame_ids(frame) for frame in run.frames]
+def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
+    """The ground truth of a run's data, and what is asked for in ``frames``.
+
+    Raises:
+        VerefineError: the data cannot be read.
+    """
+    scene = run.index.session.scene.model_copy(update={"frames": tuple(frames)})
+    images = [frame_ids(frame) for frame in frames]
     if scene.source == "demo":
         source = open_scene(scene, run.index.session.hypotheses)
-        truth = ProblemTruth(scene.demo, [source.problem(frame) for frame in run.frames])
+        truth = ProblemTruth(scene.demo, [source.problem(frame) for frame in frames])
         return truth, truth.targets
     dataset = BopDataset(Path(scene.dataset), scene.split)
     truth = BopTruth(dataset)
@@ -76,11 +82,12 @@ def _asked(run: Loaded) -> tuple[TruthSource, Targets]:
         counts, name = {i: dict(mine) for i, mine in listed.counts.items()}, listed.name
     if scene.objects:
         counts = {image: {i: n for i, n in mine.items() if i in scene.objects} for image, mine in counts.items()}
-    return truth, Targets(f"{name} in the frames of this run", counts, "localization")
+    return truth, Targets(f"{name} in these frames", counts, "localization")
 
 
-def _rows(run: Loaded) -> Iterator[ResultRow]:
-    for result in run.journal.results(run.frames):
+def result_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
+    """The answers of a run in ``frames``, as results.csv has them."""
+    for result in run.journal.results(frames):
         for e in result.estimates:
             T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
             yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.seconds)

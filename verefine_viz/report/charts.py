@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -48,11 +48,11 @@ def css(rgb: RGB) -> str:
 
 def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
     """Recall over the threshold, all objects with ground truth."""
-    figure = _figure("error below … % of the diameter", "share of objects [%]")
+    figure = new_figure("error below … % of the diameter", "share of objects [%]")
     for run in runs:
         figure.add_scatter(
-            x=_round(100 * THRESHOLDS, 1),
-            y=_round(100 * recall_curve(run.with_truth), 1),
+            x=rounded(100 * THRESHOLDS, 1),
+            y=rounded(100 * recall_curve(run.with_truth), 1),
             name=run.name,
             mode="lines",
             line={"color": color(run), "width": 2.5, "dash": "dash" if run.label == "B" else "solid"},
@@ -67,7 +67,7 @@ def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
 
 def score_figure(run: Loaded) -> go.Figure:
     """Score over error, a point per object: a score that tells the truth falls from left to right."""
-    figure = _figure("error [% of the diameter]", "score")
+    figure = new_figure("error [% of the diameter]", "score")
     rows = _some([r for r in run.objects if r.score is not None and relative_error(r) is not None])
     for is_right, name, symbol in ((True, "right", "circle"), (False, "wrong", "x")):
         mine = [r for r in rows if r.is_correct is is_right]
@@ -88,26 +88,33 @@ def score_figure(run: Loaded) -> go.Figure:
 
 def time_figure(runs: Sequence[Loaded]) -> go.Figure:
     """Mean time a frame by stage."""
-    figure = _figure("ms a frame", "")
-    times = {run.name: stage_times(run) for run in runs}
+    figure = stage_bars({run.name: stage_times(run) for run in runs})
+    figure.update_layout(height=190 + 50 * len(runs))
+    figure.update_yaxes(showticklabels=len(runs) > 1)
+    return figure
+
+
+def stage_bars(times: Mapping[str, Mapping[str, float]]) -> go.Figure:
+    """Milliseconds a frame by stage, a bar for each name."""
+    figure = new_figure("ms a frame", "")
     for stage in dict.fromkeys(stage for mine in times.values() for stage in mine):
         name, shade = STAGE_WORDS.get(stage, (stage, "#cccccc"))
         figure.add_bar(
             y=list(times),
-            x=_round(np.array([mine.get(stage, 0.0) for mine in times.values()]), 1),
+            x=rounded(np.array([mine.get(stage, 0.0) for mine in times.values()]), 1),
             name=name,
             orientation="h",
             marker={"color": shade},
             hovertemplate=f"{name}: %{{x}} ms<extra></extra>",
         )
-    figure.update_layout(barmode="stack", height=190 + 50 * len(runs), legend={"traceorder": "normal"})
-    figure.update_yaxes(autorange="reversed", automargin=True, showticklabels=len(runs) > 1)
+    figure.update_layout(barmode="stack", legend={"traceorder": "normal"})
+    figure.update_yaxes(autorange="reversed", automargin=True)
     return figure
 
 
 def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
     """How many failures each cause has."""
-    figure = _figure("failed objects", "")
+    figure = new_figure("failed objects", "")
     runs = [run for run in runs if cause_counts(run.failures)]
     counts = {run.name: cause_counts(run.failures) for run in runs}
     causes = sorted(
@@ -132,7 +139,7 @@ def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
 
 def change_figure(found: Difference) -> go.Figure:
     """Error of B over error of A, a point per object: below the line B is better."""
-    figure = _figure("error of A [% of the diameter]", "error of B [% of the diameter]")
+    figure = new_figure("error of A [% of the diameter]", "error of B [% of the diameter]")
     changes = _some([c for c in found.changes if np.isfinite(c.error_a) and np.isfinite(c.error_b)])
     ends = [SMALLEST_PERCENT, 200]
     figure.add_scatter(
@@ -162,7 +169,7 @@ def change_figure(found: Difference) -> go.Figure:
 
 def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
     """A failure's score over the iterations, with the error of the best pose."""
-    figure = _figure("iteration", "score", height=170)
+    figure = new_figure("iteration", "score", height=170)
     xs = list(curve.iterations)
     figure.add_scatter(
         x=xs,
@@ -175,7 +182,7 @@ def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
     )
     figure.add_scatter(
         x=xs,
-        y=_round(np.array(curve.best_scores), 4),
+        y=rounded(np.array(curve.best_scores), 4),
         name="best so far",
         mode="lines",
         line={"color": css(STAGE_COLORS["best"]), "width": 2, "shape": "hv"},
@@ -218,7 +225,8 @@ def cause_counts(rows: Sequence[ObjectRow]) -> dict[str, int]:
     return counts
 
 
-def _figure(x: str, y: str, height: int = 340) -> go.Figure:
+def new_figure(x: str, y: str, height: int = 340) -> go.Figure:
+    """An empty chart with these titles of its axes."""
     axis = {"zeroline": False, "ticks": "outside", "ticklen": 4}
     return go.Figure(
         layout={
@@ -246,7 +254,8 @@ def _percent(row: ObjectRow) -> float:
     return round(max(100 * (relative_error(row) or 0.0), SMALLEST_PERCENT), 3)
 
 
-def _round(values: np.ndarray, digits: int) -> list[float]:
+def rounded(values: np.ndarray, digits: int) -> list[float]:
+    """As few digits as a chart shows: the page stays small."""
     return np.round(values, digits).tolist()
 
 

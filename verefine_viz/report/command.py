@@ -13,8 +13,9 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.report.bop import bop_recalls
 from verefine_viz.report.difference import difference
 from verefine_viz.report.gallery import gallery
+from verefine_viz.report.html import write
 from verefine_viz.report.loaded import Loaded, load, load_pair
-from verefine_viz.report.page import Side, render, write
+from verefine_viz.report.page import Side, render
 
 FILE_NAME = "report.html"
 Tell = Callable[[str, int, int], None]

@@ -12,7 +12,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.row import Row
-from verefine_viz.report.loaded import Loaded, frame_of, key
+from verefine_viz.report.loaded import Loaded, frame_of
 from verefine_viz.report.pictures import Pictures, pictures
 from verefine_viz.scenes.source import SceneSource, open_scene
 
@@ -33,19 +33,37 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Pick:
+    """An answer that gets a card."""
+
+    run: Loaded
+    row: ObjectRow
+    other: Loaded | None = None
+    """Another run to show beside it."""
+    group: str = ""
+    """Of runs, where several groups are compared."""
+    remark: str = ""
+    """What else to say about it."""
+
+
+@dataclass(frozen=True)
 class Failure:
     """One card of the gallery."""
 
-    row: ObjectRow
+    pick: Pick
     other: ObjectRow | None
     """The same object in the other run."""
     pictures: Pictures | None
     curve: Curve | None
 
+    @property
+    def row(self) -> ObjectRow:
+        return self.pick.row
+
 
 @dataclass(frozen=True)
 class Gallery:
-    """The worst answers of a run."""
+    """The worst answers of a run, or of several."""
 
     failures: tuple[Failure, ...]
     n_more: int
@@ -63,31 +81,47 @@ def gallery(run: Loaded, other: Loaded | None, most: int, tell: Callable[[int, i
         most: how many are shown.
         tell: told how many frames are done, and how many there are.
     """
-    shown = run.failures[:most]
-    theirs = {key(row): row for row in other.objects} if other else {}
+    return gallery_of([Pick(run, row, other) for row in run.failures[:most]], len(run.failures), tell)
+
+
+def gallery_of(picks: Sequence[Pick], n_failures: int, tell: Callable[[int, int], None]) -> Gallery:
+    """The cards of some answers, in their order; all runs are about the same data, so a frame is read once.
+
+    Args:
+        picks: the answers.
+        n_failures: how many there are to pick from.
+        tell: told how many cards are done, and how many there are.
+    """
     found: dict[int, Failure] = {}
     notes: list[str] = []
-    frames = list(dict.fromkeys(frame_of(row) for row in shown))
-    source = _Source(run, notes) if shown else None
-    for done, frame in enumerate(frames):
-        tell(done, len(frames))
-        rows = [row for row in shown if frame_of(row) == frame]
-        answers = [(run, run.answers(frame))] + ([(other, other.answers(frame))] if other else [])
+    frames = list(dict.fromkeys(frame_of(pick.row) for pick in picks))
+    source = _Source(picks[0].run, frames, notes) if picks else None
+    for frame in frames:
         problem = source.problem(frame) if source else None
-        curves = _curves(run, frame, notes)
-        for row in rows:
-            seen = _pictures(run, problem, row, answers)
-            found[id(row)] = Failure(row, theirs.get(key(row)), seen, curves.get(row.instance_id))
-    tell(len(frames), len(frames))
-    cards = tuple(found[id(row)] for row in shown)
-    return Gallery(cards, len(run.failures) - len(shown), tuple(dict.fromkeys(notes)))
+        mine = [(k, pick) for k, pick in enumerate(picks) if frame_of(pick.row) == frame]
+        runs = {id(pick.run): pick for _, pick in mine}
+        answers = {i: _answers(pick, frame) for i, pick in runs.items()}
+        curves = {i: _curves(pick.run, frame, notes) for i, pick in runs.items()}
+        for k, pick in mine:
+            tell(len(found), len(picks))
+            seen = _pictures(pick.run, problem, pick.row, answers[id(pick.run)])
+            theirs = None if pick.other is None else pick.other.row_of(pick.row)
+            found[k] = Failure(pick, theirs, seen, curves[id(pick.run)].get(pick.row.instance_id))
+    tell(len(picks), len(picks))
+    cards = tuple(found[k] for k in range(len(picks)))
+    return Gallery(cards, n_failures - len(picks), tuple(dict.fromkeys(notes)))
+
+
+def _answers(pick: Pick, frame: str) -> list[tuple[Loaded, Mapping[int, Float]]]:
+    runs = [pick.run] if pick.other is None else [pick.run, pick.other]
+    return [(run, run.answers(frame)) for run in runs]
 
 
 class _Source:
     """Frames of the run's data set; one note says why there are none."""
 
-    def __init__(self, run: Loaded, notes: list[str]) -> None:
-        self._notes, self._source = notes, _opened(run, notes)
+    def __init__(self, run: Loaded, frames: Sequence[str], notes: list[str]) -> None:
+        self._notes, self._source = notes, _opened(run, frames, notes)
 
     def problem(self, frame: str) -> Problem | None:
         if self._source is None:
@@ -99,12 +133,12 @@ class _Source:
             return None
 
 
-def _opened(run: Loaded, notes: list[str]) -> SceneSource | None:
+def _opened(run: Loaded, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
     session = run.index.session
     try:
         # Pictures need no first poses, whose files may be gone.
         hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
-        scene = session.scene.model_copy(update={"frames": run.frames})
+        scene = session.scene.model_copy(update={"frames": tuple(frames)})
         return open_scene(scene, hypotheses)
     except VerefineError as error:
         notes.append(f"No pictures: {error}.")

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import FrameResult, ObjectRow, frame_name
@@ -67,6 +65,14 @@ class Loaded:
             return tuple(row for row in worst_first if row.status != "failed")
         return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
 
+    @cached_property
+    def _by_key(self) -> dict[Key, ObjectRow]:
+        return {key(row): row for row in self.objects}
+
+    def row_of(self, other: ObjectRow) -> ObjectRow | None:
+        """The same object as another run's row; None where this run does not have it."""
+        return self._by_key.get(key(other))
+
     @property
     def journal(self) -> Journal:
         return Journal(self.folder / "frames")
@@ -77,16 +83,7 @@ class Loaded:
 
     def answers(self, frame: str) -> dict[int, Float]:
         """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
-        result = self.result(frame)
-        if result is None:
-            return {}
-        # Estimates are there for the objects that got an answer, in their order.
-        solved = [row for row in result.objects if row.status == "ok"]
-        return {
-            row.instance_id: np.array(estimate.T_cam_obj).reshape(4, 4)
-            for row, estimate in zip(solved, result.estimates, strict=False)
-            if row.instance_id is not None and row.obj_id == estimate.obj_id
-        }
+        return self.index.answers(frame)
 
     def recording(self, frame: str) -> Path:
         """Where the frame's recording is, if it was kept."""
@@ -130,7 +127,7 @@ def data_set(run: Loaded) -> str:
 
 def frame_of(row: ObjectRow) -> str:
     """``scene/image`` of a row."""
-    return f"{row.scene_id}/{row.im_id}"
+    return row.frame
 
 
 def key(row: ObjectRow) -> Key:
@@ -140,6 +137,4 @@ def key(row: ObjectRow) -> Key:
 
 def relative_error(row: ObjectRow) -> float | None:
     """ADD(-S) of the answer as a share of the diameter; None where there is no answer or no ground truth."""
-    if row.add_s_mm is None or not row.diameter_mm:
-        return None
-    return row.add_s_mm / row.diameter_mm
+    return row.relative_error

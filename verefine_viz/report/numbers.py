@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from verefine_viz.batch.misled import misled
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.methods.registry import SEARCH
@@ -77,14 +78,7 @@ def lies(run: Loaded) -> float | None:
 
     0 = the score tells them apart, ½ = it knows nothing; None where there are no such pairs.
     """
-    wrong = np.array([r.score for r in run.objects if r.is_correct is False and r.score is not None])
-    right = np.array([r.score for r in run.objects if r.is_correct and r.score is not None])
-    if not len(wrong) or not len(right):
-        return None
-    ordered = np.sort(right)
-    below = np.searchsorted(ordered, wrong, "left")
-    level = np.searchsorted(ordered, wrong, "right") - below
-    return float((below + level / 2).sum() / (len(wrong) * len(right)))
+    return misled(run.objects)
 
 
 def stage_times(run: Loaded) -> dict[str, float]:

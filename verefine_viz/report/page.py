@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
-from verefine_viz.core.atomic import atomic
-from verefine_viz.core.colormaps import difference_scale
-from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
-from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report import charts, words
 from verefine_viz.report.bop import BopRecalls
 from verefine_viz.report.difference import Difference
 from verefine_viz.report.gallery import Gallery
-from verefine_viz.report.loaded import Loaded, data_set, relative_error
+from verefine_viz.report.html import figure_json, filled, gallery_context
+from verefine_viz.report.loaded import Loaded, data_set
 from verefine_viz.report.numbers import Numbers, ObjectNumbers, by_object, numbers_of, stage_times
-from verefine_viz.report.pictures import color_of
 from verefine_viz.session.files import session_toml
 
 MOST_ROWS = 200
@@ -59,28 +49,7 @@ class Tile:
 
 def render(a: Side, b: Side | None, found: Difference | None, failures: Gallery) -> str:
     """The page as one HTML document that asks nobody for anything."""
-    environment = Environment(
-        loader=PackageLoader("verefine_viz.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {
-        "percent": words.percent,
-        "number": words.number,
-        "signed": words.signed,
-        "cause": cause_title,
-        "share": relative_error,
-    }
-    return environment.get_template("report.html").render(_context(a, b, found, failures))
-
-
-def write(path: Path, html: str) -> None:
-    """Writes the page, whole or not at all.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    with atomic(path) as part:
-        part.write_text(html, encoding="utf-8")
+    return filled("report.html", _context(a, b, found, failures))
 
 
 def _context(a: Side, b: Side | None, found: Difference | None, failures: Gallery) -> dict[str, Any]:
@@ -88,7 +57,6 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
     runs = [side.run for side in sides]
     has_truth = any(run.with_truth for run in runs)
     has_causes = any(row.cause for run in runs for row in run.failures)
-    scale = difference_scale(a.run.index.session.score.tau_m)
     return {
         "title": a.run.index.session.title or "Run",
         "data_set": data_set(a.run),
@@ -99,32 +67,22 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "tiles": tiles(a.numbers, b.numbers if b else None),
         "notes": [note for side in sides if side.bop.total is None and (note := side.bop.note)],
         "bop_note": next((side.bop.note for side in sides if side.bop.total is not None), ""),
-        "recall": _json(charts.recall_figure(runs)) if has_truth else None,
+        "recall": figure_json(charts.recall_figure(runs)) if has_truth else None,
         "scores": [
-            (run.name, words.score_sentence(run), _json(charts.score_figure(run))) for run in runs if run.with_truth
+            (run.name, words.score_sentence(run), figure_json(charts.score_figure(run)))
+            for run in runs
+            if run.with_truth
         ],
-        "times": _json(charts.time_figure(runs)) if any(stage_times(run) for run in runs) else None,
+        "times": figure_json(charts.time_figure(runs)) if any(stage_times(run) for run in runs) else None,
         "not_explained": [run.name for run in runs if run.failures and not any(row.cause for row in run.failures)],
-        "causes": _json(charts.cause_figure(runs)) if has_causes else None,
+        "causes": figure_json(charts.cause_figure(runs)) if has_causes else None,
         "objects": [(mine, {o.obj_id: o for o in b.objects}.get(mine.obj_id) if b else None) for mine in a.objects],
         "found": found,
         "difference_sentence": words.difference_sentence(found) if found else "",
-        "change": _json(charts.change_figure(found)) if found else None,
+        "change": figure_json(charts.change_figure(found)) if found else None,
         "most_rows": MOST_ROWS,
-        "failures": failures,
-        "failures_sentence": words.failures_sentence(len(failures.failures), failures.n_more, has_truth),
-        "cards": [
-            (card, _json(charts.curve_figure(card.curve, card.row.worst_iteration)) if card.curve else None)
-            for card in failures.failures
-        ],
-        "filter_causes": sorted({card.row.cause for card in failures.failures if card.row.cause}),
-        "filter_objects": sorted({card.row.name for card in failures.failures if card.row.name}),
-        "contours": _contours(bool(b)),
-        "unknown_color": charts.css(CLASS_COLORS["unknown"]),
-        "scale_gradient": scale.gradient(),
-        "scale_ticks": scale.ticks,
+        **gallery_context(failures, has_truth, a.run.index.session.score.tau_m, both=b is not None),
         "settings": [(side.run.name, session_toml(side.run.index.session)) for side in sides],
-        "plotly": Markup(get_plotlyjs()),
     }
 
 
@@ -164,15 +122,3 @@ _HEADLINE = (
 
 def _scaled(value: float | None, scale: float) -> float | None:
     return None if value is None else scale * value
-
-
-def _contours(both: bool) -> list[tuple[str, str]]:
-    named = [("answer of A", "A"), ("answer of B", "B")] if both else [("answer", "best")]
-    return [(name, charts.css(color_of(kind))) for name, kind in named] + [
-        ("ground truth", charts.css(STAGE_COLORS["ground truth"]))
-    ]
-
-
-def _json(figure: go.Figure) -> Markup:
-    # In a script element only "</" could end it; no JSON needs a bare "<".
-    return Markup((figure.to_json() or "{}").replace("<", "\\u003c"))

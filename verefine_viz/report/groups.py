@@ -1,0 +1,156 @@
+"""Runs that differ only in their seeds belong together; groups are named by what differs among them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.batch.folder import read_run
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.settings import Session
+from verefine_viz.report.loaded import Loaded, data_set, load
+
+Seeds = tuple[int, int]
+"""hypotheses.seed and method.seed of a run."""
+SEEDS = ("hypotheses.seed", "method.seed")
+WITHOUT_EFFECT = ("title", "recording", "breakpoints")
+"""Settings that change no result."""
+FIRST = ("method.name", "preset")
+"""Settings that name a group before any other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Runs of the same session with different seeds."""
+
+    name: str
+    runs: tuple[Loaded, ...]
+    """By seed."""
+
+    @property
+    def method(self) -> str:
+        return self.runs[0].method
+
+    @property
+    def session(self) -> Session:
+        """Of the first run."""
+        return self.runs[0].index.session
+
+    @cached_property
+    def objects(self) -> tuple[ObjectRow, ...]:
+        """Objects of all runs."""
+        return tuple(row for run in self.runs for row in run.objects)
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """What a report compares."""
+
+    groups: tuple[Group, ...]
+    """By name."""
+    left_out: tuple[tuple[str, str], ...]
+    """Runs that are not part of it: folder and reason."""
+
+    @property
+    def runs(self) -> tuple[Loaded, ...]:
+        return tuple(run for group in self.groups for run in group.runs)
+
+
+def load_groups(folders: Sequence[Path], tell: Callable[[int, int], None] = lambda done, of: None) -> Groups:
+    """The finished runs in ``folders``, grouped.
+
+    Raises:
+        InputError: none is finished, or they are about different data sets.
+    """
+    runs: list[Loaded] = []
+    left_out: list[tuple[str, str]] = []
+    for done, folder in enumerate(folders):
+        tell(done, len(folders))
+        try:
+            status = read_run(folder).get("status", "unknown")
+            if status == "finished":
+                runs.append(load(folder))
+            else:
+                left_out.append((folder.name, f"not finished ({status})"))
+        except VerefineError as error:
+            left_out.append((folder.name, str(error)))
+    tell(len(folders), len(folders))
+    if not runs:
+        name, why = left_out[0]
+        raise InputError(f"none of the {len(folders)} runs in {folders[0].parent} can be used; {name}: {why}")
+    first = runs[0]
+    for run in runs:
+        if data_set(run) != data_set(first):
+            raise InputError(
+                f"{first.folder} is a run on {data_set(first)} and {run.folder} one on {data_set(run)}; "
+                "only runs on the same data compare"
+            )
+    return Groups(_grouped(runs), tuple(left_out))
+
+
+def seeds_of(run: Loaded) -> Seeds:
+    """What tells the runs of a group apart."""
+    session = run.index.session
+    return session.hypotheses.seed, session.method.seed
+
+
+def differing(groups: Sequence[Group]) -> dict[str, tuple[str, ...]]:
+    """Settings in which groups differ, and what each has."""
+    flat = [_settings(group.session) for group in groups]
+    return {field: tuple(_words(mine[field]) for mine in flat) for field in _differing(flat)}
+
+
+def _grouped(runs: Sequence[Loaded]) -> tuple[Group, ...]:
+    found: dict[str, list[Loaded]] = {}
+    for run in runs:
+        found.setdefault(json.dumps(_settings(run.index.session), default=str), []).append(run)
+    names = _names([_settings(mine[0].index.session) for mine in found.values()])
+    groups = [Group(name, tuple(sorted(mine, key=seeds_of))) for name, mine in zip(names, found.values(), strict=True)]
+    return tuple(sorted(groups, key=lambda group: group.name))
+
+
+def _settings(session: Session) -> dict[str, Any]:
+    """What makes a group: every setting that can change a result, but for the seeds."""
+    out: dict[str, Any] = {}
+    for name, value in session.model_dump().items():
+        if name not in WITHOUT_EFFECT:
+            out |= {f"{name}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {name: value}
+    return {field: value for field, value in out.items() if field not in SEEDS}
+
+
+def _names(flat: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Short names, all different: a setting is named only where those before it do not tell two groups apart."""
+    fields = _differing(flat)
+    parts: list[tuple[str, ...]] = [()] * len(flat)
+    for field in sorted(fields, key=lambda f: FIRST.index(f) if f in FIRST else len(FIRST)):
+        values = [mine[field] for mine in flat]
+        together = [[k for k, other in enumerate(parts) if other == mine] for mine in parts]
+        parts = [
+            (*mine, _part(field, values[k])) if any(values[j] != values[k] for j in together[k]) else mine
+            for k, mine in enumerate(parts)
+        ]
+    method = flat[0]["method.name"]
+    return [", ".join(mine) or method for mine in parts]
+
+
+def _differing(flat: Sequence[Mapping[str, Any]]) -> list[str]:
+    return [field for field in flat[0] if any(mine[field] != flat[0][field] for mine in flat)]
+
+
+def _part(field: str, value: Any) -> str:
+    return _words(value) if field in FIRST else f"{field} {_words(value)}"
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple | list):
+        return " ".join(_words(v) for v in value) or "none"
+    return str(value) if value not in ("", None) else "none"

@@ -1,0 +1,80 @@
+"""Templates into one HTML file: what the report of a run and the comparison of many have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.colormaps import difference_scale
+from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.report import charts, words
+from verefine_viz.report.gallery import Gallery
+from verefine_viz.report.loaded import relative_error
+from verefine_viz.report.pictures import color_of
+
+
+def filled(template: str, context: Mapping[str, Any]) -> str:
+    """A template's page, as one HTML document that asks nobody for anything."""
+    environment = Environment(
+        loader=PackageLoader("verefine_viz.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {
+        "percent": words.percent,
+        "number": words.number,
+        "signed": words.signed,
+        "cause": cause_title,
+        "share": relative_error,
+    }
+    return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
+
+
+def write(path: Path, html: str) -> None:
+    """Writes the page, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with atomic(path) as part:
+        part.write_text(html, encoding="utf-8")
+
+
+def figure_json(figure: go.Figure) -> Markup:
+    """A chart as the page draws it."""
+    # In a script element only "</" could end it; no JSON needs a bare "<".
+    return Markup((figure.to_json() or "{}").replace("<", "\\u003c"))
+
+
+def gallery_context(failures: Gallery, has_truth: bool, tau_m: float, both: bool = False) -> dict[str, Any]:
+    """What gallery.html needs."""
+    cards, scale = failures.failures, difference_scale(tau_m)
+    return {
+        "failures": failures,
+        "failures_sentence": words.failures_sentence(len(cards), failures.n_more, has_truth),
+        "cards": [
+            (card, figure_json(charts.curve_figure(card.curve, card.row.worst_iteration)) if card.curve else None)
+            for card in cards
+        ],
+        "filter_groups": list(dict.fromkeys(card.pick.group for card in cards if card.pick.group)),
+        "filter_causes": sorted({card.row.cause for card in cards if card.row.cause}),
+        "filter_objects": sorted({card.row.name for card in cards if card.row.name}),
+        "contours": _contours(both),
+        "unknown_color": charts.css(CLASS_COLORS["unknown"]),
+        "scale_gradient": scale.gradient(),
+        "scale_ticks": scale.ticks,
+    }
+
+
+def _contours(both: bool) -> list[tuple[str, str]]:
+    named = [("answer of A", "A"), ("answer of B", "B")] if both else [("answer", "best")]
+    return [(name, charts.css(color_of(kind))) for name, kind in named] + [
+        ("ground truth", charts.css(STAGE_COLORS["ground truth"]))
+    ]

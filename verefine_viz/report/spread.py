@@ -1,0 +1,125 @@
+"""How far a number would move on other frames and with other seeds: the bootstrap over both.
+
+Frames (or whole scenes) and seeds are drawn with replacement, each by itself, and every group is looked at under the
+same draws: differences between groups are therefore paired.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+
+DRAWS = 1000
+FEWEST_SCENES = 8
+"""With at least so many scenes whole scenes are drawn, whose frames look alike; otherwise frames."""
+CONFIDENCE = (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A number with its 95 % interval; without one where there is nothing to draw from."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def is_clear(self) -> bool:
+        """Of a difference: the interval leaves out 0."""
+        return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Sums of something by frame (or scene) and seed, and of how many things they are the sum."""
+
+    total: Float
+    """(U, S)."""
+    n: Float
+    """(U, S)."""
+
+    @property
+    def mean(self) -> float | None:
+        """Over everything; None of nothing."""
+        n = float(self.n.sum())
+        return float(self.total.sum()) / n if n else None
+
+    def where(self, others: Cells) -> Cells:
+        """The same without what ``others`` do not have."""
+        both = others.n > 0
+        return Cells(self.total * both, self.n * both)
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """How often each frame (or scene) and each seed was drawn."""
+
+    units: Float
+    """(B, U)."""
+    seeds: Float
+    """(B, S)."""
+
+    @property
+    def say_something(self) -> bool:
+        """Whether there is more than one frame or seed."""
+        return self.units.shape[1] > 1 or self.seeds.shape[1] > 1
+
+    def sums(self, cells: Float) -> Float:
+        """(B, …) sums of (U, S, …) under each draw."""
+        by_seed = np.tensordot(self.units, cells, axes=(1, 0))
+        return np.einsum("bs...,bs->b...", by_seed, self.seeds)
+
+    def mean(self, cells: Cells) -> Spread | None:
+        """The mean with its interval; None of nothing."""
+        return None if cells.mean is None else self._spread(cells.mean, self._means(cells))
+
+    def difference(self, a: Cells, b: Cells) -> Spread | None:
+        """The mean of a less that of b, over the frames and seeds that both have; None where there are none."""
+        a, b = a.where(b), b.where(a)
+        if a.mean is None or b.mean is None:
+            return None
+        return self._spread(a.mean - b.mean, self._means(a) - self._means(b))
+
+    def median(self, values: Float, unit: np.ndarray, seed: np.ndarray) -> Spread | None:
+        """The median of N values of these frames (N,) and seeds (N,), with its interval; None of nothing."""
+        if not len(values):
+            return None
+        order = np.argsort(values, kind="stable")
+        ordered, unit, seed = values[order], unit[order], seed[order]
+        drawn = np.full(len(self.units), np.nan)
+        for k, (of_unit, of_seed) in enumerate(zip(self.units, self.seeds, strict=True)):
+            weight = np.cumsum(of_unit[unit] * of_seed[seed])
+            if weight[-1]:
+                drawn[k] = ordered[np.searchsorted(weight, weight[-1] / 2)]
+        return self._spread(float(np.median(values)), drawn)
+
+    def band(self, hits: Float, n: Float) -> tuple[Float, Float] | None:
+        """The interval (T,), (T,) of the shares of (U, S, T) ``hits`` in (U, S) ``n``; None where nothing is drawn."""
+        if not self.say_something:
+            return None
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shares = self.sums(hits) / self.sums(n)[:, None]
+        low, high = np.nanpercentile(shares, CONFIDENCE, axis=0)
+        return low, high
+
+    def _means(self, cells: Cells) -> Float:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.sums(cells.total) / self.sums(cells.n)
+
+    def _spread(self, value: float, drawn: Float) -> Spread:
+        known = drawn[np.isfinite(drawn)]
+        if not self.say_something or not len(known):
+            return Spread(value)
+        low, high = np.percentile(known, CONFIDENCE)
+        return Spread(value, float(low), float(high))
+
+
+def draws(n_units: int, n_seeds: int) -> Draws:
+    """The draws, the same at each call."""
+    rng = np.random.default_rng(0)
+    units = rng.multinomial(n_units, np.full(n_units, 1 / n_units), DRAWS).astype(np.float64)
+    seeds = rng.multinomial(n_seeds, np.full(n_seeds, 1 / n_seeds), DRAWS).astype(np.float64)
+    return Draws(units, seeds)
