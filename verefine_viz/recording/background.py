@@ -13,7 +13,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply
@@ -23,6 +22,7 @@ from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLO
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import world_from_camera
+from verefine_viz.recording.piece import Piece
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
 """About how many pixels around the objects are drawn as points; the rest of the frame gets far fewer."""
@@ -36,7 +36,7 @@ GHOST_ALPHA = 35
 TRUTH_ALPHA = 60
 
 
-def background(problem: Problem, pictures: bool) -> Iterator[Chunk]:
+def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
     """Everything static of a frame; transforms of the stages follow with the iterations.
 
     Args:
@@ -59,7 +59,7 @@ def background(problem: Problem, pictures: bool) -> Iterator[Chunk]:
         yield from _images(problem)
 
 
-def _camera(observation: Observation, near_m: float) -> Chunk:
+def _camera(observation: Observation, near_m: float) -> Piece:
     camera = observation.camera
     pinhole = rr.Pinhole(
         image_from_camera=camera.K,
@@ -71,7 +71,7 @@ def _camera(observation: Observation, near_m: float) -> Chunk:
     return columns.fixed(entities.CAMERA, pinhole)
 
 
-def _images(problem: Problem) -> Iterator[Chunk]:
+def _images(problem: Problem) -> Iterator[Piece]:
     observation = problem.observation
     if observation.rgb is not None:
         yield columns.fixed(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
@@ -102,7 +102,7 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
     return float(nearest), max(float(farthest), float(nearest) + 1.0)
 
 
-def _cloud(observation: Observation, near_m: float, n_points: int) -> Chunk:
+def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
     h, w = observation.camera.shape
     v0, v1, u0, u1 = _around_objects(observation.object_mask)
     step = max(1, math.ceil(math.sqrt((v1 - v0) * (u1 - u0) / n_points)))
@@ -147,7 +147,7 @@ def _points(
     return points, observation.rgb[rows, across][v, u]
 
 
-def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Chunk]:
+def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Piece]:
     support = problem.observation.support
     assert support is not None
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
@@ -173,7 +173,7 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Chu
     yield columns.fixed(entities.GRAVITY, arrow)
 
 
-def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Chunk]:
+def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Piece]:
     """An object's meshes; ``own`` is its colour in a scene of several."""
     root = f"{entities.OBJECTS}/{branch}"
     T_gt = target.instance.T_cam_obj_gt
@@ -186,7 +186,7 @@ def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Chunk]:
 
 
 @lru_cache(maxsize=64)
-def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -> tuple[Chunk, ...]:
+def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -> tuple[Piece, ...]:
     """The object in the colour of each stage, made once for all frames that show it."""
     root, n_faces = f"{entities.OBJECTS}/{branch}", DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
     looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}

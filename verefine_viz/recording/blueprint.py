@@ -96,7 +96,7 @@ def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
 
 
 def blueprint_messages(layout: Layout, has_maps: bool) -> bytes:
-    """The same as messages for :meth:`RrdFile.close`."""
+    """The same as messages for ``RrdFile.close``."""
     return _prepared(shown(layout, has_maps)).messages(layout)
 
 

@@ -1,14 +1,14 @@
 """Arrow columns and chunks for rerun, made from plain arrays in one go.
 
-A chunk takes anything that has a descriptor and an Arrow array. Building the lists here, instead of through one
-archetype per row, is what keeps a recording cheap.
+Building the lists here, instead of through one archetype per row, is what keeps a recording cheap. How a column is
+called and described in a chunk is learnt from rerun, once for each kind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any, TypeAlias
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from rerun.chunk import Chunk
 
 from verefine_viz.recording.entities import TIMELINE
+from verefine_viz.recording.piece import Piece, new_ids
 
 Rows: TypeAlias = Sequence[ArrayLike] | NDArray[Any]
 
@@ -37,22 +38,66 @@ class Column:
         return self.rows
 
 
-def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Any]) -> Chunk:
-    """Rows of ``entity`` at ``iterations`` as one chunk."""
-    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, sequence=iterations)], columns)
+def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Column]) -> Piece:
+    """Rows of ``entity`` at ``iterations``, which must not fall, as one chunk."""
+    times = np.array(iterations, np.int64)
+    if (np.diff(times) < 0).any():
+        raise ValueError(f"iterations of {entity} are not in order")
+    return _piece(entity, [pa.array(times)], columns)
 
 
-def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Chunk:
+def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Piece:
     """Archetypes at one iteration, as a chunk."""
-    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, sequence=[iteration])], _parts(archetypes))
+    return rows_of(entity, [iteration], _parts(archetypes))
 
 
-def fixed(entity: str, *archetypes: rr.AsComponents) -> Chunk:
+def fixed(entity: str, *archetypes: rr.AsComponents) -> Piece:
     """What does not change over time, as a chunk that can be sent to any number of recordings."""
-    return Chunk.from_columns(entity, [], _parts(archetypes))
+    return _piece(entity, [], _parts(archetypes))
 
 
-def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Any]:
+def _piece(entity: str, times: list[pa.Array], columns: Sequence[Column]) -> Piece:
+    n_rows = len(columns[0].rows)
+    chunk_id, row_ids = new_ids(n_rows)
+    before = _before(bool(times))
+    fields = [_field(_Kind(c.descriptor), c.rows.type) for c in columns]
+    metadata = {**before.metadata, b"rerun:entity_path": entity.encode(), b"rerun:id": chunk_id}
+    schema = pa.schema([*before, *fields], metadata)
+    return Piece(pa.RecordBatch.from_arrays([row_ids, *times, *(c.rows for c in columns)], schema=schema))
+
+
+class _Kind:
+    """A descriptor by what it says."""
+
+    def __init__(self, descriptor: rr.ComponentDescriptor) -> None:
+        self.descriptor = descriptor
+        self._key = (descriptor.archetype, descriptor.component, descriptor.component_type)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Kind) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=256)
+def _field(kind: _Kind, layout: pa.DataType) -> pa.Field:
+    """How rerun calls and describes a column."""
+    example: Any = Column(kind.descriptor, pa.nulls(1, layout))
+    found: Any = Chunk.from_columns("/", [], [example]).to_record_batch().schema
+    return found.field(1)
+
+
+@cache
+def _before(is_timed: bool) -> pa.Schema:
+    """The columns before those of the components, and what rerun says about every chunk."""
+    example: Any = Column(rr.Scalars.descriptor_scalars(), pa.array([[0.0], [0.0]]))
+    times = [rr.TimeColumn(TIMELINE, sequence=[0, 0])] if is_timed else []
+    found: Any = Chunk.from_columns("/", times, [example]).to_record_batch().schema
+    return pa.schema(list(found)[:-1], found.metadata)
+
+
+def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Column]:
     batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
     return [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches]
 

@@ -7,12 +7,12 @@ from functools import lru_cache
 
 import numpy as np
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Branch
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
 _SCALARS = rr.Scalars.descriptor_scalars()
@@ -32,7 +32,7 @@ def curve(name: str, branch_name: str) -> str:
 
 
 @lru_cache(maxsize=64)
-def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Chunk, ...]:
+def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Piece, ...]:
     """Names and colours of all curves of an object, made once for all frames that show it."""
     arms = [f"hypothesis {j + 1}" for j in range(n_arms)]
     colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)]
@@ -68,13 +68,13 @@ def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Chunk, ...]:
     )
 
 
-def start(branch: Branch, before: int) -> Chunk:
+def start(branch: Branch, before: int) -> Piece:
     """The initial scores, at the iteration before the object's first."""
     first = [*branch.initial_scores, max(branch.initial_scores)]
     return columns.rows_of(curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
 
 
-def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Chunk]:
+def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Piece]:
     """The curves of an object.
 
     Args:

@@ -7,13 +7,13 @@ from functools import lru_cache
 
 import numpy as np
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
 from verefine_viz.recording import columns, curves, entities
 from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.poses import Poses
 from verefine_viz.recording.row import Row
 from verefine_viz.recording.scene_curves import scene_curves, scene_styles, start_best
@@ -39,7 +39,7 @@ class Drawing:
         self._worked_on: int | None = None
         self._started: set[int] = set()
 
-    def start(self) -> Iterator[Chunk]:
+    def start(self) -> Iterator[Piece]:
         """Styles of everything that follows."""
         branches = self._layout.branches
         for branch in branches:
@@ -65,7 +65,7 @@ class Drawing:
                 self._tree.add(row.parts.tree)
         list(self._poses.chunks())
 
-    def draw(self, rows: Sequence[Row]) -> Iterator[Chunk]:
+    def draw(self, rows: Sequence[Row]) -> Iterator[Piece]:
         """The rows, which follow the ones before without a gap."""
         turns = self._turns(rows)
         for row in rows:
@@ -96,7 +96,7 @@ class Drawing:
 
 
 @lru_cache(maxsize=64)
-def _object_styles(branch_name: str) -> tuple[Chunk, ...]:
+def _object_styles(branch_name: str) -> tuple[Piece, ...]:
     root = f"{entities.OBJECTS}/{branch_name}"
     return (
         columns.fixed(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])),
@@ -104,7 +104,7 @@ def _object_styles(branch_name: str) -> tuple[Chunk, ...]:
     )
 
 
-def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iterator[Chunk]:
+def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iterator[Piece]:
     """Contacts and way of the simulation; nothing from an iteration of ``turns`` on."""
     shown = {r.index: (r.contacts, r.path[:, :3, 3]) for r in rows if len(r.path)}
     shown |= {k: (_NO_CONTACTS, _NO_PATH) for k in turns}
@@ -132,7 +132,7 @@ _NO_CONTACTS: Float = np.zeros((0, 9))
 _NO_PATH: Float = np.zeros((0, 3))
 
 
-def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
+def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
     iterations = [r.index for r in rows]
     branches = {b.instance_id: b for b in layout.branches}
     lane = [[branches[r.instance_id].name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
@@ -187,7 +187,7 @@ def _notable(row: Row) -> str:
 
 
 @lru_cache(maxsize=64)
-def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Chunk, ...]:
+def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Piece, ...]:
     colors = {name: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, name in enumerate(branch_names)}
     labels = {name: name for name in branch_names}
     for j in range(n_arms):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.recording import columns, entities
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 from verefine_viz.recording.scene_parts import ALONE, Flat, SceneParts, flat_of, parts_of
 
@@ -35,7 +35,7 @@ WORDS = ("accepted", "best_stage", "reason")
 """Kept together in the column ``words``, in this order."""
 
 
-def exact(rows: Sequence[Row]) -> Chunk:
+def exact(rows: Sequence[Row]) -> Piece:
     """Rows as one chunk of :data:`entities.EXACT`."""
     sent = [columns.numbers(_named("ids"), [[getattr(r, n) for n in INTEGERS] for r in rows], np.int64)]
     sent += [columns.numbers(_named(n), [getattr(r, n)[..., :3, :] for r in rows], t) for n, t in POSES.items()]

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording import columns, entities
@@ -14,11 +13,12 @@ from verefine_viz.recording.background import background
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.graph import dependency_chunks
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.piece import Piece
 
 
 def frame_chunks(
     about: Mapping[str, Any], problem: Problem, layout: Layout, drawing: Drawing, pictures: bool
-) -> Iterator[Chunk]:
+) -> Iterator[Piece]:
     """Everything that is known before the first iteration; what makes the iterations readable comes first."""
     yield from property_chunks(about)
     yield from drawing.start()
@@ -27,8 +27,8 @@ def frame_chunks(
     yield from background(problem, pictures)
 
 
-def property_chunks(about: Mapping[str, Any]) -> Iterator[Chunk]:
+def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:
     """What a recording is about as it holds it, and its name."""
-    yield Chunk.from_property(entities.PROPERTY, rr.AnyValues(**about))
+    yield columns.fixed(f"/__properties/{entities.PROPERTY}", rr.AnyValues(**about))
     name = f"{about['title']} {about['frame']} {about['method']}".strip()
     yield columns.fixed("/__properties", rr.archetypes.RecordingInfo(name=name))

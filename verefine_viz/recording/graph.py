@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import OBJECT_COLORS
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.wording import plain
 
 ROOM = 210.0
@@ -19,7 +19,7 @@ ROOM = 210.0
 VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "carries"}
 
 
-def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Chunk]:
+def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Piece]:
     """Nodes, edges and evidence; static."""
     names = {b.instance_id: b.name for b in layout.branches}
     colors = {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(layout.branches)}

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.recording.blueprint import blueprint_of
 from verefine_viz.recording.entities import APPLICATION
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.piece import Piece
 
 
 class LiveFile:
@@ -27,9 +27,9 @@ class LiveFile:
         self._stream.set_sinks(rr.FileSink(path), rr.GrpcServerSink(bind_ip="127.0.0.1", port=port))
         self._stream.send_blueprint(blueprint_of(layout, has_maps), make_active=False)
 
-    def send(self, chunks: Iterable[Chunk]) -> None:
+    def send(self, pieces: Iterable[Piece]) -> None:
         """Hands over chunks; they are on disk when this returns."""
-        self._stream.send_chunks(list(chunks))
+        self._stream.send_chunks([chunk for piece in pieces for chunk in piece.chunks])
         self._stream.flush()
 
     def flush(self) -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, difference_scale, lookup_table
@@ -21,6 +20,7 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PIXEL_CLASSES, ScoreMaps
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.background import png
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
 TILE_PX = 128
@@ -58,7 +58,7 @@ class Maps:
             "f_n": FIT,
         }
 
-    def observed(self, iteration: int) -> Chunk:
+    def observed(self, iteration: int) -> Piece:
         """The same cut-out of what the sensor saw: colour and depth."""
         o = self._observation
         scale = self._scales["rendered"]
@@ -69,7 +69,7 @@ class Maps:
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
         return columns.at(f"{entities.MAPS}/{OBSERVED}", iteration, picture)
 
-    def pair(self, row: Row, placed: Sequence[Placed]) -> Iterator[Chunk]:
+    def pair(self, row: Row, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of the two poses that an iteration had to choose from; what is computed, is computed at once."""
         (target,) = self._targets
         made = [self._verifier.maps(target, row.Ts_cam_obj[k], placed) for k in compared(row)]
@@ -80,13 +80,13 @@ class Maps:
         }
         return self._pictures(entities.MAPS, row.index, images)
 
-    def scene(self, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Iterator[Chunk]:
+    def scene(self, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         made = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed)
         images = {name: self._index_image(name, made) for name in SCENE_MAP_NAMES}
         return self._pictures(entities.SCENE_MAPS, iteration, images)
 
-    def _pictures(self, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> Iterator[Chunk]:
+    def _pictures(self, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> Iterator[Piece]:
         for name, image in images.items():
             palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
             picture = rr.EncodedImage(contents=png(image, palette), media_type="image/png")

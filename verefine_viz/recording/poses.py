@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import PlacedPose
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
 NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
@@ -33,7 +33,7 @@ class Poses:
         self._placed: dict[int, Float] = {}
         self._incumbent: dict[int, Float] = {}
 
-    def start(self) -> Iterator[Chunk]:
+    def start(self) -> Iterator[Piece]:
         """Nothing is shown before the first iteration."""
         for branch in self._branches.values():
             yield _transforms(branch, [(0, stage, NOWHERE) for stage in self._stages])
@@ -56,7 +56,7 @@ class Poses:
                 self._moves[pose.instance_id].append((k, "incumbent", pose.T_cam_obj))
                 self._incumbent[pose.instance_id] = pose.T_cam_obj
 
-    def chunks(self) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[Piece]:
         """What moved since the last call."""
         for instance_id, moves in self._moves.items():
             if moves:
@@ -87,7 +87,7 @@ def _incumbent(row: Row) -> Sequence[PlacedPose]:
     return row.parts.tree.incumbent if row.parts.tree is not None else ()
 
 
-def _transforms(branch: Branch, moves: Moves) -> Chunk:
+def _transforms(branch: Branch, moves: Moves) -> Piece:
     frames = {stage: [entities.stage_frame(branch.name, stage)] for stage in {stage for _, stage, _ in moves}}
     poses = np.array([T for _, _, T in moves]).astype(np.float32)
     # rerun keeps matrices column by column.

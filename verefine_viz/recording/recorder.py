@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rerun.chunk import Chunk
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
@@ -24,15 +23,16 @@ from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
 from verefine_viz.recording.blueprint import blueprint_messages
-from verefine_viz.recording.direct_file import DirectFile
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.frame import frame_chunks
 from verefine_viz.recording.journal import Journal
 from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row, row_of
 from verefine_viz.recording.rrd_file import RrdFile
+from verefine_viz.recording.threaded_file import ThreadedFile
 from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
 from verefine_viz.session.files import session_toml
 
@@ -75,7 +75,7 @@ class Recorder:
         self._verifier = verifier if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
-        self._file: DirectFile | RrdFile | LiveFile | None = None
+        self._file: RrdFile | ThreadedFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
         self._best_error: tuple[Best | None, float] = (None, float("nan"))
@@ -102,8 +102,8 @@ class Recorder:
             if port is not None:
                 self._file = LiveFile(part, port, self._layout, has_maps)
             else:
-                # Pictures are worth a thread of their own: most of the work on them does not need the interpreter.
-                self._file = RrdFile(part) if has_maps else DirectFile(part)
+                file = RrdFile(part)
+                self._file = ThreadedFile(file) if has_maps else file
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
         self._file.send(frame_chunks(about, self._problem, self._layout, self._drawing, pictures=has_maps))
@@ -155,7 +155,7 @@ class Recorder:
             self._journal.close()
         name_finished(self._path)
 
-    def _pictures(self, verifier: Verifier, row: Row) -> Iterator[Iterable[Chunk]]:
+    def _pictures(self, verifier: Verifier, row: Row) -> Iterator[Iterable[Piece]]:
         """The maps of an iteration, and of the scene where it closes a pass."""
         tau_m = self._session.score.tau_m
         placed = self._placed(row.parts.placed) if self._session.method.occluders == "placed" else ()

@@ -16,6 +16,7 @@ from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.entities import MAPS
 from verefine_viz.recording.frame import property_chunks
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.reader import (
     PROPERTIES,
     Recorded,
@@ -70,7 +71,7 @@ def completed(recorded: Recorded, folder: Path) -> Path:
     file = RrdFile(target)
     if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
         file.send(property_chunks(recorded.properties))
-    file.send(chunks)
+    file.send(Piece(chunk.to_record_batch()) for chunk in chunks)
     if missing:
         file.send(drawing.draw(missing))
     file.close(blueprint_messages(recorded.layout, has_maps))

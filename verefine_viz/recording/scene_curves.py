@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.recording import columns
 from verefine_viz.recording.curves import curve
 from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
 _SCALARS = rr.Scalars.descriptor_scalars()
@@ -27,9 +27,9 @@ _LOOKS: dict[str, tuple[tuple[str, RGB], ...]] = {
 
 
 @lru_cache(maxsize=64)
-def scene_styles(branch_names: tuple[str, ...]) -> tuple[Chunk, ...]:
+def scene_styles(branch_names: tuple[str, ...]) -> tuple[Piece, ...]:
     """Names and colours of all curves of a scene."""
-    made: list[Chunk] = []
+    made: list[Piece] = []
     for k, name in enumerate(branch_names):
         own = _lines([(name, OBJECT_COLORS[k % len(OBJECT_COLORS)])])
         made += [columns.fixed(curve(group, name), own) for group in ("best", "add_s")]
@@ -39,14 +39,14 @@ def scene_styles(branch_names: tuple[str, ...]) -> tuple[Chunk, ...]:
     return tuple(made)
 
 
-def start_best(layout: Layout) -> Iterator[Chunk]:
+def start_best(layout: Layout) -> Iterator[Piece]:
     """Every object's best first pose, before the first iteration."""
     for branch in layout.branches:
         if branch.n_arms:
             yield _one("best", branch, [0], [max(branch.initial_scores)])
 
 
-def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
+def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
     """The curves that go over all objects."""
     for branch in layout.branches:
         own = [r for r in rows if r.instance_id == branch.instance_id]
@@ -59,7 +59,7 @@ def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
     yield from _per_cluster("cost", layout, rows)
 
 
-def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Chunk]:
+def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
     found: dict[str, tuple[list[int], list[list[float]]]] = {}
     names = {b.instance_id: b.name for b in layout.branches}
     for row in rows:
@@ -85,5 +85,5 @@ def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
     return rr.SeriesLines(names=names, colors=colors, widths=[2.0] * len(lines), interpolation_mode="StepAfter")
 
 
-def _one(group: str, branch: Branch, iterations: Sequence[int], values: Sequence[float]) -> Chunk:
+def _one(group: str, branch: Branch, iterations: Sequence[int], values: Sequence[float]) -> Piece:
     return columns.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, [[v] for v in values])])

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from rerun.chunk import Chunk
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.records import TreeStep
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
 BESIDE, DEEPER = 34.0, 290.0
@@ -41,7 +41,7 @@ class Tree:
         self._colors = {b.instance_id: OBJECT_COLORS[k % 10] for k, b in enumerate(layout.branches)}
         self._clusters: dict[int, dict[int, _Node]] = {}
 
-    def styles(self) -> Iterator[Chunk]:
+    def styles(self) -> Iterator[Piece]:
         yield columns.fixed(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
 
     def add(self, step: TreeStep) -> None:
@@ -55,7 +55,7 @@ class Tree:
             nodes[n].visits += 1
             nodes[n].cost_px += step.cost_px
 
-    def draw(self, rows: Sequence[Row]) -> Iterator[Chunk]:
+    def draw(self, rows: Sequence[Row]) -> Iterator[Piece]:
         """The tree after each of the rows that did something to it."""
         iterations: list[int] = []
         ids: list[list[str]] = []
