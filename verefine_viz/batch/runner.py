@@ -17,6 +17,7 @@ import numpy as np
 
 import verefine_viz
 from verefine_viz.batch.folder import RUN_FILE, RunFolder
+from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
 from verefine_viz.batch.memory import gigabytes, own_peak_bytes
 from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
@@ -100,12 +101,13 @@ def check(session: Session) -> tuple[str, ...]:
     """The frames of a session, after everything in it that can be wrong was looked at once.
 
     Raises:
-        VerefineError: the data set, a frame, the method or another name in the session is wrong.
+        VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong.
     """
     toolbox = Toolbox(session)
     frames = toolbox.frames
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
+    check_orders(session, frames)
     _ = toolbox.method
     return frames
 

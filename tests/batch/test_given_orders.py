@@ -1,0 +1,84 @@
+"""A given order that cannot be meant is refused before the first frame, whatever the frames hold."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.batch.frames import make_frames, write_session
+from tests.scenes.bop_folder import Made
+from verefine_viz import cli
+from verefine_viz.batch.runner import check
+from verefine_viz.session.files import load_session
+
+FRAMES = ("7/0", "7/1")
+
+
+@dataclass(frozen=True)
+class Desk:
+    """Two frames of objects 2, 5 and 2."""
+
+    folder: Path
+    made: Made
+    capsys: pytest.CaptureFixture[str]
+
+    def session(self, **dependency: Any) -> Path:
+        return write_session(self.folder, self.made, dependency=dependency)
+
+    def refused(self, **dependency: Any) -> str:
+        assert cli.main(["batch", str(self.session(**dependency)), "--out", str(self.folder / "out")]) == 2
+        (line,) = self.capsys.readouterr().err.splitlines()
+        assert not (self.folder / "out").exists()
+        return line.removeprefix("verefine-viz: ")
+
+
+@pytest.fixture
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+    return Desk(tmp_path, make_frames(tmp_path / "data", len(FRAMES)), capsys)
+
+
+def orders(folder: Path, content: object) -> str:
+    path = folder / "orders.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ([[2, 99]], "dependency.order: unknown object 99; available: 2, 5"),
+        ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what carries others first"),
+        ([["#1"], [2, "#1"]], "dependency.order runs in a circle: it names '#1' twice"),
+        ([["mug"]], "dependency.order: entry 'mug'; expected a list of clusters"),
+    ],
+)
+def test_an_order_that_cannot_be_meant(order: list[Any], words: str, desk: Desk) -> None:
+    assert words in desk.refused(order=order)
+    path = orders(desk.folder, {"7/1": order})
+    assert words.removeprefix("dependency.order") in desk.refused(order_file=path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "orders.json cannot be read: No such file"),
+        ("{", "orders.json is not JSON"),
+        ([[2, 5]], "expected orders by frame"),
+        ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),
+    ],
+)
+def test_an_order_file_that_cannot_be_used(content: object, words: str, desk: Desk) -> None:
+    path = orders(desk.folder, content) if content is not None else str(desk.folder / "orders.json")
+    assert words in desk.refused(order_file=path)
+
+
+def test_orders_that_can_be_meant(desk: Desk) -> None:
+    assert check(load_session(desk.session(order=[[5, 2]]))) == FRAMES
+    assert check(load_session(desk.session(order=[["#0", 5], ["#2"], ["#77"]]))) == FRAMES
+    # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
+    path = orders(desk.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
+    assert check(load_session(desk.session(order_file=path), {"scene": {"objects": (5,)}})) == FRAMES
