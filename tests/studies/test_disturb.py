@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -75,8 +77,6 @@ def test_what_is_taken_from_the_top_lies_above_what_stays() -> None:
 
 
 def test_frames_that_cannot_be_used_say_why() -> None:
-    from dataclasses import replace
-
     blind = replace(PROBLEM, instances=tuple(replace(i, T_cam_obj_gt=None) for i in PROBLEM.instances))
     with pytest.raises(InputError, match=r"has no ground truth, expected scene_gt\.json"):
         disturbed(blind, 1, 5, 5, 0)
@@ -86,8 +86,18 @@ def test_frames_that_cannot_be_used_say_why() -> None:
 
 
 def test_objects_without_ground_truth_are_left_out() -> None:
-    from dataclasses import replace
-
     first, *others = PROBLEM.instances
     mixed = replace(PROBLEM, instances=(replace(first, T_cam_obj_gt=None), *others))
-    assert [i.instance_id for i in disturbed(mixed, 2, 5, 5, 0).instances] == [1, 2]
+    found = disturbed(mixed, 2, 5, 5, 0).instances
+    assert [i.instance_id for i in found] == [1, 2]
+    assert [i.hypotheses for i in found] != [i.hypotheses for i in others]
+    for instance, of_all in zip(found, disturbed(PROBLEM, 2, 5, 5, 0).instances[1:], strict=True):
+        for mine, same in zip(instance.hypotheses, of_all.hypotheses, strict=True):
+            np.testing.assert_array_equal(mine.T_cam_obj, same.T_cam_obj)
+
+
+def test_what_is_left_of_a_cloud_has_as_many_points_as_before() -> None:
+    scene = _scene()
+    few = replace(scene, instances=tuple(replace(i, points_cam=i.points_cam[:150]) for i in scene.instances))
+    for instance in without_top(few, 0.1).instances:
+        assert len(instance.points_cam) == 150

@@ -11,7 +11,6 @@ import pytest
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-from verefine_viz.studies import registry
 from verefine_viz.studies.command import run_one
 from verefine_viz.studies.registry import STUDIES, Wanted
 from verefine_viz.studies.runner import run_study
@@ -77,7 +76,3 @@ def test_claims_are_about_curves_of_their_panel(name: str, quick: bool) -> None:
         assert len(set(labels)) == len(labels)
         assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels)
         assert panel.xs == tuple(sorted(panel.xs))
-
-
-def test_registry_knows_each_study_once() -> None:
-    assert len(set(registry.STUDIES)) == len(registry.STUDIES)

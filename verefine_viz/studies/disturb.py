@@ -11,14 +11,12 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Instance, Problem
-from verefine_viz.core.settings import SceneSettings
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.perturb import perturbed
 
 _RECTANGLE = (0.1, 0.35)
 """Sides of a rectangle as a share of the sides of the object's bounding box: smallest, largest."""
-_CLOUD_POINTS = SceneSettings().cloud_points
 
 
 def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
@@ -31,7 +29,7 @@ def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: flo
     known = tuple(i for i in instances if i.T_cam_obj_gt is not None)
     if not known:
         raise InputError(f"frame {problem.frame} has no ground truth, expected scene_gt.json; a study disturbs it")
-    return problem.only([i.instance_id for i in known]) if len(known) < len(instances) else _with(problem, instances)
+    return replace(problem, instances=instances).only([i.instance_id for i in known])
 
 
 def _disturbed(
@@ -99,10 +97,7 @@ def without_depth(problem: Problem, lost: Mask) -> Problem:
     depth_m = np.where(lost, np.float32(0), seen.depth_m)
     observation = replace(seen, depth_m=depth_m, normals_cam=estimate_normals(depth_m, seen.camera))
     instances = tuple(
-        replace(i, points_cam=segment_cloud(depth_m, seen.camera, i.mask, _CLOUD_POINTS, 0)) for i in problem.instances
+        replace(i, points_cam=segment_cloud(depth_m, seen.camera, i.mask, len(i.points_cam), 0))
+        for i in problem.instances
     )
     return replace(problem, observation=observation, instances=instances)
-
-
-def _with(problem: Problem, instances: tuple[Instance, ...]) -> Problem:
-    return replace(problem, instances=instances)

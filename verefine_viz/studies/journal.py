@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,20 +20,20 @@ class Journal:
 
     Args:
         path: made if it is not there.
-        about: what the study is (settings, seeds, frames); a journal about something else is refused.
+        about: what the study is (settings, frames), as it comes from JSON; a journal of something else is refused.
 
     Raises:
         InputError: the file belongs to another study, or cannot be written.
     """
 
-    def __init__(self, path: Path, about: str) -> None:
+    def __init__(self, path: Path, about: Mapping[str, object]) -> None:
         self._path = path
         self.done: dict[Unit, list[Outcome]] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
             whole = [line for line in lines if line.endswith(b"\n")]
-            if whole and json.loads(whole[0]) != json.loads(about):
+            if whole and json.loads(whole[0]) != about:
                 raise InputError(f"{path} belongs to a study with other settings; choose another --out, or delete it")
             for line in whole[1:]:
                 outcomes = [Outcome.model_validate(row) for row in json.loads(line)["outcomes"]]
@@ -43,7 +43,7 @@ class Journal:
             os.truncate(self._file, kept)  # what was cut off in the middle of a line is solved again
             os.lseek(self._file, kept, os.SEEK_SET)
             if not whole:
-                self._write({**json.loads(about)})
+                self._write(about)
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError, ValidationError):
@@ -62,5 +62,5 @@ class Journal:
     def close(self) -> None:
         os.close(self._file)
 
-    def _write(self, content: dict[str, object]) -> None:
+    def _write(self, content: Mapping[str, object]) -> None:
         os.write(self._file, json.dumps(content, separators=(",", ":")).encode() + b"\n")

@@ -8,19 +8,14 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.evaluation.depth import model_depth
 from verefine_viz.evaluation.errors import pose_errors
-from verefine_viz.evaluation.largest import mspd_px, mssd_mm
 from verefine_viz.evaluation.model import EvalModel, eval_model
-from verefine_viz.evaluation.vsd import vsd
-
-THRESHOLDS = np.arange(0.05, 0.51, 0.05)
-"""For VSD, and as shares of the diameter for MSSD."""
-THRESHOLDS_PX = np.arange(5.0, 51.0, 5.0)
-"""For MSPD, in an image 640 wide."""
+from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
+from verefine_viz.evaluation.recalls import average_recalls
+from verefine_viz.evaluation.truth import Truth, TruthImage
+from verefine_viz.evaluation.vsd import DELTA_MM
 
 
 class Quality(BaseModel):
@@ -52,31 +47,22 @@ def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
     assert T_gt is not None, "studies keep objects with ground truth only"
     if T_est is None:
         return Quality()
-    model, camera = _model(target.model), problem.observation.camera
-    poses = T_est[:3, :3], T_est[:3, 3] * 1e3, T_gt[:3, :3], T_gt[:3, 3] * 1e3
+    instance, observation = target.instance, problem.observation
+    truth = Truth(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
+    image = TruthImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (truth,))
+    estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
+    pair = pair_errors(Drawn(image), _model(target.model), [estimate], [truth], DELTA_MM)
+    recalls = average_recalls(pair.kinds[:, 0])
     errors = pose_errors(target.model, T_est, T_gt)
-    px = mspd_px(model, *poses, camera.K) * 640 / camera.width
     return Quality(
-        ar_vsd=_recall(_vsd(model, poses, camera, problem), THRESHOLDS),
-        ar_mssd=_recall(np.array([mssd_mm(model, *poses) / model.diameter_mm]), THRESHOLDS),
-        ar_mspd=_recall(np.array([px]), THRESHOLDS_PX),
+        ar_vsd=recalls.ar_vsd,
+        ar_mssd=recalls.ar_mssd,
+        ar_mspd=recalls.ar_mspd,
         add_s_mm=errors.add_s_mm,
         relative=errors.relative,
         rotation_deg=errors.rotation_deg,
         translation_mm=errors.translation_mm,
     )
-
-
-def _vsd(model: EvalModel, poses: tuple[Float, Float, Float, Float], camera: Camera, problem: Problem) -> Float:
-    R_est, t_est, R_gt, t_gt = poses
-    estimate = model_depth(model, R_est, t_est, camera.K, camera.shape)
-    truth = model_depth(model, R_gt, t_gt, camera.K, camera.shape)
-    depth_mm = problem.observation.depth_m * np.float32(1e3)
-    return vsd(depth_mm, estimate, truth, camera.K, model.diameter_mm)
-
-
-def _recall(errors: Float, thresholds: Float) -> float:
-    return float((errors[:, None] < thresholds).mean())
 
 
 @lru_cache(maxsize=64)

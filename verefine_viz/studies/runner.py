@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -16,7 +15,7 @@ from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.journal import Journal
 from verefine_viz.studies.registry import Wanted
 from verefine_viz.studies.solve import Outcome, Solver
-from verefine_viz.studies.study import Unit
+from verefine_viz.studies.study import Study, Unit
 
 Tell = Callable[[int, int], None]
 """(units done, units in all)."""
@@ -24,14 +23,14 @@ _solver: list[Solver] = []
 """In a worker process: its solver, made once."""
 
 
-def units_of(wanted: Wanted, frames: Mapping[str, tuple[str, ...]], seeds: int) -> list[Unit]:
+def units_of(study: Study, frames: Mapping[str, tuple[str, ...]], seeds: int) -> list[Unit]:
     """Every frame of every scene, at every x of every panel, once per seed."""
     return [
         Unit(panel.name, x, seed, scene, frame)
         for seed in range(seeds)
         for scene, of_scene in frames.items()
         for frame in of_scene
-        for panel in wanted.study().panels
+        for panel in study.panels
         for x in panel.xs
     ]
 
@@ -53,17 +52,18 @@ def run_study(
         VerefineError: a session, a frame or the journal cannot be used.
     """
     frames = {name: Toolbox(session).frames for name, session in sessions.items()}
-    units = units_of(wanted, frames, seeds)
+    study = wanted.study()
+    units = units_of(study, frames, seeds)
     about = {
         "wanted": asdict(wanted),
         "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
     }
-    journal = Journal(journal_path, json.dumps(about))
+    journal = Journal(journal_path, about)
     try:
         left = [unit for unit in units if unit not in journal.done]
         tell(len(units) - len(left), len(units))
         if workers == 1:
-            solver = Solver(sessions, wanted.study().panels)
+            solver = Solver(sessions, study.panels)
             for k, unit in enumerate(left, start=1):
                 journal.add(unit, solver.solve(unit))
                 tell(len(units) - len(left) + k, len(units))

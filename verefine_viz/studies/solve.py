@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import IcpSettings, Session, TricpSettings
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.quality import Quality, quality
 from verefine_viz.studies.study import Curve, Panel, Unit
@@ -43,6 +43,7 @@ class Solver:
     def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
         self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
         self._panels = {panel.name: panel for panel in panels}
+        self._refiners: dict[tuple[str, IcpSettings, TricpSettings], Refiner] = {}
         self._last: tuple[tuple[str, str], Problem] | None = None
 
     def solve(self, unit: Unit) -> list[Outcome]:
@@ -56,8 +57,14 @@ class Solver:
         problem = panel.prepare(whole, unit.x, unit.seed)
         rows: list[Outcome] = []
         for curve in panel.curves:
-            rows += _solved(unit, curve, toolbox.changed(_plain(curve.settings)), problem, whole)
+            changed = toolbox.changed(_plain(curve.settings))
+            rows += _solved(unit, curve, changed, self._refiner(changed), problem, whole)
         return rows
+
+    def _refiner(self, toolbox: Toolbox) -> Refiner:
+        """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
+        s = toolbox.session
+        return self._refiners.setdefault((s.method.refiner, s.icp, s.tricp), toolbox.refiner)
 
     def _frame(self, scene: str, frame: str) -> Problem:
         if self._last is None or self._last[0] != (scene, frame):
@@ -65,8 +72,10 @@ class Solver:
         return self._last[1]
 
 
-def _solved(unit: Unit, curve: Curve, toolbox: Toolbox, problem: Problem, whole: Problem) -> list[Outcome]:
-    counted = _Counted(toolbox.refiner)
+def _solved(
+    unit: Unit, curve: Curve, toolbox: Toolbox, refiner: Refiner, problem: Problem, whole: Problem
+) -> list[Outcome]:
+    counted = _Counted(refiner)
     toolbox.__dict__["refiner"] = counted
     toolbox.prepare(problem)
     began = perf_counter()
