@@ -37,8 +37,13 @@ def _disturbed(
 ) -> Instance:
     if i.T_cam_obj_gt is None:
         return i
-    seeds = (seed, problem.scene_id, problem.im_id, i.instance_id)
-    return replace(i, hypotheses=perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, seeds))
+    found = perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, _seeds(i, problem, seed))
+    return replace(i, hypotheses=found)
+
+
+def _seeds(i: Instance, problem: Problem, seed: int) -> tuple[int, ...]:
+    """Another one for each object of each frame; the object's id is in it as all built-in scenes are scene 0."""
+    return seed, problem.scene_id, problem.im_id, i.instance_id, i.obj_id
 
 
 def occluded(problem: Problem, share: float, seed: int) -> Problem:
@@ -51,7 +56,7 @@ def occluded(problem: Problem, share: float, seed: int) -> Problem:
     """
     lost = np.zeros(problem.observation.camera.shape, dtype=bool)
     for i in problem.instances:
-        rng = np.random.default_rng((seed, problem.scene_id, problem.im_id, i.instance_id))
+        rng = np.random.default_rng(_seeds(i, problem, seed))
         lost |= _rectangles(i.mask & (problem.observation.depth_m > 0), share, rng)
     return without_depth(problem, lost)
 
