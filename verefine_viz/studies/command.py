@@ -15,7 +15,7 @@ from rich.table import Table
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.curves import rows, verdicts
+from verefine_viz.studies.curves import Points, points, rows, verdicts
 from verefine_viz.studies.figure import draw, save
 from verefine_viz.studies.registry import Wanted
 from verefine_viz.studies.runner import run_study
@@ -64,10 +64,11 @@ def run_one(
             out / f"{name}.journal.jsonl",
             lambda done, total: progress.update(bar, completed=done, total=total),
         )
-    write_csv(study, outcomes, out / f"{name}.csv")
+    found = points(outcomes)
+    write_csv(study, found, out / f"{name}.csv")
     write_objects(outcomes, out / f"{name}_objects.csv")
-    png, svg = save(draw(study, outcomes, _about(sessions, outcomes, n_seeds)), out, name)
-    _say(study, outcomes, (png, svg))
+    png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds)), out, name)
+    _say(study, found, (png, svg))
     return 0
 
 
@@ -80,9 +81,9 @@ def scenes(session: Path | None, overrides: Mapping[str, Any], quick: bool) -> d
     return {name: load_session(None, {"preset": PRESET, **overrides, "scene": {"demo": name}}) for name in names}
 
 
-def write_csv(study: Study, outcomes: Sequence[Outcome], path: Path) -> None:
+def write_csv(study: Study, found: Points, path: Path) -> None:
     """The curves: a row per panel, curve and x."""
-    _write(path, [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows(study, outcomes)])
+    _write(path, [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows(study, found)])
 
 
 def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
@@ -92,11 +93,11 @@ def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
     )
 
 
-def _write(path: Path, found: Sequence[Mapping[str, object]]) -> None:
+def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
     with atomic(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(found[0]) if found else [])
+        writer = csv.DictWriter(file, fieldnames=list(table[0]) if table else [])
         writer.writeheader()
-        writer.writerows(found)
+        writer.writerows(table)
 
 
 def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: int) -> str:
@@ -105,23 +106,23 @@ def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: 
     return f"{', '.join(sessions)}: {len(frames)} frames, {len(objects)} objects, {seeds} seeds"
 
 
-def _say(study: Study, outcomes: Sequence[Outcome], figures: tuple[Path, Path]) -> None:
+def _say(study: Study, found: Points, figures: tuple[Path, Path]) -> None:
     console = Console(highlight=False, soft_wrap=True)
     if len(study.panels) == 1:
-        console.print(_table(study, outcomes))
+        console.print(_table(study, found))
     for panel in study.panels:
         console.print(f"[bold]{escape(panel.name)}[/bold]  paper: {escape(panel.trend)}")
-        for verdict in verdicts(panel, outcomes):
+        for verdict in verdicts(panel, found):
             console.print(escape(f"  {verdict}"))
     console.print(escape(f"Figures: {figures[0]}, {figures[1].name}; numbers: {study.name}.csv beside them"))
 
 
-def _table(study: Study, outcomes: Sequence[Outcome]) -> Table:
+def _table(study: Study, found: Points) -> Table:
     table = Table(title=study.title)
     table.add_column("")
     for heading in ("AR", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
         table.add_column(heading, justify="right")
-    for r in rows(study, outcomes):
+    for r in rows(study, found):
         shares = [f"{100 * float(r[k]):.1f}" for k in ("ar", "ar_vsd", "ar_mssd", "ar_mspd")]
         table.add_row(
             str(r["curve"]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ from verefine_viz.studies.study import Claim, Panel, Study
 
 RESAMPLES = 2000
 """Draws of the bootstrap."""
+
+Points = Mapping[tuple[str, str, float], Sequence[Outcome]]
+"""Outcomes by panel, curve and x."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Verdict:
     """Mean of AR of the better less that of the worse, over the panel."""
     low: float
     high: float
-    """95 % interval, paired."""
+    """95 % interval, paired: the bootstrap draws objects in a frame under one seed, each with all of its x."""
 
     @property
     def word(self) -> str:
@@ -53,41 +56,50 @@ class Verdict:
         )
 
 
-def lines(panel: Panel, outcomes: Sequence[Outcome]) -> list[Line]:
+def points(outcomes: Iterable[Outcome]) -> Points:
+    """The outcomes sorted into the points of the curves, in the order they come in."""
+    found: dict[tuple[str, str, float], list[Outcome]] = {}
+    for o in outcomes:
+        found.setdefault((o.panel, o.curve, o.x), []).append(o)
+    return found
+
+
+def lines(panel: Panel, found: Points) -> list[Line]:
     """The curves of a panel, in its order."""
-    found: list[Line] = []
-    for curve in panel.curves:
-        values = [_values(outcomes, panel.name, curve.label, x) for x in panel.xs]
-        bands = [_band(v) for v in values]
-        means = np.array([v.mean() if v.size else np.nan for v in values])
-        low, high = np.array(bands).T
-        found.append(Line(curve.label, np.array(panel.xs), means, low, high))
-    return found
+    return [_line(panel, curve.label, found) for curve in panel.curves]
 
 
-def verdicts(panel: Panel, outcomes: Sequence[Outcome]) -> list[Verdict]:
+def verdicts(panel: Panel, found: Points) -> list[Verdict]:
     """What the paper says of the panel's curves, tested on these data: pairs of the same object, frame, x and seed."""
-    found: list[Verdict] = []
+    tested: list[Verdict] = []
     for claim in panel.claims:
-        better, worse = (_by_case(outcomes, panel.name, label) for label in (claim.better, claim.worse))
-        pairs = np.array([better[k] - worse[k] for k in sorted(better.keys() & worse.keys())])
-        if pairs.size:
-            found.append(Verdict(claim, float(pairs.mean()), *_band(pairs)))
-    return found
+        gains: dict[tuple[str, str, int, int], list[float]] = {}
+        for x in panel.xs:
+            worse = {_case(o): o.quality.ar for o in found.get((panel.name, claim.worse, x), ())}
+            for o in found.get((panel.name, claim.better, x), ()):
+                if (case := _case(o)) in worse:
+                    gains.setdefault(case, []).append(o.quality.ar - worse[case])
+        if gains:
+            # Errors of one object under one seed have the same direction at every x: they are drawn together.
+            pairs = np.array([np.mean(of_case) for of_case in gains.values()])
+            tested.append(Verdict(claim, float(pairs.mean()), *_band(pairs)))
+    return tested
 
 
-def rows(study: Study, outcomes: Sequence[Outcome]) -> Iterator[dict[str, str | float]]:
+def rows(study: Study, found: Points) -> Iterator[dict[str, str | float]]:
     """The study as a table: a row per panel, curve and x."""
     for panel in study.panels:
-        for line in lines(panel, outcomes):
-            for x, ar, low, high in zip(line.xs, line.ar, line.low, line.high, strict=True):
-                mine = [o for o in outcomes if (o.panel, o.curve, o.x) == (panel.name, line.label, x)]
+        for line in lines(panel, found):
+            for x, ar, low, high in zip(line.xs.tolist(), line.ar, line.low, line.high, strict=True):
+                mine = found.get((panel.name, line.label, x), ())
+                if not mine:
+                    continue
                 add = np.array([np.nan if o.quality.add_s_mm is None else o.quality.add_s_mm for o in mine])
                 near = [o.quality.relative is not None and o.quality.relative < 0.1 for o in mine]
                 yield {
                     "panel": panel.name,
                     "curve": line.label,
-                    "x": float(x),
+                    "x": x,
                     "n": len(mine),
                     "ar": float(ar),
                     "ar_low": float(low),
@@ -102,22 +114,22 @@ def rows(study: Study, outcomes: Sequence[Outcome]) -> Iterator[dict[str, str | 
                 }
 
 
-def _values(outcomes: Sequence[Outcome], panel: str, curve: str, x: float) -> Float:
-    return np.array([o.quality.ar for o in outcomes if (o.panel, o.curve, o.x) == (panel, curve, x)])
+def _line(panel: Panel, label: str, found: Points) -> Line:
+    values = [np.array([o.quality.ar for o in found.get((panel.name, label, x), ())]) for x in panel.xs]
+    means = np.array([v.mean() if v.size else np.nan for v in values])
+    low, high = np.array([_band(v) for v in values]).T
+    return Line(label, np.array(panel.xs), means, low, high)
 
 
-def _by_case(outcomes: Sequence[Outcome], panel: str, curve: str) -> dict[tuple[object, ...], float]:
-    return {
-        (o.scene, o.frame, o.instance_id, o.x, o.seed): o.quality.ar
-        for o in outcomes
-        if (o.panel, o.curve) == (panel, curve)
-    }
+def _case(o: Outcome) -> tuple[str, str, int, int]:
+    return o.scene, o.frame, o.instance_id, o.seed
 
 
 def _band(values: Float) -> tuple[float, float]:
     """95 % interval of the mean by the bootstrap, the same at each call."""
     if not values.size:
         return float("nan"), float("nan")
-    drawn = np.random.default_rng(0).integers(values.size, size=(RESAMPLES, values.size))
-    low, high = np.percentile(values[drawn].mean(axis=1), [2.5, 97.5])
+    rng, n = np.random.default_rng(0), values.size
+    means = [values[rng.integers(n, size=n)].mean() for _ in range(RESAMPLES)]
+    low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)

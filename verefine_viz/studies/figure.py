@@ -11,42 +11,42 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from verefine_viz.core.atomic import atomic
-from verefine_viz.studies.curves import Line, Verdict, lines, verdicts
-from verefine_viz.studies.solve import Outcome
+from verefine_viz.studies.curves import Line, Points, Verdict, lines, verdicts
 from verefine_viz.studies.study import Panel, Study
 
 WIDTH_IN, HEIGHT_IN = 6.4, 5.6
 DPI = 150
-COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
-"""Okabe and Ito's, told apart by everybody."""
+COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
+"""After Okabe and Ito, told apart by everybody; a method has the same in every panel."""
 MARKERS = "osD^vPX*"
 
 
-def draw(study: Study, outcomes: Sequence[Outcome], about: str) -> Figure:
+def draw(study: Study, points: Points, about: str) -> Figure:
     """All panels.
 
     Args:
         study: what was run.
-        outcomes: of all its units.
+        points: outcomes of all its units.
         about: which frames and how many seeds, in a few words.
     """
     panels = study.panels
+    methods = list(dict.fromkeys(_method(curve.label) for panel in panels for curve in panel.curves))
     columns = min(len(panels), 2)
     n_rows = -(-len(panels) // columns)
     figure = Figure(figsize=(WIDTH_IN * columns * (1.4 if len(panels) == 1 else 1), HEIGHT_IN * n_rows), dpi=DPI)
     figure.suptitle(f"{study.title}\n{about}", fontsize=12)
     for k, panel in enumerate(panels, start=1):
         axes = figure.add_subplot(n_rows, columns, k)
-        found = lines(panel, outcomes)
+        found = lines(panel, points)
         if len(panel.xs) > 1:
-            _curves(axes, panel, found)
+            _curves(axes, panel, found, methods)
         else:
             _bars(axes, found)
         axes.set_title(panel.name)
         axes.text(
             0.0,
             -0.16 if len(panel.xs) > 1 else -0.1,
-            _below(panel, verdicts(panel, outcomes)),
+            _below(panel, verdicts(panel, points)),
             transform=axes.transAxes,
             va="top",
             fontsize=7.5,
@@ -72,8 +72,14 @@ def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
     return made[0], made[1]
 
 
-def _curves(axes: Axes, panel: Panel, found: Sequence[Line]) -> None:
-    for k, line in enumerate(found):
+def _method(label: str) -> str:
+    """What comes before the comma says how it was used."""
+    return label.split(",")[0]
+
+
+def _curves(axes: Axes, panel: Panel, found: Sequence[Line], methods: Sequence[str]) -> None:
+    for line in found:
+        k = methods.index(_method(line.label))
         color = COLORS[k % len(COLORS)]
         axes.plot(line.xs, 100 * line.ar, color=color, marker=MARKERS[k % len(MARKERS)], ms=4, label=line.label)
         axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.12, lw=0)

@@ -50,7 +50,11 @@ class Journal:
             raise InputError(f"{path} is no journal of a study; choose another --out, or delete it") from None
 
     def add(self, unit: Unit, outcomes: list[Outcome]) -> None:
-        """It is with the operating system when this returns."""
+        """It is with the operating system when this returns.
+
+        Raises:
+            InputError: the disk does not take it.
+        """
         self._write({"unit": asdict(unit), "outcomes": [o.model_dump() for o in outcomes]})
         self.done[unit] = outcomes
 
@@ -63,4 +67,16 @@ class Journal:
         os.close(self._file)
 
     def _write(self, content: Mapping[str, object]) -> None:
-        os.write(self._file, json.dumps(content, separators=(",", ":")).encode() + b"\n")
+        """
+        Raises:
+            InputError: the disk does not take the line; none of it stays.
+        """
+        line, begin = json.dumps(content, separators=(",", ":")).encode() + b"\n", os.lseek(self._file, 0, os.SEEK_CUR)
+        try:
+            # A disk that is nearly full takes a part, and refuses when it is asked again.
+            while line:
+                line = line[os.write(self._file, line) :]
+        except OSError as error:
+            os.truncate(self._file, begin)
+            os.lseek(self._file, begin, os.SEEK_SET)
+            raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
