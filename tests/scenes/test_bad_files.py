@@ -119,8 +119,9 @@ def test_results_that_are_not_there_or_no_text(tmp_path: Path) -> None:
 def test_results_that_cannot_be_written(tmp_path: Path) -> None:
     row = ResultRow(1, 2, 3, 0.5, np.eye(4))
     (tmp_path / "folder.csv").mkdir()
-    for path in (tmp_path / "nowhere" / "a.csv", tmp_path / "folder.csv"):
-        with pytest.raises(InputError, match="cannot be written: "):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "a.csv", tmp_path / "folder.csv"):
+        with pytest.raises(InputError, match="cannot write "):
             write_results(path, [row])
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +19,7 @@ import verefine_viz
 from verefine_viz.batch.folder import RUN_FILE, RunFolder
 from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
-from verefine_viz.batch.memory import gigabytes, own_peak_bytes
+from verefine_viz.batch.memory import free_bytes, gigabytes, own_peak_bytes
 from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
 from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.batch.totals import Counts, Totals
@@ -27,6 +27,9 @@ from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.session.toolbox import Toolbox
+
+NEEDED_BYTES = 1_000_000
+"""With less room than this on the disk, a frame fails because of it: a recording takes about as much."""
 
 
 @dataclass(frozen=True)
@@ -161,18 +164,18 @@ class _Batch:
         missing = self._missing(retry_failed)
         spent_s = float(self.folder.read_run().get("seconds", 0.0)) if self.n_resumed else 0.0
         self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
-        status = "stopped"
         try:
             tell(self._progress())
             for result in self.workers.solve(missing):
                 if result is not None:
-                    self.folder.journal.keep(result)
-                    self.counts.add(result)
+                    self._keep(result)
                 tell(self._progress())
-            status = "finished"
-        finally:
-            totals = self._write_tables()
-            self._note(status, spent_s, totals.as_json(len(self.frames)))
+        except BaseException:
+            # The disk may be the reason that it ends; then it is that reason that is told.
+            with suppress(InputError):
+                self._write_end("stopped", spent_s)
+            raise
+        totals = self._write_end("finished", spent_s)
         failures = tuple(totals.failures)
         numbers, seconds = totals.as_json(len(self.frames)), self._seconds()
         return Outcome(self.folder.path, numbers, failures, self.n_resumed, seconds, self._memory())
@@ -187,6 +190,24 @@ class _Batch:
                 self.counts.add(result)
         self.n_resumed = len(self.frames) - len(missing)
         return missing
+
+    def _keep(self, result: FrameResult) -> None:
+        """
+        Raises:
+            InputError: the disk is full. A frame that failed for that alone is not noted as failed.
+        """
+        if result.failed and free_bytes(self.folder.path) < NEEDED_BYTES:
+            raise InputError(
+                f"the disk of {self.folder.path} is full: frame {result.frame} failed, {result.objects[0].message}; "
+                "what is done is kept: make room and repeat the command"
+            )
+        self.folder.journal.keep(result)
+        self.counts.add(result)
+
+    def _write_end(self, status: str, spent_s: float) -> Totals:
+        totals = self._write_tables()
+        self._note(status, spent_s, totals.as_json(len(self.frames)))
+        return totals
 
     def _write_tables(self) -> Totals:
         totals, journal = Totals(), self.folder.journal

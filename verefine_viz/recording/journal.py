@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.errors import InputError
 from verefine_viz.recording.row import Row
 from verefine_viz.recording.scene_parts import Flat, flat_of, parts_of
 
@@ -33,17 +34,35 @@ class Journal:
     """Appends rows; each is with the operating system when :meth:`append` returns."""
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+        """
+        Raises:
+            OSError: the file cannot be created.
+            InputError: the disk does not take its beginning.
+        """
+        self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        os.write(self._file, MAGIC + _framed(json.dumps(about).encode()))
+        self._write(MAGIC + _framed(json.dumps(about).encode()))
 
     def append(self, row: Row) -> None:
-        os.write(self._file, encode(row))
+        """
+        Raises:
+            InputError: the disk does not take it.
+        """
+        self._write(encode(row))
 
     def close(self) -> None:
         """Later calls do nothing."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
+
+    def _write(self, content: bytes) -> None:
+        try:
+            # A disk that is nearly full takes a part, and refuses when it is asked again.
+            while content:
+                content = content[os.write(self._file, content) :]
+        except OSError as error:
+            raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
 
 
 def encode(row: Row) -> bytes:

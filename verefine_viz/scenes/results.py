@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import as_rigid, transform
 
@@ -103,15 +104,9 @@ def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(HEADER + "\n")
-            file.writelines(_line(row) for row in rows)
-        part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    with atomic(Path(path)) as part, part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(HEADER + "\n")
+        file.writelines(_line(row) for row in rows)
 
 
 def method_of(path: Path | str) -> str:
