@@ -1,4 +1,4 @@
-"""``verefine-viz report``: one or two batches as a page to read, keep and send."""
+"""``verefine-viz report``: one batch, two or many as a page to read, keep and send."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from verefine_viz.core.errors import SettingsError
 
 @dataclass(frozen=True)
 class Report:
-    """Write the report of a batch, or of two side by side: one HTML file with scores, causes and failures."""
+    """Write the report of a batch, of two side by side, or of many compared: one HTML file with scores, causes and
+    failures."""
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN_DIR")]
-    """The folder of a batch run."""
+    """The folder of a batch run, or of several (a sweep): runs that differ only in their seeds are one group, and the
+    groups are compared."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_DIR_B]")] = None
-    """Another run of the same frames, to compare with: who got better, who got worse."""
+    """Another run of the same frames, to compare with: who got better, who got worse. Or another folder of runs."""
     out: Path | None = None
-    """The file to write; by default report.html in RUN_DIR, for two runs report-against-NAME.html."""
+    """The file to write; by default report.html in RUN_DIR, for two of them report-against-NAME.html."""
     failures: int = 60
-    """Failures that are shown with pictures, worst first; 0 = none."""
+    """Failures that are shown with pictures, worst first, as many of each group; 0 = none."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Threads for the BOP scores; they are the same for any number."""
 

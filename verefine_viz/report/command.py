@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 
 from verefine_viz.batch.bar import counted_bar
+from verefine_viz.batch.index import run_folders
 from verefine_viz.core.errors import InputError
 from verefine_viz.report.bop import bop_recalls
+from verefine_viz.report.comparison import compare
 from verefine_viz.report.difference import difference
+from verefine_viz.report.frame_recalls import frame_recalls
 from verefine_viz.report.gallery import gallery
+from verefine_viz.report.group_gallery import group_gallery
+from verefine_viz.report.group_page import render_groups
+from verefine_viz.report.group_words import counted, headline
+from verefine_viz.report.groups import load_groups
 from verefine_viz.report.html import write
 from verefine_viz.report.loaded import Loaded, load, load_pair
 from verefine_viz.report.page import Side, render
@@ -23,16 +30,23 @@ Tell = Callable[[str, int, int], None]
 
 
 def print_report(folder: Path, other: Path | None, out: Path | None, most_failures: int, workers: int) -> None:
-    """Writes the report and says where it is.
+    """Writes the report and says where it is: of a run, of two side by side, or of the groups that many runs make.
 
     Raises:
-        VerefineError: a folder is no run, the two do not go together, or the file cannot be written.
+        VerefineError: a folder is no run, the runs do not go together, or the file cannot be written.
     """
     # A comparison does not take the place of the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     path = out or folder / name
+    found = [path for place in (folder, other) if place is not None for path in run_folders(place)]
+    several = len(found) > (1 if other is None else 2)
+    if not several:
+        folder, other = found[0], found[1] if other else None
     with counted_bar("reading") as tell:
-        notes = write_report(folder, other, path, most_failures, workers, tell)
+        if several:
+            notes = write_group_report(found, path, most_failures, workers, tell)
+        else:
+            notes = write_report(folder, other, path, most_failures, workers, tell)
     console = Console(highlight=False, soft_wrap=True)
     for note in notes:
         console.print(escape(note))
@@ -63,8 +77,7 @@ def write_report(
     Raises:
         VerefineError: a folder is no run, the two do not go together, or the file cannot be written.
     """
-    if path.is_dir():
-        raise InputError(f"--out {path} is a folder, expected the name of a file")
+    _check(path)
     a, b = load_pair(folder, other) if other else (load(folder), None)
     sides = [Side(run, bop_recalls(run, workers, _telling(tell, run))) for run in (a, b) if run is not None]
     found = difference(a, b) if b else None
@@ -72,6 +85,47 @@ def write_report(
     html = render(sides[0], sides[1] if b else None, found, failures)
     write(path, html)
     return (*(side.bop.note for side in sides if side.bop.total is None), *failures.notes)
+
+
+def write_group_report(
+    folders: Sequence[Path],
+    path: Path,
+    most_failures: int = 60,
+    workers: int = 1,
+    tell: Tell = lambda what, done, of: None,
+) -> tuple[str, ...]:
+    """Writes the report that compares the groups of runs in ``folders``.
+
+    Args:
+        folders: batch folders; those that are not finished are left out.
+        path: the HTML file.
+        most_failures: failures with pictures, of all groups together.
+        workers: threads for the BOP scores.
+        tell: progress.
+
+    Returns:
+        What is missing in it, and why.
+
+    Raises:
+        VerefineError: no run can be used, they are about different data, or the file cannot be written.
+    """
+    _check(path)
+    groups = load_groups(folders, lambda done, of: tell("reading runs", done, of))
+    bop = frame_recalls(groups.runs, workers, lambda done, of: tell("BOP scores", done, of))
+    tell("comparing", 0, 1)
+    found = compare(groups.groups, bop)
+    failures = group_gallery(found.groups, most_failures, lambda done, of: tell("pictures", done, of))
+    tell("writing", 0, 1)
+    write(path, render_groups(groups, found, failures))
+    n_left = len(groups.left_out)
+    left = (f"{n_left} of {len(folders)} runs left out, see the report.",) if n_left else ()
+    without = () if found.has_ar else (bop.note,)
+    return (f"{counted(found)}.", headline(found), *left, *without, *failures.notes)
+
+
+def _check(path: Path) -> None:
+    if path.is_dir():
+        raise InputError(f"--out {path} is a folder, expected the name of a file")
 
 
 def _telling(tell: Tell, run: Loaded) -> Callable[[int, int], None]:

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from verefine_viz.core.palette import ARM_COLORS
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report.charts import css, new_figure, rounded, stage_bars
-from verefine_viz.report.comparison import Line
+from verefine_viz.report.comparison import Curve, Line
 from verefine_viz.report.numbers import THRESHOLDS
 
+GREY = "#98a3b5"
+GROUP_COLORS = (*(c for c in ARM_COLORS if len(set(c)) > 1), (0, 90, 60), (140, 0, 85), (255, 187, 120), (60, 60, 160))
+"""Without grey, which is the best group's in the others' panels."""
 DASHES = ("solid", "dash", "dot")
 """Of curves: a second and third round through the colours."""
+MOST_BANDS = 4
+"""Bands that can be told apart over each other; of more groups, each gets a panel of its own."""
+PANELS_A_ROW = 4
+PANEL_PX = 190
 CAUSE_COLORS = ("#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#edc948", "#b07aa1", "#ff9da7", "#9c755f",
                 "#86bcb6", "#d37295", "#a0cbe8", "#8cd17d")  # fmt: skip
 UNEXPLAINED = "#b8c0cc"
@@ -26,8 +35,8 @@ def colors(lines: Sequence[Line]) -> dict[str, tuple[str, str]]:
     """Colour and dash of each group, by name: another order leaves them as they are."""
     found = {}
     for k, name in enumerate(sorted(line.name for line in lines)):
-        r, g, b = ARM_COLORS[k % len(ARM_COLORS)]
-        found[name] = css((r, g, b)), DASHES[k // len(ARM_COLORS) % len(DASHES)]
+        r, g, b = GROUP_COLORS[k % len(GROUP_COLORS)]
+        found[name] = css((r, g, b)), DASHES[k // len(GROUP_COLORS) % len(DASHES)]
     return found
 
 
@@ -58,42 +67,84 @@ def forest_figure(lines: Sequence[Line]) -> go.Figure:
     return figure
 
 
+def needs_panels(lines: Sequence[Line]) -> bool:
+    """Whether bands would cover each other in one chart."""
+    return sum(line.curve is not None for line in lines) > MOST_BANDS
+
+
 def recall_figure(lines: Sequence[Line]) -> go.Figure:
-    """Recall over the threshold, a curve and its band for each group."""
+    """Recall over the threshold, a curve for each group, with bands where they are few."""
     figure = new_figure("error below … % of the diameter", "share of objects [%]", height=430)
-    shades, xs = colors(lines), rounded(100 * THRESHOLDS, 1)
+    shades = colors(lines)
     for line in lines:
-        if line.curve is None:
-            continue
-        shade, dash = shades[line.name]
-        if line.curve.band is not None:
-            low, high = line.curve.band
-            figure.add_scatter(
-                x=xs + xs[::-1],
-                y=rounded(100 * np.concatenate([high, low[::-1]]), 1),
-                legendgroup=line.name,
-                mode="lines",
-                line={"width": 0},
-                fill="toself",
-                fillcolor=shade.replace("rgb", "rgba").replace(")", ",0.10)"),
-                hoverinfo="skip",
-                showlegend=False,
-            )
-        figure.add_scatter(
-            x=xs,
-            y=rounded(100 * line.curve.recall, 1),
-            name=line.name,
-            legendgroup=line.name,
-            mode="lines",
-            line={"color": shade, "width": 2, "dash": dash},
-            hovertemplate=f"{line.name}, below %{{x}} %: %{{y}} %<extra></extra>",
-        )
+        if line.curve is not None:
+            if not needs_panels(lines):
+                _add_band(figure, line.curve, shades[line.name][0], legendgroup=line.name)
+            _add_curve(figure, line.curve, line.name, shades[line.name], legendgroup=line.name, name=line.name)
     figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
     figure.update_yaxes(range=[0, 103])
     figure.update_xaxes(range=[0, 50])
     figure.update_layout(legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left", "yanchor": "top"})
-    figure.update_layout(margin={"r": 10})
+    figure.update_layout(margin={"r": 10}, showlegend=True)
     return figure
+
+
+def panel_figure(lines: Sequence[Line]) -> go.Figure:
+    """A small chart for each group: its curve and band before the best group's curve in grey."""
+    known = [(line.name, line.curve) for line in lines if line.curve is not None]
+    n_rows, shades = -(-len(known) // PANELS_A_ROW), colors(lines)
+    figure = make_subplots(
+        n_rows,
+        PANELS_A_ROW,
+        shared_xaxes="all",
+        shared_yaxes="all",
+        subplot_titles=[name for name, _ in known],
+        horizontal_spacing=0.025,
+        vertical_spacing=0.16 / n_rows,
+    )
+    for k, (name, curve) in enumerate(known):
+        place = {"row": k // PANELS_A_ROW + 1, "col": k % PANELS_A_ROW + 1}
+        best_name, best = known[0]
+        _add_band(figure, curve, shades[name][0], opacity=0.25, **place)
+        if k:
+            _add_curve(figure, best, best_name, (GREY, "solid"), showlegend=False, **place)
+        _add_curve(figure, curve, name, (shades[name][0], "solid"), showlegend=False, **place)
+        figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"}, **place)
+    base = new_figure("", "", height=40 + PANEL_PX * n_rows).layout
+    figure.update_layout(template=base.template, height=base.height, margin={"l": 40, "r": 10, "t": 26, "b": 30})
+    figure.update_layout(paper_bgcolor=base.paper_bgcolor, plot_bgcolor=base.plot_bgcolor, hovermode="closest")
+    figure.update_annotations(font={"size": 12.5})
+    figure.update_xaxes(range=[0, 50], zeroline=False)
+    figure.update_yaxes(range=[0, 103], zeroline=False)
+    return figure
+
+
+def _add_curve(figure: go.Figure, curve: Curve, label: str, shade: tuple[str, str], **where: Any) -> None:
+    figure.add_scatter(
+        x=rounded(100 * THRESHOLDS, 1),
+        y=rounded(100 * curve.recall, 1),
+        mode="lines",
+        line={"color": shade[0], "width": 2, "dash": shade[1]},
+        hovertemplate=f"{label}, below %{{x}} %: %{{y}} %<extra></extra>",
+        **where,
+    )
+
+
+def _add_band(figure: go.Figure, curve: Curve, shade: str, opacity: float = 0.14, **where: Any) -> None:
+    if curve.band is None:
+        return
+    xs, (low, high) = rounded(100 * THRESHOLDS, 1), curve.band
+    figure.add_scatter(
+        x=xs + xs[::-1],
+        y=rounded(100 * np.concatenate([high, low[::-1]]), 1),
+        mode="lines",
+        line={"width": 0},
+        fill="toself",
+        fillcolor=shade.replace("rgb", "rgba").replace(")", f",{opacity})"),
+        hoverinfo="skip",
+        showlegend=False,
+        **where,
+    )
 
 
 def cause_figure(lines: Sequence[Line]) -> go.Figure:

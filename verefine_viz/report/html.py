@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
 from verefine_viz.core.atomic import atomic
@@ -31,8 +32,10 @@ def filled(template: str, context: Mapping[str, Any]) -> str:
         "percent": words.percent,
         "number": words.number,
         "signed": words.signed,
+        "tone": words.tone,
         "cause": cause_title,
         "share": relative_error,
+        "breakable": breakable,
     }
     return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
 
@@ -45,6 +48,11 @@ def write(path: Path, html: str) -> None:
     """
     with atomic(path) as part:
         part.write_text(html, encoding="utf-8")
+
+
+def breakable(name: str) -> Markup:
+    """A name that may be broken after an underline, a dot or a comma, to fit into a narrow column."""
+    return Markup(re.sub(r"([_.,])", r"\1<wbr>", str(escape(name))))
 
 
 def figure_json(figure: go.Figure) -> Markup:
@@ -69,7 +77,7 @@ def gallery_context(failures: Gallery, has_truth: bool, tau_m: float, both: bool
         "contours": _contours(both),
         "unknown_color": charts.css(CLASS_COLORS["unknown"]),
         "scale_gradient": scale.gradient(),
-        "scale_ticks": scale.ticks,
+        "scale_ticks": [tick.replace("-", "−") for tick in scale.ticks],
     }
 
 

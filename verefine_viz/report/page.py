@@ -58,7 +58,7 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
     has_truth = any(run.with_truth for run in runs)
     has_causes = any(row.cause for run in runs for row in run.failures)
     return {
-        "title": a.run.index.session.title or "Run",
+        "title": f"{a.run.name} against {b.run.name}" if b else a.run.index.session.title or "Run",
         "data_set": data_set(a.run),
         "sides": sides,
         "both": b is not None,
@@ -102,7 +102,7 @@ def tiles(a: Numbers, b: Numbers | None) -> list[Tile]:
                 words.number(_scaled(mine, scale), digits, "" if b else unit),
                 words.number(_scaled(theirs, scale), digits, unit) if b else "",
                 words.signed(_scaled(by, scale), digits, points) if by is not None else "",
-                None if not by or not good else by * good > 0,
+                {"good": True, "bad": False}.get(words.tone(scale * good * (by or 0.0), digits)),
             )
         )
     return shown

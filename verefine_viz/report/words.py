@@ -33,8 +33,16 @@ def signed(value: float | None, digits: int = 1, unit: str = "") -> str:
     """A difference with its sign."""
     if value is None or not math.isfinite(value):
         return DASH
-    shown = f"{value:+.{digits}f}".replace("-", "−")
-    return shown + (f" {unit}" if unit else "")
+    # What rounds to nothing is no change: neither +0.0 nor −0.0.
+    shown = f"{value:+.{digits}f}" if round(value, digits) else f"{0:.{digits}f}"
+    return shown.replace("-", "−") + (f" {unit}" if unit else "")
+
+
+def tone(gain: float, digits: int = 1) -> str:
+    """``good``, ``bad``, or nothing where a gain shows as zero."""
+    if math.isnan(gain) or round(min(max(gain, -1e9), 1e9), digits) == 0:
+        return ""
+    return "good" if gain > 0 else "bad"
 
 
 def headline(run: Loaded, n: Numbers) -> str:

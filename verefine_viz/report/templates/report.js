@@ -4,10 +4,11 @@ const charts = [];
 
 function color(name) { return getComputedStyle(root).getPropertyValue(name).trim(); }
 
-function themed() {
+function themed(place) {
   const axis = { gridcolor: color("--grid"), linecolor: color("--line"), tickcolor: color("--line") };
   const out = { "font.color": color("--dim"), "font.family": getComputedStyle(document.body).fontFamily, "font.size": 12 };
-  for (const name of ["xaxis", "yaxis"]) for (const key in axis) out[name + "." + key] = axis[key];
+  const axes = Object.keys(place.layout ?? {}).filter((name) => /^[xy]axis\d*$/.test(name));
+  for (const name of axes) for (const key in axis) out[name + "." + key] = axis[key];
   return out;
 }
 
@@ -17,12 +18,12 @@ async function draw(place) {
   place.style.height = figure.layout.height + "px";
   await Plotly.newPlot(place, figure.data, figure.layout, { displayModeBar: false, responsive: true });
   charts.push(place);
-  await Plotly.relayout(place, themed());
+  await Plotly.relayout(place, themed(place));
 }
 
 function setTheme(theme) {
   root.dataset.theme = theme;
-  for (const place of charts) Plotly.relayout(place, themed());
+  for (const place of charts) Plotly.relayout(place, themed(place));
 }
 
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
@@ -67,12 +68,13 @@ for (const head of document.querySelectorAll("th.sort")) {
 
 // The gallery: filters and order.
 const cards = [...document.querySelectorAll(".failure")];
+const FILTERS = ["group", "cause", "object"];
 const field = (id) => document.getElementById(id);
 function arrange() {
-  const cause = field("cause")?.value ?? "", object = field("object")?.value ?? "", by = field("order").value;
+  const wanted = FILTERS.map((name) => [name, field(name)?.value ?? ""]), by = field("order").value;
   let n = 0;
   for (const card of cards) {
-    card.hidden = (cause && card.dataset.cause !== cause) || (object && card.dataset.object !== object);
+    card.hidden = wanted.some(([name, value]) => value && card.dataset[name] !== value);
     n += !card.hidden;
   }
   const number = (card) => parseFloat(card.dataset[by]);
@@ -81,7 +83,7 @@ function arrange() {
   document.querySelector(".gallery").append(...sorted);
   field("shown").textContent = n === cards.length ? "" : n + " of " + cards.length + " shown";
 }
-if (cards.length) for (const id of ["cause", "object", "order"]) field(id)?.addEventListener("change", arrange);
+if (cards.length) for (const id of [...FILTERS, "order"]) field(id)?.addEventListener("change", arrange);
 
 (async () => {
   for (const place of document.querySelectorAll(".chart")) {
