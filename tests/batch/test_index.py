@@ -21,8 +21,8 @@ def row(im_id: int, **values: object) -> ObjectRow:
 
 
 ROWS = (
-    row(1, add_s_mm=5.0, score=0.9),
-    row(2, add_s_mm=30.0, score=0.8),
+    row(1, add_s_mm=5.0, score=0.9, name="mug"),
+    row(2, add_s_mm=30.0, score=0.8, cause="pool"),
     row(3, score=0.3),
     row(4, status="no_answer"),
     row(6, add_s_mm=30.0, diameter_mm=1000.0, score=0.1),
@@ -42,7 +42,14 @@ def index(tmp_path: Path) -> BatchIndex:
 
 @pytest.mark.parametrize(
     ("order", "expected"),
-    [("error", [5, 4, 2, 1, 6, 3]), ("score", [5, 4, 6, 3, 2, 1]), ("frame", [1, 2, 3, 4, 6, 5])],
+    [
+        ("error", [5, 4, 2, 1, 6, 3]),
+        ("score", [5, 4, 6, 3, 2, 1]),
+        ("misleading", [2, 1, 3, 6, 4, 5]),
+        ("cause", [2, 5, 4, 1, 6, 3]),
+        ("object", [5, 4, 2, 6, 3, 1]),
+        ("frame", [1, 2, 3, 4, 6, 5]),
+    ],
 )
 def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[int]) -> None:
     assert [r.im_id for r in index.sorted_by(order)] == expected
@@ -55,7 +62,7 @@ def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) ->
 
 
 def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:
-    with pytest.raises(SettingsError, match="unknown order 'time'; available: error, score, frame"):
+    with pytest.raises(SettingsError, match="unknown order 'time'; available: error, score, misleading, cause"):
         index.sorted_by("time")  # type: ignore[arg-type]
 
 

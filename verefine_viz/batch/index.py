@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import ValidationError
 
 from verefine_viz.batch.folder import RUN_FILE, SESSION_FILE, read_run
+from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
-Order = Literal["error", "score", "frame"]
-ORDERS: tuple[Order, ...] = ("error", "score", "frame")
+Order = Literal["error", "score", "misleading", "cause", "object", "frame"]
+ORDERS: tuple[Order, ...] = ("error", "score", "misleading", "cause", "object", "frame")
 
 
 @dataclass(frozen=True)
@@ -31,24 +35,31 @@ class BatchIndex:
     """One per object, in the order of frames.csv."""
 
     def sorted_by(self, order: Order) -> tuple[ObjectRow, ...]:
-        """The rows, worst first: failed, without an answer, then by error or by score; or as they ran.
-
-        Error is ADD(-S) as a share of the diameter. Objects without ground truth follow those with, by score.
+        """The rows in one of :data:`ORDERS`, see :func:`place_in`.
 
         Raises:
             SettingsError: there is no such order.
         """
-        if order not in ORDERS:
-            raise SettingsError(unknown("order", order, ORDERS))
-        if order == "frame":
-            return self.rows
-        return tuple(sorted(self.rows, key=_badness if order == "error" else _by_score))
+        return tuple(sorted(self.rows, key=place_in(order)))
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Frames as "scene/image", the one with the worst object first; failed ones, which cannot be opened, last."""
         rows = sorted(self.sorted_by("error"), key=lambda row: row.status == "failed")
-        return tuple(dict.fromkeys(f"{row.scene_id}/{row.im_id}" for row in rows))
+        return tuple(dict.fromkeys(row.frame for row in rows))
+
+    def answers(self, frame: str) -> dict[int, Float]:
+        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
+        result = Journal(self.folder / "frames").read(frame)
+        if result is None:
+            return {}
+        # Estimates are there for the objects that got an answer, in their order.
+        solved = [row for row in result.objects if row.status == "ok"]
+        return {
+            row.instance_id: np.array(estimate.T_cam_obj).reshape(4, 4)
+            for row, estimate in zip(solved, result.estimates, strict=False)
+            if row.instance_id is not None and row.obj_id == estimate.obj_id
+        }
 
 
 def is_batch_folder(path: Path) -> bool:
@@ -90,15 +101,40 @@ def read_batch(folder: Path) -> BatchIndex:
     return BatchIndex(folder, session, run, tuple(rows))
 
 
+def place_in(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
+    """What to sort rows by.
+
+    error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
+    misleading: wrong answers, the best scored first. cause, object: by name, each by error. frame: as they ran. Error
+    is ADD(-S) as a share of the diameter; objects without ground truth follow those with, by score.
+
+    Raises:
+        SettingsError: there is no such order.
+    """
+    if order not in ORDERS:
+        raise SettingsError(unknown("order", order, ORDERS))
+    return _PLACES[order]
+
+
 def _badness(row: ObjectRow) -> tuple[int, float]:
     if row.status != "ok":
         return (0 if row.status == "failed" else 1), 0.0
-    if row.add_s_mm is None:
+    if row.relative_error is None:
         return 3, row.score or 0.0
-    return 2, -row.add_s_mm / (row.diameter_mm or 1.0)
+    return 2, -row.relative_error
 
 
 def _by_score(row: ObjectRow) -> tuple[int, float]:
     if row.status != "ok":
         return (0 if row.status == "failed" else 1), 0.0
     return 2, row.score or 0.0
+
+
+_PLACES: dict[Order, Callable[[ObjectRow], tuple[Any, ...]]] = {
+    "error": _badness,
+    "score": _by_score,
+    "misleading": lambda row: (row.is_correct is not False, -(row.score or 0.0)),
+    "cause": lambda row: (not row.cause, row.cause, *_badness(row)),
+    "object": lambda row: (row.name, *_badness(row)),
+    "frame": lambda row: (),
+}

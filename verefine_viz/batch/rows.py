@@ -70,6 +70,18 @@ class ObjectRow(Row):
     message: str = ""
 
     @property
+    def frame(self) -> str:
+        """``scene/image``."""
+        return f"{self.scene_id}/{self.im_id}"
+
+    @property
+    def relative_error(self) -> float | None:
+        """ADD(-S) of the answer as a share of the diameter; None where there is no answer or no ground truth."""
+        if self.add_s_mm is None or not self.diameter_mm:
+            return None
+        return self.add_s_mm / self.diameter_mm
+
+    @property
     def is_correct(self) -> bool | None:
         """ADD(-S) below 10 % of the diameter; None without ground truth."""
         if self.add_s_mm is None or self.diameter_mm is None:
