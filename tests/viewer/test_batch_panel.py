@@ -1,8 +1,10 @@
-"""A batch's frames on the page: worst first, one click to where it went wrong."""
+"""A batch's answers on the page: a gallery to sort and filter, one click to where an object went wrong."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+import pytest
 
 from tests.viewer.test_app import SESSION, cursor, until
 from tests.viewer.tools import FakeTools
@@ -10,7 +12,8 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.batch import WRONG, batch_table, filtered, summary
+from verefine_viz.viewer.gallery import PAGE, WRONG, Gallery
+from verefine_viz.viewer.panels.batch import card, choices, pages, summary
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:
@@ -20,60 +23,76 @@ def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: in
     )  # fmt: skip
 
 
-def index(tmp_path: Path, *rows: ObjectRow) -> BatchIndex:
-    return BatchIndex(tmp_path, SESSION, {}, rows)
+def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
+    return Gallery([BatchIndex(tmp_path, SESSION, {}, rows)])
 
 
-def test_rows_are_links_to_the_worst_iteration_and_names_are_text() -> None:
-    html = batch_table((row(2, add_s_mm=42.0, worst=3), row(1, "failed")), "0/1")
+def content(app: App) -> str:
+    """The cards on the page."""
+    assert app.layout.batch is not None
+    return "".join(block._handle.content for block in app.layout.batch._cards)
+
+
+def test_cards_are_links_to_the_worst_iteration_and_names_are_text(tmp_path: Path) -> None:
+    found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=3), row(1, "failed"))
+    wrong, failed = found.entries
+    html = card(wrong, found.opens(wrong), None, False, False)
     assert "&lt;b&gt;box" in html
     assert "<b>box" not in html
+    assert '{"command": "OpenAt", "frame": "0/2", "iteration": 3' in html.replace("&quot;", '"')
+    html = card(failed, found.opens(failed), None, False, False)
     assert "&lt;i&gt;" in html
-    assert '{"command": "OpenAt", "frame": "0/2", "iteration": 3}' in html.replace("&quot;", '"')
+    assert "data-cmd" not in html
 
 
-def test_the_summary_counts_what_is_correct_and_what_has_no_answer() -> None:
-    rows = (row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
-    assert summary(rows).startswith(
-        "3 objects in 2 frames; 1 of 2 are within 10 % of their diameter; 1 have no answer."
-    )
+def test_the_summary_counts_what_is_correct_and_what_has_no_answer(tmp_path: Path) -> None:
+    found = gallery(tmp_path, row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
+    said = summary(found, found.entries[:1])
+    assert said.startswith("1 of 2 answers in 2 frames are right; 1 have no answer")
+    assert "Click one of 1" in said
+    assert "choose others" in summary(found, ())
 
 
-def test_filters_leave_what_passes_all_of_them() -> None:
-    rows = (row(1, add_s_mm=5.0), row(2, add_s_mm=50.0), row(3, "no_answer"))
-    rows = (rows[0], rows[1].model_copy(update={"cause": "pool", "evidence": "41° <off>"}), rows[2])
-    assert [r.im_id for r in filtered(rows, {})] == [1, 2, 3]
-    assert [r.im_id for r in filtered(rows, {"result": WRONG})] == [2, 3]
-    assert [r.im_id for r in filtered(rows, {"result": "right", "cause": "all"})] == [1]
-    assert [r.im_id for r in filtered(rows, {"cause": "no good hypothesis in the pool"})] == [2]
-    assert filtered(rows, {"result": "right", "cause": "no good hypothesis in the pool"}) == ()
-    assert filtered(rows, {"object": "mug"}) == ()
-    html = batch_table(rows, "")
-    assert "no good hypothesis in the pool" in html
-    assert "41° &lt;off&gt;" in html
+def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:
+    rows = row(1, add_s_mm=5.0), row(2, add_s_mm=50.0).model_copy(update={"name": "mug"})
+    html = choices(gallery(tmp_path, *rows), "score", {"object": "mug"}).replace("&quot;", '"')
+    assert '{"command": "FilterBatch", "by": "object", "value": "mug"}" selected' in html
+    assert '{"command": "SortBatch", "order": "score"}" selected' in html
+    assert f'"value": "{WRONG}"}}" selected' in html
+    assert 'aria-label="Cause"' not in html
+    assert 'aria-label="Run"' not in html
+
+
+@pytest.mark.parametrize(("page", "n", "said"), [(0, PAGE, ""), (1, 2 * PAGE + 1, f"{PAGE + 1} to {2 * PAGE} of")])
+def test_pages_lead_on_while_there_are_more(page: int, n: int, said: str) -> None:
+    html = pages(page, n)
+    assert said in html
+    assert ("TurnPage" in html) == bool(said)
 
 
 def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
-    batch = index(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
+    batch = gallery(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()
     try:
         app.wait_until_idle()
-        assert app.layout.batch is not None
-        html = app.layout.batch._rows._handle.content
-        assert html.index("0/2") < html.index("0/1")
-        app.send(c.OpenAt("0/2", 3))
+        assert "0/2" in content(app)
+        assert "0/1 " not in content(app)  # Only what is wrong is shown at first.
+        app.send(c.FilterBatch("result", "all"))
+        app.wait_until_idle()
+        assert content(app).index("0/2 ") < content(app).index("0/1 ")
+        app.send(batch.opens(batch.entries[1]))
         until(app, lambda: cursor(app) == 3)
         assert app.debugger.workspace.frame == "0/2"
-        app.send(c.OpenAt("0/2", 1))
+        assert app.debugger.look.focus == 0
+        app.send(batch.opens(batch.entries[0]))
         until(app, lambda: cursor(app) == 1)
         app.send(c.SortBatch("frame"))
         app.wait_until_idle()
-        html = app.layout.batch._rows._handle.content
-        assert html.index("0/1") < html.index("0/2")
+        assert content(app).index("0/1 ") < content(app).index("0/2 ")
+        assert content(app).count("card marked") == 1
         app.send(c.FilterBatch("result", WRONG))
         app.wait_until_idle()
-        html = app.layout.batch._rows._handle.content
-        assert "0/2" in html
-        assert "0/1<" not in html
+        assert "0/2" in content(app)
+        assert "0/1 " not in content(app)
     finally:
         app.stop()

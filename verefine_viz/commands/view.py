@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -15,13 +15,16 @@ from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 
+if TYPE_CHECKING:
+    from verefine_viz.viewer.gallery import Gallery
+
 
 @dataclass(frozen=True)
 class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR|A.rrd]")] = None
-    """A session file (.toml), the folder of a batch run, or a recording (.rrd); none = a built-in scene."""
+    """A session file (.toml), the folder of batch runs, or a recording (.rrd); none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[B.rrd]")] = None
     """A recording of the same frame, to stand beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -35,11 +38,15 @@ class View:
     def run(self, arguments: Sequence[str]) -> int:
         overrides = given(self.settings, arguments)
         recordings = _recordings(self.session, self.other, overrides)
+        batch: Gallery | None = None
         if is_recording(self.session):
             assert self.session is not None
             session = _recorded_session(self.session)
         elif self.session is not None and self.session.is_dir():
-            session = _batch_session(self.session, overrides)
+            from verefine_viz.viewer.gallery import read_gallery
+
+            batch = read_gallery(self.session, overrides)
+            session = batch.session(batch.worst.run)
         else:
             _check_kind(self.session)
             from verefine_viz.session.files import load_session
@@ -49,8 +56,9 @@ class View:
 
         serve(
             session,
-            session_path=None if is_recording(self.session) else self.session,
+            session_path=None if batch or is_recording(self.session) else self.session,
             recordings=recordings,
+            batch=batch,
             host=self.host,
             port=self.port,
             open_browser=self.open_browser and has_desktop(),
@@ -94,17 +102,6 @@ def _recorded_session(path: Path) -> Session:
     recorded = read_recording(path)
     scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
     return recorded.session.model_copy(update={"scene": scene})
-
-
-def _batch_session(folder: Path, overrides: Mapping[str, Any]) -> Session:
-    """The session of a batch folder, its frames sorted so that the one with the worst object comes first."""
-    from verefine_viz.batch.folder import SESSION_FILE
-    from verefine_viz.batch.index import read_batch
-    from verefine_viz.session.files import load_session
-
-    index = read_batch(folder)
-    session = load_session(folder / SESSION_FILE, overrides)
-    return session.model_copy(update={"scene": session.scene.model_copy(update={"frames": index.frames})})
 
 
 def has_desktop() -> bool:

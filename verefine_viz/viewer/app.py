@@ -12,13 +12,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
-from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.markup import block, text
@@ -46,7 +46,7 @@ class App:
         host: address to listen on.
         port: port to listen on; 0 = any free one.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
-        batch: a batch run whose frames are listed; None = no batch.
+        batch: whose answers are listed; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
         first: what is done before the page is shown; what cannot be done keeps the session from opening.
     """
@@ -59,7 +59,7 @@ class App:
         port: int = 8080,
         make_tools: Callable[[Session], Tools] | None = None,
         folder: Path | None = None,
-        batch: BatchIndex | None = None,
+        batch: Gallery | None = None,
         first: Sequence[c.Command] = (),
     ) -> None:
         self._session, self._path = session, session_path
@@ -133,6 +133,8 @@ class App:
             self._wake.notify_all()
         if self._worker is not None:
             self._worker.join(timeout=20)
+        if self._layout is not None and self._layout.batch is not None:
+            self._layout.batch.stop()
         self.server.stop()
 
     # The worker thread
@@ -182,7 +184,7 @@ class App:
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
         self.sides = SideNodes(self.server)
-        self.layout = self._layout = Layout(self.server, self.send, with_batch=self._batch is not None)
+        self.layout = self._layout = Layout(self.server, self.send, self._batch)
         self.layout.on_link(self.send)
         self._shown_at = 0.0
         self._show()
@@ -329,20 +331,19 @@ def serve(
     port: int = 8080,
     open_browser: bool = True,
     recordings: tuple[Path | None, Path | None] = (None, None),
+    batch: Gallery | None = None,
 ) -> None:
     """Serves the page until Ctrl-C; prints its address, one line.
 
-    A ``session_path`` that is the folder of a batch run lists the frames of the batch. ``recordings`` are
-    A, the open run, and B beside it.
+    ``recordings`` are A, the open run, and B beside it. Of a ``batch`` the worst answer is opened, where it went wrong.
 
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
-    batch = read_batch(session_path) if session_path is not None and session_path.is_dir() else None
     check_names(session)
-    app = App(
-        session, None if batch else session_path, host, port, batch=batch, first=_of_recordings(*recordings)
-    ).start()
+    app = App(session, session_path, host, port, batch=batch, first=_of_recordings(*recordings)).start()
+    if batch is not None and batch.worst.can_be_opened:
+        app.send(batch.opens(batch.worst))
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         app.wait_until_ready()

@@ -13,12 +13,12 @@ from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer.command import Changes, Command
+from verefine_viz.viewer.gallery_commands import FilterBatch, OpenAt, OpenFailure, OpenPoint, SortBatch, TurnPage
 from verefine_viz.viewer.order_commands import ORDER_COMMANDS
 from verefine_viz.viewer.side_commands import SIDE_COMMANDS
 
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
-BatchFilter = Literal["result", "cause", "object", "method"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
 
@@ -107,14 +107,6 @@ class OpenFrame(Command):
     """Another frame of the session, ``scene/image``."""
 
     frame: str
-
-
-@dataclass(frozen=True)
-class OpenAt(Command):
-    """A frame at one of its iterations, computed up to there if need be."""
-
-    frame: str
-    iteration: int
 
 
 @dataclass(frozen=True)
@@ -242,21 +234,6 @@ class Animate(Command):
 
 
 @dataclass(frozen=True)
-class SortBatch(Command):
-    """The order in which a batch's frames are listed."""
-
-    order: Literal["error", "score", "frame"]
-
-
-@dataclass(frozen=True)
-class FilterBatch(Command):
-    """Which of a batch's objects are listed; every filter counts until it is set to "all"."""
-
-    by: BatchFilter
-    value: str
-
-
-@dataclass(frozen=True)
 class ScoreGroundTruth(Command):
     """Score the ground truth and put it beside the best pose."""
 
@@ -299,8 +276,8 @@ COMMANDS: dict[str, type[Command]] = {
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
         OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        SortBatch, FilterBatch, ScoreGroundTruth, EditPose, DragPose, SaveSession, Export, *SIDE_COMMANDS,
-        *ORDER_COMMANDS,
+        OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
+        Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
     )
 }  # fmt: skip
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.batch.index import BatchIndex
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.records import Iteration
@@ -24,8 +23,10 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
+from verefine_viz.viewer.browsing import Browsing
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.comparing import Comparing, as_done
+from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
 from verefine_viz.viewer.reordering import as_restart
@@ -47,7 +48,7 @@ class Debugger:
         plausibility: judges a pose by physics without moving it; None = not known.
         demos: names of the built-in scenes.
         sessions: lists the session files at hand.
-        batch: whose frames are listed; None = no batch.
+        batch: whose answers are listed; None = no batch.
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         tell: is told what is being done before anything that may take seconds.
         overlap: tells how deep one placed object is in another; None = not known.
@@ -62,7 +63,7 @@ class Debugger:
         demos: tuple[str, ...] = (),
         keep: Keeper | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
-        batch: BatchIndex | None = None,
+        batch: Gallery | None = None,
         tell: Callable[[str], None] = lambda _: None,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
@@ -78,7 +79,7 @@ class Debugger:
         self._keep = keep
         self._list_sessions = sessions
         self.sessions = sessions()
-        self.batch = batch
+        self.browsing = Browsing(batch, self.workspace)
         self._seconds: deque[float] = deque(maxlen=20)
         self.comparing = Comparing(self)
 
@@ -91,6 +92,7 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
         """
         self.message = ""
+        command = self.browsing.resolved(command, self.look)
         was_busy = self.is_busy
         self.comparing.before(command)
         if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
@@ -186,9 +188,10 @@ class Debugger:
             case c.OpenFrame(frame):
                 self.workspace.open_frame(frame)
                 self._reset_look()
-            case c.OpenAt(frame, iteration):
-                self.workspace.open_frame(frame)
+            case c.OpenAt(_, iteration):
+                self.browsing.enter(command)
                 self._reset_look()
+                self.look = self.browsing.look(self.look, command)
                 run = self.workspace.run
                 run.seek(min(max(iteration, 0), run.length))
                 self.goal = iteration if iteration > run.length and not run.is_done else None
@@ -302,10 +305,7 @@ class Debugger:
             self.pause()
 
     def _reset_look(self) -> None:
-        kept = self.look
-        self.look = Look(
-            cloud=kept.cloud, layers=kept.layers, map=kept.map, animate=kept.animate, batch_order=kept.batch_order
-        )
+        self.look = self.look.afresh()
 
     def _open_demo(self, name: str) -> None:
         if name not in self.demos:
@@ -386,7 +386,7 @@ def _as_done(command: c.Command, cursor: int) -> tuple[c.Command, ...]:
     if isinstance(command, c.Fork):
         return (replace(command, run=False),)
     if isinstance(command, c.OpenAt):
-        return c.OpenFrame(command.frame), c.Seek(cursor)
+        return (replace(command, iteration=cursor),)
     return as_done(command)
 
 
@@ -395,6 +395,7 @@ def _may_wait(command: c.Command) -> bool:
     return isinstance(
         command,
         c.Focus | c.ShowScene | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer
-        | c.Animate | c.SetBreakpoints | c.SortBatch | c.FilterBatch | c.ScoreGroundTruth | c.Export | s.CompareRun
-        | s.CompareBranch | s.CompareRecording | s.RunB | s.PauseB | s.StopComparing | s.ShowSide | s.ShowSidePoses,
+        | c.Animate | c.SetBreakpoints | c.SortBatch | c.FilterBatch | c.TurnPage | c.ScoreGroundTruth | c.Export
+        | s.CompareRun | s.CompareBranch | s.CompareRecording | s.RunB | s.PauseB | s.StopComparing | s.ShowSide
+        | s.ShowSidePoses,
     )  # fmt: skip

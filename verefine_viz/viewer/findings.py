@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.scene_words import alone_warning
 from verefine_viz.viewer.view import View
 
@@ -32,10 +33,23 @@ class Finding:
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     found = (
-        *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view), *_starved(view),
+        *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view), *_starved(view),
         *_wrong_score(view), *_leak(view), *_low(view),
     )  # fmt: skip
     return found
+
+
+def _of_batch(view: View) -> list[Finding]:
+    """Why the batch says that this object failed, and the way to the iteration."""
+    entry = view.entry
+    said = batch_words(view)
+    if entry is None or not said:
+        return []
+    command = c.OpenAt(view.frame, entry.iteration, instance=entry.row.instance_id)
+    at = view.cursor == entry.iteration
+    return [
+        Finding(said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}")
+    ]
 
 
 def _support(view: View) -> list[Finding]:

@@ -9,6 +9,7 @@ import viser
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
@@ -22,6 +23,7 @@ from verefine_viz.viewer.panels.objects import ObjectsPanel, height_px
 from verefine_viz.viewer.panels.physics import PhysicsPanel
 from verefine_viz.viewer.panels.run import RunPanel
 from verefine_viz.viewer.panels.score import ScorePanel
+from verefine_viz.viewer.panels.score_error import ScoreErrorPanel
 from verefine_viz.viewer.panels.session import SessionPanel
 from verefine_viz.viewer.panels.settings import SettingsPanel
 from verefine_viz.viewer.panels.timeline import TimelinePanel
@@ -48,6 +50,8 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Last iteration made", "end", c.SeekEnd()),
     ("Previous event", "pageup", c.SeekEvent(-1)),
     ("Next event", "pagedown", c.SeekEvent(1)),
+    ("Batch: next failure", "J", c.OpenFailure(1)),
+    ("Batch: previous failure", "K", c.OpenFailure(-1)),
     ("Ground truth on / off", "G", c.ShowLayer("ground truth")),
     ("Colour of the cloud", "C", c.ColorCloud()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
@@ -82,22 +86,22 @@ def set_theme(gui: viser.GuiApi) -> None:
 class Layout:
     """All panels, placed. One per server; every browser shows the same."""
 
-    def __init__(self, server: viser.ViserServer, send: Send, with_batch: bool = False) -> None:
+    def __init__(self, server: viser.ViserServer, send: Send, batch: Gallery | None = None) -> None:
         gui = server.gui
         set_theme(gui)
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)
-        if with_batch:  # One tab more, and still one row of them.
+        if batch is not None:  # One tab more, and still one row of them.
             gui.add_html("<style>[data-dock-tab][data-dock-tab]{padding:0 3px!important}</style>")
         main = gui.main_panel
         main.dock_right()
         main.set_width(RIGHT_PX)
         tabs = gui.add_panel()
         self.batch: BatchPanel | None = None
-        if with_batch:
+        if batch is not None:
             with tabs.add_tab("Batch"):
-                self.batch = BatchPanel(gui, send)
+                self.batch = BatchPanel(gui, batch)
         with tabs.add_tab("Score"):
             self.score = ScorePanel(gui, send)
         with tabs.add_tab("Bandit"):
@@ -124,6 +128,10 @@ class Layout:
         maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
         curves = gui.add_panel()
         self.curves = CurvesPanel(gui, curves)
+        self.score_error: ScoreErrorPanel | None = None
+        if batch is not None:
+            with curves.add_tab("Score/error"):
+                self.score_error = ScoreErrorPanel(gui)
         curves.float(x=MAPS_PX + 2 * GAP_PX, y=above, width=CURVES_PX, height=STRIP_PX)
         layers = gui.add_panel()
         with layers.add_tab("View"):
@@ -168,8 +176,9 @@ class Layout:
         self.dependencies.show(view)
         self.session.show(view)
         self.layers.show(view)
-        if self.batch is not None:
+        if self.batch is not None and self.score_error is not None:
             self.batch.show(view)
+            self.score_error.show(view)
         self.curves.show(view)
         self.maps.show(view)
 

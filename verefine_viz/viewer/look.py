@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, cast, get_args
+from typing import cast, get_args
 
 import numpy as np
 
+from verefine_viz.batch.index import Order
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer import commands as c
@@ -52,9 +53,10 @@ class Look:
     animate: bool = True
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
-    batch_order: Literal["error", "score", "frame"] = "error"
+    batch_order: Order = "error"
     batch_only: Mapping[str, str] = field(default_factory=dict)
-    """Filters of the batch's objects, by what they filter."""
+    """Filters of the batch's answers, by what they filter."""
+    batch_page: int = 0
     judged_truth: bool = False
     """Whether the score of the ground truth was asked for."""
 
@@ -66,6 +68,13 @@ class Look:
     def moved(self) -> Look:
         """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
         return replace(self, arm=None, stage=None, path_pose=None, edited=None)
+
+    def afresh(self) -> Look:
+        """The same for another frame or another run: what was chosen for good is kept."""
+        return Look(
+            cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
+            batch_only=self.batch_only, batch_page=self.batch_page,
+        )  # fmt: skip
 
 
 def changed(look: Look, command: c.Command) -> Look | None:
@@ -106,9 +115,11 @@ def changed(look: Look, command: c.Command) -> Look | None:
         case c.Animate(on):
             return replace(look, animate=on)
         case c.SortBatch(order):
-            return replace(look, batch_order=order)
+            return replace(look, batch_order=order, batch_page=0)
         case c.FilterBatch(by, value):
-            return replace(look, batch_only={**look.batch_only, by: value})
+            return replace(look, batch_only={**look.batch_only, by: value}, batch_page=0)
+        case c.TurnPage(page):
+            return replace(look, batch_page=max(page, 0))
         case c.ScoreGroundTruth():
             layers = look.layers | {"ground truth", "best"}
             return replace(look, a="best", b="ground truth", judged_truth=True, layers=layers)

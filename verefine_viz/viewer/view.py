@@ -8,13 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.index import BatchIndex
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.gallery import Entry, Gallery
 from verefine_viz.viewer.later import ScenePhysics
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import Probe
@@ -81,8 +81,10 @@ class View:
     demos: tuple[str, ...]
     sessions: tuple[str, ...]
     """Session files that lie at hand."""
-    batch: BatchIndex | None
-    """The batch whose frames are listed; None = no batch was opened."""
+    batch: Gallery | None
+    """The batch whose answers are listed; None = no batch was opened."""
+    entry: Entry | None
+    """What the batch says about the object in focus; None where it says nothing."""
     problem: Problem
     branches: tuple[BranchSummary, ...]
     branch: int

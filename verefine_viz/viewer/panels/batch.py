@@ -1,118 +1,171 @@
-"""The Batch panel: the frames of a batch run, worst first; a click opens one at its worst iteration."""
+"""The Batch panel: a gallery of answers, worst first; a click opens one where it went wrong."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+import threading
+from collections.abc import Mapping, Sequence
+from typing import get_args
 
 import viser
 
-from verefine_viz.batch.index import ORDERS
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.index import ORDERS, Order
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.markup import Row, sentence, table, text
-from verefine_viz.viewer.tables import cut, number
+from verefine_viz.viewer.choice import choice
+from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.gallery import ALL, PAGE, Entry, Gallery
+from verefine_viz.viewer.gallery_commands import BatchFilter
+from verefine_viz.viewer.markup import carries, link, sentence, text
+from verefine_viz.viewer.standing import LIGHTS
+from verefine_viz.viewer.tables import number
+from verefine_viz.viewer.thumbnails import Painter, Thumbnails
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.widgets import Block
 
-MOST_ROWS = 300
-ALL = "all"
-WRONG = "wrong or no answer"
-RESULTS = (ALL, WRONG, "right")
-_CORRECT = 0.1
+STYLE = """<style>
+.vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px}
+.vz.batch{padding-bottom:0}
+.vz.batch .card{margin-bottom:-5px}
+.vz select{display:block;width:100%;font:inherit;font-size:12px;color:inherit;background:#2e2e2e;
+ border:1px solid #424242;border-radius:4px;padding:1px 2px;color-scheme:dark}
+.vz button.card{display:flex;gap:8px;width:100%;padding:3px;margin:0;text-align:left;font:inherit;font-size:12px;
+ line-height:1.36;color:inherit;background:none;border:1px solid transparent;border-radius:5px;cursor:pointer}
+.vz button.card:hover{background:rgba(28,126,214,.12)}
+.vz button.card:focus-visible{outline:2px solid #1c7ed6}
+.vz button.card.marked{background:rgba(40,200,80,.18);border-color:rgba(40,200,80,.55)}
+.vz button.card[disabled]{cursor:not-allowed}
+.vz .card .pic{flex:none;width:88px;height:66px;border-radius:3px;background:#333;overflow:hidden}
+.vz .card img{image-rendering:auto;width:88px;height:66px}
+.vz .card .txt{flex:1;min-width:0}
+.vz .card .txt>span{display:flex;justify-content:space-between;gap:6px;white-space:nowrap}
+.vz .card .name{overflow:hidden;text-overflow:ellipsis}
+.vz .card .why{display:block!important;overflow:hidden;text-overflow:ellipsis}
+.vz .pages{display:flex;justify-content:space-between}
+</style>"""
+TITLES: dict[BatchFilter, str] = {
+    "result": "Show", "cause": "Cause", "object": "Object", "method": "Method", "run": "Run",
+}  # fmt: skip
 
 
 class BatchPanel:
-    """A table of objects over all frames."""
+    """Filters, and a card per answer with its picture."""
 
-    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._words = Block(gui)
-        self.order = gui.add_dropdown("Sort by", ORDERS, hint="worst first, or as they ran")
-        self.order.on_update(by_person(lambda v: send(c.SortBatch(v))))
-        self.filters: dict[c.BatchFilter, viser.GuiDropdownHandle[Any]] = {
-            "result": gui.add_dropdown("Show", RESULTS, hint="wrong: an error of 10 % of the diameter or more"),
-            "cause": gui.add_dropdown("Cause", (ALL,), hint="why the answer is wrong"),
-            "object": gui.add_dropdown("Object", (ALL,)),
-            "method": gui.add_dropdown("Method", (ALL,)),
-        }
-        for by, handle in self.filters.items():
-            handle.on_update(by_person(lambda v, by=by: send(c.FilterBatch(by, v))))
-        self._rows = Block(gui)
+    def __init__(self, gui: viser.GuiApi, gallery: Gallery) -> None:
+        gui.add_html(STYLE)
+        self._words = Block(gui, "batch")
+        self._choices = Block(gui, "batch")
+        self._cards = [Block(gui, "batch") for _ in range(PAGE)]
+        self._pages = Block(gui)
+        self._lock = threading.Lock()  # Pictures arrive on another thread.
+        self._shown: tuple[Entry, ...] = ()
+        self._opened: Entry | None = None
+        self._gallery = gallery
+        self.thumbnails = Thumbnails(Painter(gallery), self._arrived)
+
+    def stop(self) -> None:
+        """No further pictures."""
+        self.thumbnails.stop()
 
     def show(self, view: View) -> None:
-        """The rows in the chosen order; the frame that is open is marked."""
-        if view.batch is None:
+        """One page of the answers that are asked for; the one that is open is marked."""
+        gallery, look = self._gallery, view.look
+        entries = gallery.shown(look.batch_order, look.batch_only)
+        page = min(look.batch_page, max(len(entries) - 1, 0) // PAGE)
+        with self._lock:
+            self._shown, self._opened = entries[page * PAGE : (page + 1) * PAGE], view.entry
+            self._words.show(sentence(summary(gallery, entries)))
+            self._choices.show(choices(gallery, look.batch_order, look.batch_only))
+            for k in range(PAGE):
+                self._show_card(k)
+            self._pages.show(pages(page, len(entries)))
+        # While a run is on, every core is his.
+        self.thumbnails.want(() if view.progress.running else self._shown)
+
+    def _show_card(self, k: int) -> None:
+        if k >= len(self._shown):
+            self._cards[k].show("")
             return
-        every = view.batch.sorted_by(view.look.batch_order)
-        rows = filtered(every, view.look.batch_only)
-        self._offer("cause", {cause_title(r.cause) for r in every if r.cause}, view)
-        self._offer("method", {r.method for r in every if r.method}, view)
-        self._offer("object", {r.name for r in every if r.name}, view)
-        self.order.value = view.look.batch_order
-        self._words.show(sentence(summary(rows) if rows else "No object of this batch is both; choose other filters."))
-        more = f'<p class="dim">{len(rows) - MOST_ROWS} more rows in frames.csv.</p>' if len(rows) > MOST_ROWS else ""
-        self._rows.show(batch_table(rows[:MOST_ROWS], view.frame) + more)
+        entry, gallery = self._shown[k], self._gallery
+        picture = self.thumbnails.of(entry)
+        self._cards[k].show(card(entry, gallery.opens(entry), picture, entry == self._opened, gallery.has_several_runs))
 
-    def _offer(self, by: c.BatchFilter, values: Iterable[str], view: View) -> None:
-        """What can be chosen; a filter with nothing to choose from is hidden."""
-        handle, offered = self.filters[by], (ALL, *sorted(values))
-        if tuple(handle.options) != offered:
-            handle.options = offered
-        handle.value = view.look.batch_only.get(by, ALL)
-        handle.visible = len(offered) > 2
+    def _arrived(self, entry: Entry) -> None:
+        with self._lock:
+            if entry in self._shown:
+                self._show_card(self._shown.index(entry))
 
 
-def filtered(rows: tuple[ObjectRow, ...], only: Mapping[str, str]) -> tuple[ObjectRow, ...]:
-    """The rows that pass every filter, in their order."""
-    result, cause, name, method = (only.get(by, ALL) for by in ("result", "cause", "object", "method"))
-    return tuple(
-        row
-        for row in rows
-        if (result == ALL or (row.status != "ok" or row.is_correct is False) == (result == WRONG))
-        and cause in (ALL, cause_title(row.cause))
-        and name in (ALL, row.name)
-        and method in (ALL, row.method)
+def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
+    """How the batch went, and what is shown of it."""
+    known = [e for e in gallery.entries if e.row.is_correct is not None]
+    right = sum(bool(e.row.is_correct) for e in known)
+    said = f"{right} of {len(known)} answers" if known else f"{len(gallery.entries)} answers"
+    if gallery.has_several_runs:
+        said += f" of {len(gallery.runs)} runs"
+    else:
+        said += f" in {len({e.row.frame for e in gallery.entries})} frames"
+    said += " are right" if known else ""
+    missing = sum(e.row.status != "ok" for e in gallery.entries)
+    if missing:
+        said += f"; {missing} have no answer"
+    if gallery.n_unfinished:
+        said += f"; unfinished and left out: {gallery.n_unfinished}"
+    if not entries:
+        return f"{said}. None passes all filters: choose others."
+    return f"{said}. Click one of {len(entries)}, or press J, K."
+
+
+def choices(gallery: Gallery, order: Order, only: Mapping[str, str]) -> str:
+    """The filters and the order, side by side."""
+    found = [choice("Sort by", [(f"by {o}", c.SortBatch(o)) for o in ORDERS], c.SortBatch(order))]
+    for by in get_args(BatchFilter):
+        options = [(_label(by, value), c.FilterBatch(by, value)) for value in gallery.choices.get(by, ())]
+        if options:
+            now = only.get(by, gallery.first_result if by == "result" else ALL)
+            found.append(choice(TITLES[by], options, c.FilterBatch(by, now)))
+    return f'<div class="choices">{"".join(found)}</div>'
+
+
+def _label(by: BatchFilter, value: str) -> str:
+    if by == "result":
+        return f"show {value.partition(' ')[0]}"
+    return f"any {by}" if value == ALL else value
+
+
+def card(entry: Entry, command: Command, picture: str | None, is_open: bool, with_run: bool) -> str:
+    """One answer: its picture, how wrong it is, and why. ``picture``: a data URI, empty = there is none, None = yet."""
+    row = entry.row
+    made_by = entry.run if with_run else row.method
+    share = (
+        "no answer"
+        if row.status != "ok"
+        else number(None if row.relative_error is None else 100 * row.relative_error, 0, "% of ∅")
+    )
+    color = (
+        ""
+        if row.is_correct is None and row.status == "ok"
+        else f"color:rgb{LIGHTS['red' if entry.is_wrong else 'green']}"
+    )
+    why = cause_title(row.cause) if row.cause else row.message if row.status != "ok" else row.events.replace("_", " ")
+    image = f'<img src="{picture}" alt="">' if picture else "" if picture is None else "no picture"
+    errors = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
+    tip = f"{row.evidence or row.message} Opens at iteration {entry.iteration}."
+    attributes = carries(command) if entry.can_be_opened else "disabled"
+    return (
+        f'<button class="card{" marked" if is_open else ""}" title="{text(tip.strip())}" {attributes}>'
+        f'<span class="pic">{image}</span><span class="txt">'
+        f'<span><b class="name">{text(row.name or "frame failed")}</b><b style="{color}">{text(share)}</b></span>'
+        f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>it. {entry.iteration}</span>'
+        f'<span class="dim">{text(errors)}</span><span class="why">{text(why or "–")}</span></span></button>'
     )
 
 
-def summary(rows: tuple[ObjectRow, ...]) -> str:
-    """How the batch went."""
-    known = [r for r in rows if r.status == "ok" and r.add_s_mm is not None and r.diameter_mm]
-    correct = sum((r.add_s_mm or 0.0) < _CORRECT * (r.diameter_mm or 1.0) for r in known)
-    bad = sum(r.status != "ok" for r in rows)
-    said = f"{len(rows)} objects in {len({(r.scene_id, r.im_id) for r in rows})} frames"
-    if known:
-        said += f"; {correct} of {len(known)} are within 10 % of their diameter"
-    if bad:
-        said += f"; {bad} have no answer"
-    return said + ". Click a row to open it where it went worst."
-
-
-def batch_table(rows: tuple[ObjectRow, ...], open_frame: str) -> str:
-    """A row per object; each is a link."""
-    shown = []
-    has_causes = any(r.cause for r in rows)
-    for r in rows:
-        frame = f"{r.scene_id}/{r.im_id}"
-        share = None if r.add_s_mm is None or not r.diameter_mm else r.add_s_mm / r.diameter_mm * 100
-        cells = [
-            text(frame),
-            cut(r.name or "–"),
-            number(r.score, 2),
-            number(r.add_s_mm, 1),
-            number(share, 0, "%"),
-            cut(r.events.replace("_", " ") if r.status == "ok" else f"{r.status}: {r.message}"),
-        ]
-        if has_causes:
-            cells[-1] = f'<span class="cut" title="{text(r.evidence)}">{text(cause_title(r.cause) or "–")}</span>'
-        worst = r.worst_iteration if r.worst_iteration is not None else r.best_iteration
-        shown.append(Row(cells, c.OpenAt(frame, worst or 0), marked=frame == open_frame))
-    head = [
-        ("frame", "scene/image"), ("object", ""), ("score", "of the answer"),
-        ("ADD(-S)", "error of the answer [mm]"), ("of ∅", "as a share of the diameter; below 10 % counts as correct"),
-        ("cause", "why it is wrong; the whole sentence stays under the pointer")
-        if has_causes
-        else ("events", "what happened on the way"),
-    ]  # fmt: skip
-    return table(head, shown)
+def pages(page: int, n: int) -> str:
+    """Where in the list this is, and the way to the rest."""
+    if n <= PAGE:
+        return ""
+    last = (n - 1) // PAGE
+    before = link("◀ before", c.TurnPage(page - 1)) if page > 0 else "<span></span>"
+    after = link("more ▶", c.TurnPage(page + 1)) if page < last else "<span></span>"
+    here = f"{page * PAGE + 1} to {min((page + 1) * PAGE, n)} of {n}"
+    return f'<div class="pages">{before}<span>{here}</span>{after}</div>'

@@ -1,0 +1,46 @@
+"""What a batch says about the object in focus: why it failed, and why this iteration is the one to look at."""
+
+from __future__ import annotations
+
+from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.viewer.gallery import Entry
+from verefine_viz.viewer.view import View
+
+
+def batch_words(view: View) -> str:
+    """What happened at the iteration where it went wrong, and the cause with its evidence; empty: nothing."""
+    entry = view.entry
+    return " ".join(filter(None, (_why_here(view, entry), _verdict(entry)))) if entry is not None else ""
+
+
+def _verdict(entry: Entry) -> str:
+    row = entry.row
+    if row.status != "ok":
+        return f"In the batch: no answer, {row.message}."
+    if not entry.is_wrong or row.relative_error is None:
+        return ""
+    if row.evidence:
+        return f"Why it failed in the batch: {row.evidence}"
+    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
+    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
+
+
+def _why_here(view: View, entry: Entry) -> str:
+    """Why the frame was opened at this iteration of all."""
+    at = entry.iteration
+    if view.cursor != at or view.progress.running or entry.row.status != "ok":
+        return ""
+    if at == 0:
+        return "No iteration made it worse, and its answer is a first pose: look before iteration 1."
+    before, after = view.poses.get("current"), view.poses.get("accepted")
+    if not view.is_current or before is None or after is None:
+        return ""
+    if before.errors is not None and after.errors is not None:
+        was, now = before.errors.add_s_mm, after.errors.add_s_mm
+        lost, change = now > was, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
+    elif before.score is not None and after.score is not None:
+        was, now = before.score.score, after.score.score
+        lost, change = now < was, f"here its score fell most ({was:.2f} → {now:.2f})"
+    else:
+        return ""
+    return f"Iteration {at}: {change if lost else 'none made it worse, and this one made the answer'}."
