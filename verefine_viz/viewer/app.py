@@ -27,7 +27,7 @@ from verefine_viz.viewer.server import Server
 from verefine_viz.viewer.side_commands import CompareRecording, OpenRecording
 from verefine_viz.viewer.side_nodes import SideNodes
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.viewing import STANDING, later
+from verefine_viz.viewer.viewing import later, standing
 from verefine_viz.viewer.workspace import Tools
 
 _LOG = logging.getLogger(__name__)
@@ -266,7 +266,7 @@ class App:
 
     def _judged_alone(self, view: View) -> bool:
         """Whether the plausibility of the poses in focus is still to be worked out."""
-        missing = any(name in view.poses and name not in view.plausible for name in STANDING)
+        missing = any(name not in view.plausible for name in standing(view.poses))
         return missing and view.target.observation.support is not None
 
     def _show_physics(self) -> None:

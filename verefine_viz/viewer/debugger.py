@@ -5,7 +5,6 @@ The page is one way to drive it; a list of commands is another, with the same re
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -23,8 +22,9 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
-from verefine_viz.viewer.browsing import Browsing
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.answer import asked
+from verefine_viz.viewer.browsing import Browsing
 from verefine_viz.viewer.comparing import Comparing, as_done
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.look import Look
@@ -34,7 +34,6 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
 
-_LOG = logging.getLogger(__name__)
 Keeper = Callable[["Debugger", c.Command], Path]
 
 
@@ -92,8 +91,8 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
         """
         self.message = ""
-        command = self.browsing.resolved(command, self.look)
         was_busy = self.is_busy
+        command = self.browsing.resolved(command, self.look)
         self.comparing.before(command)
         if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
             if not _may_wait(command):
@@ -161,7 +160,7 @@ class Debugger:
         if self.comparing.do(command):
             return
         command = as_restart(command, self.workspace.work.problem, self.workspace.tools.session.dependency)
-        look = looking.changed(self.look, command)
+        look = asked(looking.changed(self.look, command), command, self.workspace.run, self.look)
         if look is not None:
             self._check(look)
             self.look = look

@@ -13,6 +13,7 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PoseScore, ScoreMaps
+from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 
 T = TypeVar("T")
@@ -65,7 +66,7 @@ class Judge:
     def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
         """The score of one combination of poses (m, 4, 4) as a scene."""
         verifier = self._toolbox.verifier
-        key = ("scene", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
+        key = ("scene", whole_frame, tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
         return self._remember(key, lambda: verifier.score_scene(targets, Ts_cam_obj[None], (), whole_frame)[0])
 
     def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps:
@@ -120,6 +121,11 @@ class Judge:
             while len(kept) > most:
                 kept.popitem(last=False)
         return kept[key]
+
+
+def together(judge: Judge, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:
+    """The score of several objects (m, 4, 4) rendered together, by the rule of the session."""
+    return judge.scene_score(targets, Ts_cam_obj, session.method.scene_pixels == "frame")
 
 
 def are_near(one: Placed, other: Placed) -> bool:

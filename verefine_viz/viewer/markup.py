@@ -8,7 +8,8 @@ of :mod:`verefine_viz.viewer.commands` get through there.
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.viewer.commands import Command, to_json
@@ -79,6 +80,18 @@ def sentence(content: str) -> str:
     return f'<p class="say">{text(content)}</p>'
 
 
+def hinted(content: str, hints: Mapping[str, str]) -> str:
+    """The words at the top of a panel, the first of each of the ``hints`` with its tooltip."""
+    said = text(content)
+    for word, hint in hints.items():
+        found = re.search(rf"\b{re.escape(text(word))}\b", said, re.IGNORECASE)
+        if found:
+            said = (
+                f'{said[: found.start()]}<span class="term" title="{text(hint)}">{found[0]}</span>{said[found.end() :]}'
+            )
+    return f'<p class="say">{said}</p>'
+
+
 def warning(content: str, extra: str = "", red: bool = False) -> str:
     """A box with something to act on; ``extra`` is ready HTML, such as a link."""
     return f'<p class="{"bad" if red else "warn"}">{text(content)} {extra}</p>'
@@ -91,6 +104,7 @@ STYLE = """<style>
 .vz p.warn,.vz p.bad{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;background:rgba(217,142,4,.12)}
 .vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
 .vz p.dim,.vz .dim{opacity:.65}
+.vz .term{text-decoration:underline dotted;text-underline-offset:3px;cursor:help}
 .vz a{color:#1c7ed6;cursor:pointer;text-decoration:underline;text-underline-offset:2px}
 .vz table{border-collapse:collapse;width:100%;font-size:12px;font-variant-numeric:tabular-nums;margin:0 0 6px 0}
 .vz th{font-weight:600;text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.5);cursor:help;
@@ -107,6 +121,7 @@ STYLE = """<style>
 .vz.objects td,.vz.objects th{padding-inline:3px}
 .vz.objects td:nth-child(2),.vz.objects th:nth-child(2){text-align:left}
 .vz tr.parted td{border-top:1.5px solid rgba(200,200,200,.65)}
+.vz p.legend{font-size:11px;margin:0 0 2px 0}
 .vz .light{display:inline-block;width:10px;height:10px;border-radius:5px;vertical-align:-1px}
 .vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}
 .vz img{image-rendering:pixelated;display:block;width:100%}

@@ -83,7 +83,7 @@ class OtherNodes:
             in_focus = o.instance_id == view.target.instance.instance_id
             T_cam_obj = self._pose(view, o, in_focus)
             nodes.marker.visible = nodes.label.visible = drawn and T_cam_obj is not None
-            nodes.mesh.visible = drawn and T_cam_obj is not None and not in_focus
+            nodes.mesh.visible = drawn and T_cam_obj is not None and (view.is_answer or not in_focus)
             if T_cam_obj is not None:
                 self._move(nodes, T_cam_obj)
                 self._dress(nodes, o)
@@ -91,7 +91,7 @@ class OtherNodes:
 
     def _pose(self, view: View, o: ObjectNow, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""
-        if in_focus:
+        if in_focus and not view.is_answer:
             shown = view.poses.get("accepted") or view.poses.get("current") or view.poses.get("best")
             return shown.T_cam_obj if shown else o.T_cam_obj
         return o.T_cam_obj

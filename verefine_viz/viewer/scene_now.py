@@ -32,7 +32,7 @@ class ObjectNow:
     phase: Phase
     """waiting: its turn (in this pass) is still to come. working: the iteration at the cursor is about it. placed: it
     stood in the scene in that iteration. rolled out: a tree search completed the scene with it. done: it has used its
-    budget. no pose: it has no hypothesis."""
+    budget, or the run is over. no pose: it has no hypothesis."""
     answer: Best | None
     """The answer so far; for methods that keep a best scene, its pose in that."""
     T_cam_obj: Float | None
@@ -77,6 +77,8 @@ class SceneNow:
     closed: tuple[ClosedPass, ...]
     """All passes of the history that are closed, also after the cursor."""
     cursor: int
+    is_answer: bool = False
+    """Whether every object stands where the finished run left it."""
 
     def object(self, instance_id: int) -> ObjectNow:
         """The object of that instance."""
@@ -95,7 +97,13 @@ class SceneNow:
 
 
 def scene_now(
-    problem: Problem, state: Any, iterations: Sequence[Iteration], cursor: int, errors: Errors, alone: bool = False
+    problem: Problem,
+    state: Any,
+    iterations: Sequence[Iteration],
+    cursor: int,
+    errors: Errors,
+    alone: bool = False,
+    is_answer: bool = False,
 ) -> SceneNow:
     """The scene at iteration ``cursor``.
 
@@ -106,8 +114,9 @@ def scene_now(
         cursor: 0 = before the first.
         errors: errors of a pose against ground truth.
         alone: whether the method solves every object for itself, in the order of the frame.
+        is_answer: whether the run is over and shows its answer instead of its last iteration.
     """
-    at = iterations[cursor - 1] if cursor else None
+    at = iterations[cursor - 1] if cursor and not is_answer else None
     spent = Counter(i.instance_id for i in iterations[:cursor])
     answers = {t.instance.instance_id: best for t, best in zip(problem.targets, state.best, strict=True)}
     labels = labels_of(problem)
@@ -129,14 +138,14 @@ def scene_now(
                     color_of(ids.index(instance_id)),
                     k,
                     len(objects) + 1,
-                    _phase(instance_id, cluster, at, spent[instance_id], answer),
+                    "done" if is_answer and answer else _phase(instance_id, cluster, at, spent[instance_id], answer),
                     answer,
                     pose,
                     errors(target, answer.T_cam_obj) if answer else None,
                     spent[instance_id],
                 )
             )
-    return SceneNow(tuple(objects), len(clusters), closed_passes(iterations, clusters), cursor)
+    return SceneNow(tuple(objects), len(clusters), closed_passes(iterations, clusters), cursor, is_answer)
 
 
 def clusters_of(problem: Problem) -> tuple[tuple[int, ...], ...]:

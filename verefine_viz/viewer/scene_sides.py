@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -10,11 +11,22 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
-from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.judge import Judge, together
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
 from verefine_viz.viewer.scene_now import SceneNow
 from verefine_viz.viewer.view import Judged, Side
+
+FIRST = "first poses"
+"""What the scene before the run is called."""
+
+
+def frame_score(judge: Judge, scene: SceneNow, session: Session) -> PoseScore | None:
+    """The score of all answers so far, rendered together; None for a single object."""
+    known = [(o.target, o.answer.T_cam_obj) for o in scene.objects if o.answer is not None]
+    if len(known) < 2:
+        return None
+    return together(judge, [target for target, _ in known], np.array([T for _, T in known]), session)
 
 
 @lru_cache(maxsize=4)
@@ -26,21 +38,25 @@ def scene_target(problem: Problem) -> Target:
 
 
 def scene_sides(
-    judge: Judge, scene: SceneNow, look: Look, session: Session, deep: bool
+    judge: Judge,
+    scene: SceneNow,
+    look: Look,
+    session: Session,
+    deep: bool,
+    first: Mapping[int, Float] | None = None,
 ) -> tuple[Side | None, Side | None]:
-    """A: the objects as they stand now. B: the answers so far."""
+    """A: the objects as they stand now, or at their ``first`` poses (4, 4) by instance_id. B: the answers so far."""
     known = [o for o in scene.objects if o.T_cam_obj is not None and o.answer is not None]
     if not known:
         return None, None
-    now = np.array([o.T_cam_obj for o in known])
+    now = np.array([first[o.instance_id] if first else o.T_cam_obj for o in known])
     best = np.array([o.answer.T_cam_obj for o in known if o.answer is not None])
     closed = scene.closes_pass
-    name = f"pass {closed.number}" if closed else "now"
+    name = FIRST if first else f"pass {closed.number}" if closed else "now"
     targets = [o.target for o in known]
-    whole_frame = session.method.scene_pixels == "frame"
 
     def side(name: str, Ts: Float) -> Side:
-        score: PoseScore | None = judge.scene_score(targets, Ts, whole_frame) if deep else None
+        score = together(judge, targets, Ts, session) if deep else None
         pose = Judged(name, Ts, score, None)
         if not deep:
             return Side(pose, None)

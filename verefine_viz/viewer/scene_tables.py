@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.markup import Row, swatch, table, text
+from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.tables import cut, number
 from verefine_viz.viewer.view import View
 
@@ -50,12 +52,12 @@ def passes_table(view: View, newest: int = 8) -> str:
             f"{p.record.incumbent_score:.3f}{' ★' if p.best_pass == p.number else ''}",
             f"{p.record.reward:.3f}",
         ]
-        rows.append(Row(cells, c.Seek(p.iteration), marked=p.iteration == view.cursor))
+        rows.append(Row(cells, visit(view, view.iterations[p.iteration - 1]), marked=p.iteration == view.cursor))
     head = [
-        ("pass", "click to go to the iteration that closed it; cluster.pass"),
-        ("scene", "score of its poses rendered together"),
+        ("no.", "click to go to the iteration that closed it; cluster.pass"),
+        ("pass", TERMS["pass score"]),
         ("best known", "each object's own best pose so far, rendered together"),
-        ("incumbent", "highest scene score ever seen; ★ = found in this pass"),
+        ("incumbent", f"{TERMS['incumbent']}; ★ = found in this pass"),
         ("reward", "what the hypotheses of this pass got"),
     ]
     return "<p><b>Passes</b></p>" + table(head, rows)

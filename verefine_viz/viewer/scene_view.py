@@ -239,7 +239,7 @@ class SceneView:
             self._image_shown = image
 
     def _show_contacts(self, view: View) -> None:
-        path = view.shown.path if view.shown else None
+        path = view.shown.path if view.shown and not view.is_answer else None
         if path is None or not path.contacts or "contacts" not in view.look.layers:
             if self._contacts is not None:
                 self._contacts.visible = False

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, TreeStep
 from verefine_viz.viewer.scene_now import ClosedPass, SceneNow, labels_of
+from verefine_viz.viewer.tree import tree_of
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.view import View
@@ -27,6 +28,14 @@ def refiner_name(name: str) -> str:
     return {"trimmed_icp": "trimmed ICP"}.get(name, name.upper())
 
 
+TERMS = {
+    "frame score": "all objects of the frame at their answers so far, rendered together",
+    "pass score": "the objects of one cluster as one pass over them left them, rendered together",
+    "incumbent": "the highest score at which the objects of one cluster were ever rendered together: their answer",
+}
+"""Scores of several objects, and what each is of."""
+
+
 def scene_outcome(scene: SceneNow) -> str:
     """How a finished run came out, over all objects."""
     answered = [o for o in scene.objects if o.answer is not None]
@@ -37,6 +46,23 @@ def scene_outcome(scene: SceneNow) -> str:
         said += f", {len(known) - len(wrong)} of {len(known)} within 10 % of their diameter"
         said += f" (not {', '.join(wrong[:3])}{', …' if len(wrong) > 3 else ''})" if wrong else ""
     return f"{said}."
+
+
+def found_by(view: View) -> str:
+    """Which iteration found a finished search's answer; empty where objects were solved one by one."""
+    if view.scene.n_clusters > 1 or not view.iterations:
+        return ""
+    tree = tree_of(view.iterations)
+    if tree is not None:
+        return (
+            f" The cheapest complete scene leaves {tree.incumbent_px:,.0f} px unexplained; iteration "
+            f"{tree.incumbent_iteration} found it."
+        )
+    latest = view.scene.latest_pass
+    if latest is None:
+        return ""
+    where = f"found by pass {latest.best_pass}" if latest.best_pass else "the first poses"
+    return f" Incumbent {latest.record.incumbent_score:.2f}, {where}."
 
 
 def place_in_run(scene: SceneNow, iteration: Iteration) -> str:
@@ -52,16 +78,16 @@ def place_in_run(scene: SceneNow, iteration: Iteration) -> str:
 
 
 def pass_closed(closed: ClosedPass) -> str:
-    """As in: Pass 3 closed: scene score 0.71, best so far 0.74 (pass 2)."""
+    """As in: Pass 3 closed: pass score 0.71, incumbent 0.74 (pass 2)."""
     record = closed.record
-    said = f"Pass {closed.number} closed: scene score {record.score.score:.2f}, "
+    said = f"Pass {closed.number} closed: pass score {record.score.score:.2f}, "
     if closed.best_pass == closed.number:
-        said += f"the best so far is now {record.incumbent_score:.2f}"
+        said += f"the incumbent is now {record.incumbent_score:.2f}"
         if record.best_known.score > record.score.score:
             said += ", each object at its own best pose"
         return said + "."
     where = f"pass {closed.best_pass}" if closed.best_pass else "the first poses"
-    return f"{said}best so far {record.incumbent_score:.2f} ({where})."
+    return f"{said}incumbent {record.incumbent_score:.2f} ({where})."
 
 
 def tree_sentence(problem: Problem, iteration: Iteration, step: TreeStep) -> str:
@@ -132,6 +158,8 @@ def scene_sentence(view: View) -> str:
     if a is None or b is None or a.pose.score is None or b.pose.score is None:
         return f"The whole scene of {n} objects."
     one, other = a.pose.score.score, b.pose.score.score
+    if view.is_answer:
+        return f"Frame score: {other:.3f} with all {n} objects at their answers, {one:.3f} at their first poses."
     latest = view.scene.closes_pass
     stand = f"as pass {latest.number} left them" if latest else "as they stand now"
-    return f"All {n} objects rendered together score {one:.3f} {stand}, {other:.3f} at their best poses."
+    return f"Frame score: {other:.3f} with all {n} objects at their answers so far, {one:.3f} {stand}."

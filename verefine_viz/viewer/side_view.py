@@ -16,7 +16,7 @@ from verefine_viz.session.alignment import Moment, Timeline
 from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, name_of, outcomes
 from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
-from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.judge import Judge, together
 from verefine_viz.viewer.side_commands import SidePose
 from verefine_viz.viewer.workspace import Branch
 
@@ -76,7 +76,7 @@ class SidesView:
     differences: Differences
     outcomes: tuple[Outcome, ...]
     """The answers so far, at the end of what is computed."""
-    scene_scores: tuple[float, float] | None
+    frame_scores: tuple[float, float] | None
     """How well all answers of A and all of B explain the frame together, by the rule of A; None for one object."""
     effort_a: Effort
     effort_b: Effort
@@ -148,7 +148,7 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, who
         "All objects, means over the moments" if whole_scene else f"{name_of(found.a.problem, own)}, by refiner calls",
         found.differences,
         answers,
-        _scene_scores(a, found.a.problem, answers),
+        _frame_scores(a, found.a.problem, answers),
         effort_of(found.a),
         effort_of(found.b),
         _now(found.a, judge, focus, k_a, found.timeline.a_at(place), poses[own][0]) if own in poses else None,
@@ -271,11 +271,12 @@ def _drawn(calls: tuple[int, ...], sides: Sequence[Line]) -> Curves:
     return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
 
 
-def _scene_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
+def _frame_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
     both = [o for o in answers if o.a is not None and o.b is not None]
     if len(both) < 2:
         return None
     targets = [problem.target(o.instance_id) for o in both]
-    one = a.judge.scene_score(targets, np.array([o.a.best.T_cam_obj for o in both if o.a]))
-    other = a.judge.scene_score(targets, np.array([o.b.best.T_cam_obj for o in both if o.b]))
-    return one.score, other.score
+    one = np.array([o.a.best.T_cam_obj for o in both if o.a])
+    other = np.array([o.b.best.T_cam_obj for o in both if o.b])
+    score_a, score_b = (together(a.judge, targets, Ts_cam_obj, a.tools.session).score for Ts_cam_obj in (one, other))
+    return score_a, score_b

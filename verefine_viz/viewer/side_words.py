@@ -10,6 +10,7 @@ from verefine_viz.session.comparison import Answer, Difference, Effort, Outcome,
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
+from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.side_view import SideNow, SidesView
 from verefine_viz.viewer.tables import number
 
@@ -17,7 +18,7 @@ _NONE = "–"
 
 
 def summary(v: SidesView) -> str:
-    """Where B parts from A, and how it ends."""
+    """Where both part, and how it ends."""
     return f"{_parting(v)} {_ending(v)}"
 
 
@@ -30,19 +31,41 @@ def _parting(v: SidesView) -> str:
         return f"{a} and {b} did the same in all {made} iterations that both have made, bit for bit."
     if deed is None:
         assert score is not None
-        return f"{b} does the same as {a}, but {_at(score)} it {score.text}."
-    said = f"{b} leaves {a} {_at(deed)}: it {deed.text}."
+        return f"{a} and {b} reach the same poses, but judge them differently: {_at(score)}, B {score.text}."
+    said = f"{a} and {b} {_until(deed)} {_deed(v, deed)}."
     if score is not None and score.place < deed.place and not v.scores_alike:
-        said += " Their scores follow different rules."
+        said += " They score poses by different rules."
     return said
+
+
+def _until(deed: Difference) -> str:
+    """Up to where both do the same."""
+    if deed.place == 0:
+        return "begin differently:"
+    if deed.place == 1:
+        return "part at once:"
+    n = deed.place - 1
+    return f"do the same for {n} iteration{'s' if n > 1 else ''}. Then"
+
+
+def _deed(v: SidesView, deed: Difference) -> str:
+    """What comes next."""
+    if deed.place == 0:
+        return f"B {deed.text}"
+    if deed.kind != "missing":
+        return f"{_at(deed)} B {deed.text}"
+    name = next((o.name for o in v.outcomes if o.instance_id == deed.instance_id), "an object")
+    n = v.timeline.moments[deed.place - 1].calls - 1
+    ended, other = ("B", "A") if deed.b is None else ("A", "B")
+    return f"{ended} is done with {name} after {n} refiner call{'s' if n != 1 else ''}, while {other} goes on"
 
 
 def _at(difference: Difference) -> str:
     if difference.place == 0:
         return "before iteration 1"
     if difference.a is None or difference.b is None or difference.a == difference.b:
-        return f"at iteration {difference.a or difference.b}"
-    return f"at iteration {difference.a} (its own {difference.b})"
+        return f"in iteration {difference.a or difference.b}"
+    return f"in iteration {difference.a} (B's {difference.b})"
 
 
 def _ending(v: SidesView) -> str:
@@ -54,20 +77,22 @@ def _ending(v: SidesView) -> str:
         o = known[0]
         assert o.a is not None
         assert o.b is not None
-        verdict = {"A": "A is nearer", "B": "B is nearer", "even": "they are even"}
-        by_score = {"A": "A scores higher", "B": "B scores higher", "even": "they are even"}
-        said = (verdict if o.a.errors is not None else by_score)[o.winner or "even"]
-        return f"{when} A {_short(o.a)}, B {_short(o.b)}: {said}."
+        if o.a.errors is None or o.b.errors is None:
+            better = {"A": "A scores higher", "B": "B scores higher", "even": "they score the same"}
+            return f"{when} {better[o.winner or 'even']}: A {o.a.score:.2f}, B {o.b.score:.2f}."
+        better = {"A": "A is nearer to the truth", "B": "B is nearer to the truth", "even": "they are equally near"}
+        off = f"A is {o.a.errors.add_s_mm:.1f} mm off and scores {o.a.score:.2f}"
+        return f"{when} {better[o.winner or 'even']}: {off}, B {o.b.errors.add_s_mm:.1f} mm and {o.b.score:.2f}."
     wins = tally(v.outcomes)
-    means = [_mean(known, side) for side in ("a", "b")]
     # Without ground truth nobody knows who is nearer.
-    better = "scoring higher" if all(o.a is not None and o.a.errors is None for o in known) else "nearer"
-    said = f"{when} A has {wins['A']} of {len(known)} objects {better}, B {wins['B']}"
-    said += f", {wins['even']} even" if wins["even"] else ""
+    blind = all(o.a is not None and o.a.errors is None for o in known)
+    said = f"{when} A {'scores higher' if blind else 'is nearer to the truth'} on {wins['A']} of {len(known)} objects, "
+    said += f"B on {wins['B']}" + (f", {wins['even']} are even" if wins["even"] else "")
+    means = [_mean(known, side) for side in ("a", "b")]
     if None not in means:
-        said += f"; mean ADD(-S) A {means[0]:.1f} mm, B {means[1]:.1f} mm"
-    if v.scene_scores is not None:
-        said += f"; scene score A {v.scene_scores[0]:.3f}, B {v.scene_scores[1]:.3f}"
+        said += f"; on average A is {means[0]:.1f} mm off, B {means[1]:.1f} mm (ADD(-S))"
+    if v.frame_scores is not None:
+        said += f"; frame score A {v.frame_scores[0]:.3f}, B {v.frame_scores[1]:.3f}"
     return f"{said}."
 
 
@@ -76,11 +101,6 @@ def _when(v: SidesView) -> str:
     if a.iterations >= a.planned and b.iterations >= b.planned:
         return "At the end"
     return f"So far (A {a.iterations} of {a.planned} iterations, B {b.iterations} of {b.planned})"
-
-
-def _short(answer: Answer) -> str:
-    error = f" / {answer.errors.add_s_mm:.1f} mm" if answer.errors is not None else ""
-    return f"{answer.score:.2f}{error}"
 
 
 def _mean(known: Sequence[Outcome], side: str) -> float | None:
@@ -173,9 +193,10 @@ def outcome_table(v: SidesView) -> str:
 def _totals(v: SidesView) -> str:
     a, b = v.effort_a, v.effort_b
     rows: list[Row] = []
-    if v.scene_scores is not None:
-        one, other = v.scene_scores
-        rows.append(Row(["scene score", f"{one:.3f}", f"{other:.3f}", f"{other - one:+.3f}"]))
+    if v.frame_scores is not None:
+        one, other = v.frame_scores
+        label = f'<span title="{text(TERMS["frame score"])}">frame score</span>'
+        rows.append(Row([label, f"{one:.3f}", f"{other:.3f}", f"{other - one:+.3f}"]))
     rows.append(_effort_row("refiner calls", a, b, lambda e: e.refiner_calls))
     if a.rollout_calls or b.rollout_calls:
         rows.append(_effort_row("… in roll-outs", a, b, lambda e: e.rollout_calls))

@@ -95,7 +95,7 @@ class StageNodes:
                 place(node, pose.T_cam_obj)
             # The edited pose is drawn by the gizmo that moves it.
             node.visible = pose is not None and name in layers and name != "edited"
-        self._mover.visible = False
+        self._show_answer(view)
         self._show_ghosts(view)
         self._show_path(view)
 
@@ -105,6 +105,15 @@ class StageNodes:
             node.visible = False
         if self._ghosts is not None:
             self._ghosts.visible = False
+
+    def _show_answer(self, view: View) -> None:
+        """The answer of a finished run; among several objects it is drawn in their own colour, as the others are."""
+        best = view.poses.get("best")
+        alone = len(view.scene.objects) == 1
+        self._mover.visible = view.is_answer and alone and best is not None and "best" in view.look.layers
+        if self._mover.visible and best is not None:
+            place(self._mover, best.T_cam_obj)
+            self._mover.color = STAGE_COLORS["best"]
 
     def _show_ghosts(self, view: View) -> None:
         if self._ghosts is None or view.state is None:
@@ -141,9 +150,10 @@ class StageNodes:
             yield
             for name in order[: order.index(stage)] if stage in order else ():
                 self._nodes[name].visible = visible[name]
-        self._mover.visible = False
         for name, was in visible.items():
             self._nodes[name].visible = was
+        self._mover.visible = False
+        self._show_answer(view)
 
     def path_animation(self, view: View) -> Iterator[int]:
         """The simulated path pose by pose; gives the index of the pose that is shown."""

@@ -13,6 +13,12 @@ from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.view import View
 
 LIGHTS = {"green": (40, 180, 80), "amber": (217, 142, 4), "red": (220, 50, 47)}
+LIGHT_MEANING = {
+    "green": ("can lie so", "gap, overlap and balance are within tolerance"),
+    "amber": ("barely", "it balances or overlaps at the edge of the tolerance"),
+    "red": ("cannot", "it floats, sinks into something, or would tip over"),
+}
+"""What a light says, in short and in full."""
 _SIZE = 92
 
 
@@ -37,7 +43,7 @@ def standing_html(view: View) -> str:
     return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div><p class="dim">{share}</p>'
 
 
-_WHEN = {"current": "Before", "accepted": "Kept"}
+_WHEN = {"current": "Before", "accepted": "Kept", "best": "Answer"}
 _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("gap mm", "distance to the nearest surface", lambda p: f"{p.gap_mm:.1f}"),
     ("overlap mm", "deepest penetration, and into what", lambda p: _overlap(p)),
@@ -61,7 +67,7 @@ def telling(view: View) -> str | None:
     before = view.plausible.get("current")
     if before is not None and (not before.is_stable or "accepted" not in view.plausible):
         return "current"
-    return "accepted" if "accepted" in view.plausible else None
+    return next((name for name in ("accepted", "best") if name in view.plausible), None)
 
 
 def _drawing(view: View) -> str:

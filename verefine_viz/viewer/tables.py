@@ -9,6 +9,7 @@ from verefine_viz.core.palette import ARM_COLORS, CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
@@ -163,7 +164,7 @@ def arm_history(view: View, newest: int = 12) -> str:
             f"{shift_mm(before.T_cam_obj, after.T_cam_obj, view.target.model.points):.1f}",
             number(errors.add_s_mm if errors else None, 1),
         ]
-        rows.append(Row(cells, c.Seek(iteration.index), marked=iteration.index == view.cursor))
+        rows.append(Row(cells, visit(view, iteration), marked=iteration.index == view.cursor))
     first = view.state.arms[j].entries[0]
     error = view.initial_errors[j]
     start = [
@@ -306,7 +307,9 @@ def branches_table(view: View) -> str:
 
 
 def event_lines(view: View) -> str:
-    """The marks of the iteration that is shown."""
+    """The marks of the iteration that is shown; none where the answer is."""
+    if view.is_answer:
+        return ""
     own = [m for m in view.marks if view.shown is not None and m.iteration == view.shown.index]
     return "".join(f"<p>{swatch(m.color)}{text(m.text)}</p>" for m in own)
 
@@ -315,7 +318,9 @@ def where(view: View) -> str:
     """The line of the timeline: iteration, object, hypothesis."""
     p = view.progress
     at = f"iteration {view.cursor} / {p.total}"
-    if view.shown is not None and view.is_current:
+    if view.is_answer:
+        at += " · the answer"
+    elif view.shown is not None and view.is_current:
         place = place_in_run(view.scene, view.shown)
         at += f" · {place}" if place else ""
         at += f" · {text(view.name)} · hypothesis {view.shown.arm + 1} of {view.n_arms}"

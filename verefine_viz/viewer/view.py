@@ -93,6 +93,8 @@ class View:
     iterations: tuple[Iteration, ...]
     """The whole history."""
     marks: tuple[Mark, ...]
+    is_answer: bool
+    """Whether the end of a finished run shows its answer, not the iteration that it tried last."""
     shown: Iteration | None
     """The latest iteration up to the cursor that worked on the object in focus."""
     target: Target
@@ -117,6 +119,8 @@ class View:
     """Ground truth, scored; None where there is none."""
     scene: SceneNow
     """All objects of the frame."""
+    frame_score: PoseScore | None
+    """Of all answers so far, rendered together; None for a single object."""
     map_target: Target
     """Whose score ``a`` and ``b`` are: the object in focus, or all objects as one where the whole scene is shown."""
     best_errors: Mapping[int, PoseErrors | None]

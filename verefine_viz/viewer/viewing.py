@@ -9,15 +9,16 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.answer import OF_ITERATION, answered, is_answer
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
 from verefine_viz.viewer.scene_now import SceneNow, scene_now
-from verefine_viz.viewer.scene_sides import scene_sides, scene_target
+from verefine_viz.viewer.scene_sides import frame_score, scene_sides, scene_target
 from verefine_viz.viewer.scene_words import ALONE
 from verefine_viz.viewer.side_view import sides_view
 from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
@@ -30,27 +31,33 @@ if TYPE_CHECKING:
 FALLBACK_A = ("current", "initial", "best", "ground truth")
 FALLBACK_B = ("accepted", "best", "initial", "ground truth")
 """What is shown instead of a stage that does not exist at the cursor."""
-STANDING = ("current", "accepted")
-"""Poses whose plausibility is told."""
 
 
 def view_of(debugger: Debugger, deep: bool = True) -> View:
     """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
-    space, look = debugger.workspace, debugger.comparing.look(debugger.look)
+    space = debugger.workspace
     work, branch = space.work, space.branch
     run, judge = branch.run, branch.judge
+    answer = is_answer(run, debugger.look)
+    look = debugger.comparing.look(answered(debugger.look) if answer else debugger.look)
     target, shown = _focus(branch, look)
     state = state_of(run.state, target)
-    arm = _arm(look, shown, state)
     truth = _truth(judge, target)
     alone = branch.tools.session.method.name in ALONE
-    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors, alone)
+    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors, alone, answer)
+    found = scene.object(target.instance.instance_id).answer if answer else None
+    arm = _arm(look, found if found is not None else shown, state)
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
+    if found is not None:
+        poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
+        poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
     running = debugger.goal is not None
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, debugger.remaining_s)
     if look.whole_scene and len(scene.objects) > 1:
-        map_target, (a, b) = scene_target(work.problem), scene_sides(judge, scene, look, branch.tools.session, deep)
+        map_target = scene_target(work.problem)
+        first = _first_poses(branch) if answer else None
+        a, b = scene_sides(judge, scene, look, branch.tools.session, deep, first)
     else:
         map_target = target
         a = _side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep)
@@ -71,6 +78,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         progress=progress,
         iterations=run.iterations,
         marks=branch.marks(),
+        is_answer=answer,
         shown=shown,
         target=target,
         state=state,
@@ -84,6 +92,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         error_series=_error_series(judge, target, run.iterations),
         truth=truth,
         scene=scene,
+        frame_score=frame_score(judge, scene, branch.tools.session),
         map_target=map_target,
         best_errors=_best_errors(judge, work.problem, run.iterations) if look.whole_scene else {},
         physics=known_physics(scene, judge),
@@ -115,7 +124,7 @@ def _focus(branch: Branch, look: Look) -> tuple[Target, Iteration | None]:
     return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
 
 
-def _arm(look: Look, shown: Iteration | None, state: Any) -> int:
+def _arm(look: Look, shown: Iteration | Best | None, state: Any) -> int:
     if look.arm is not None:
         n = len(state.arms) if state is not None else 1
         return min(look.arm, n - 1)
@@ -178,13 +187,18 @@ def _plausible(judge: Judge, target: Target, poses: dict[str, Judged], scene: Sc
     """Of the poses whose standing is shown; among other objects only what was worked out already."""
     others = others_of(scene, target.instance.instance_id)
     ask = judge.known_plausibility if others else judge.plausibility
-    found = {k: ask(target, poses[k].T_cam_obj, others) for k in STANDING if k in poses}
+    found = {k: ask(target, poses[k].T_cam_obj, others) for k in standing(poses)}
     return {k: v for k, v in found.items() if v is not None}
+
+
+def standing(poses: dict[str, Judged]) -> tuple[str, ...]:
+    """Poses whose plausibility is told: before the simulation and what was kept, or the answer."""
+    return tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
 
 
 def later(view: View, judge: Judge) -> Iterator[None]:
     """What the scene's physics still lacks, one thing per turn."""
-    shown = [(view.target, view.poses[k].T_cam_obj) for k in STANDING if k in view.poses]
+    shown = [(view.target, view.poses[k].T_cam_obj) for k in standing(view.poses)]
     return work_out(view.scene, judge, shown if len(view.scene.objects) > 1 else ())
 
 
@@ -208,6 +222,13 @@ def _summary(branch: Branch) -> BranchSummary:
         for t, best in zip(state.problem.targets, state.best, strict=True)
     ]
     return BranchSummary(branch.name, branch.run.length, branch.run.n_iterations, tuple(state.best), tuple(errors))
+
+
+def _first_poses(branch: Branch) -> dict[int, Float]:
+    """By instance_id: the best pose before the first iteration."""
+    state = branch.run.state_at(0)
+    pairs = zip(state.problem.targets, state.best, strict=True)
+    return {t.instance.instance_id: best.T_cam_obj for t, best in pairs if best is not None}
 
 
 def _best_errors(judge: Judge, problem: Problem, iterations: Sequence[Iteration]) -> dict[int, PoseErrors | None]:

@@ -11,7 +11,14 @@ from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.marks import FALL
-from verefine_viz.viewer.scene_words import pass_closed, place_in_run, refiner_name, scene_outcome, tree_sentence
+from verefine_viz.viewer.scene_words import (
+    found_by,
+    pass_closed,
+    place_in_run,
+    refiner_name,
+    scene_outcome,
+    tree_sentence,
+)
 from verefine_viz.viewer.view import View
 
 _AXES = ("x", "y", "z")
@@ -59,6 +66,8 @@ def headline(view: View) -> str:
     """What happened at the cursor, in one or two sentences."""
     if view.cursor == 0:
         return _ready(view)
+    if view.is_answer:
+        return _outcome(view)
     if view.shown is None:
         return f"{view.name} has had no iteration yet."
     if view.look.stage is not None and view.is_current:
@@ -71,8 +80,6 @@ def headline(view: View) -> str:
         said += f" {pass_closed(view.scene.closes_pass)}"
     if not view.is_current:
         said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"
-    if view.progress.done == view.progress.total == view.cursor:
-        said += f" {_outcome(view)}"
     return said
 
 
@@ -152,11 +159,22 @@ def _stage_sentence(view: View, iteration: Iteration) -> str:
 
 
 def _outcome(view: View) -> str:
-    if len(view.scene.objects) > 1:
-        return scene_outcome(view.scene)
-    best = view.state.best
+    if len(view.scene.objects) == 1:
+        return f"Run finished: {_answer(view)}"
+    said = scene_outcome(view.scene) + found_by(view)
+    if view.look.focus is None:
+        return said
+    return f"{said} {view.name[:1].upper()}{view.name[1:]}: {_answer(view)}"
+
+
+def _answer(view: View) -> str:
+    """The answer of the object in focus."""
+    if view.state is None:
+        return "no hypothesis, so no pose."
+    best = next(o.answer for o in view.scene.objects if o.instance_id == view.target.instance.instance_id)
+    assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
-    said = f"Run finished: best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"
+    said = f"best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"
     errors = view.poses["best"].errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
 

@@ -9,7 +9,8 @@ import viser
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.markup import link, sentence, text
+from verefine_viz.viewer.markup import hinted, link, sentence, text
+from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
 from verefine_viz.viewer.view import View
@@ -75,7 +76,7 @@ class ComparePanel:
             return
         b = v.effort_b
         self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
-        self._words.show(sentence(summary(v)) + legend(v) + computing(v, view.progress.running))
+        self._words.show(hinted(summary(v), TERMS) + legend(v) + computing(v, view.progress.running))
         self.slider.max = max(len(v.timeline), 1)
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{now_table(v)}')

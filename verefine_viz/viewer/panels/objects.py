@@ -7,8 +7,8 @@ import viser
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
-from verefine_viz.viewer.scene_words import overlap_sentence, standing_sentence
-from verefine_viz.viewer.standing import LIGHTS
+from verefine_viz.viewer.scene_words import TERMS, overlap_sentence, standing_sentence
+from verefine_viz.viewer.standing import LIGHT_MEANING, LIGHTS
 from verefine_viz.viewer.tables import number
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send
@@ -18,12 +18,11 @@ PHASES: dict[Phase, tuple[str, str]] = {
     "working": ("<b>working</b>", "the iteration at the cursor is about it"),
     "placed": ("placed", "it stands in the scene while others are worked on"),
     "rolled out": ("roll-out", "the search completed the scene with it, drawn as a ghost"),
-    "done": ("done", "it has used its budget"),
+    "done": ("done", "it has used its budget, or the run is over"),
     "no pose": ("no pose", "it has no hypothesis, so it is left out"),
 }
 ROW_PX, HEAD_PX, MOST_PX = 17, 188, 388
 MOST_OVERLAPS = 3
-SCENE_SCORE = "the objects of the latest cluster at their best poses, rendered together; click for all objects"
 
 
 class ObjectsPanel:
@@ -44,7 +43,7 @@ def height_px(n_objects: int) -> int:
 
 def objects_html(view: View) -> str:
     """The whole content of the panel."""
-    return f"{filter_line(view)}{objects_table(view)}{overlap_lines(view)}{legend()}"
+    return f"{filter_line(view)}{objects_table(view)}{overlap_lines(view)}{legend(view)}"
 
 
 def filter_line(view: View) -> str:
@@ -70,7 +69,7 @@ def objects_table(view: View) -> str:
     head = [
         ("", "place in the order to solve them" + ("; cluster.place" if grouped else "")),
         ("object", "click a row to filter the page to it"),
-        ("", "plausibility of the pose among the others: can it stand like that?"),
+        ("", "plausibility of the pose among the others: could it lie still like that? Not how far off it is."),
         ("score", "of the answer so far"),
         ("mm", "ADD(-S) of the answer against ground truth [mm]; bold = within 10 % of the diameter"),
         ("it.", "iterations spent on it up to the cursor"),
@@ -88,13 +87,13 @@ def _has_errors(view: View) -> bool:
 
 def _scene_row(view: View) -> Row:
     scene, latest = view.scene, view.scene.latest_pass
-    scored = view.b.pose.score if view.is_whole_scene and view.b else None
-    score = latest.record.incumbent_score if latest else scored.score if scored else None
-    phase = f"pass {latest.number}" if latest else ""
-    shown = f'<span title="{SCENE_SCORE}">{number(score, 2)}</span>'
+    score = view.frame_score.score if view.frame_score else None
+    phase = "done" if view.is_answer else f"pass {latest.number}" if latest else ""
+    tip = text(f"frame score: {TERMS['frame score']}")
+    shown = f'<span title="{tip}">{number(score, 2)}</span>'
     spent = f"{sum(o.n_iterations for o in scene.objects)}"
     errors = [_scene_error(view)] if _has_errors(view) else []
-    cells = ["", "<b>Scene</b>", "", shown, *errors, spent, phase]
+    cells = ["", f'<b title="{tip}; click for all objects">Frame</b>', "", shown, *errors, spent, phase]
     return Row(cells, c.ShowScene(), marked=view.is_whole_scene)
 
 
@@ -130,7 +129,7 @@ def _light(view: View, o: ObjectNow) -> str:
     if found is None:
         why = "no pose, or no support plane known" if view.physics.complete else "being worked out"
         return f'<span class="dim" title="{why}">…</span>' if not view.physics.complete else "–"
-    return f'<i class="light" style="background:rgb{LIGHTS[found.light]}" title="{_reason(view, found)}"></i>'
+    return _dot(found.light, f"{LIGHT_MEANING[found.light][0]}: {_reason(view, found)}")
 
 
 def _reason(view: View, found: object) -> str:
@@ -146,6 +145,16 @@ def overlap_lines(view: View) -> str:
     return "".join(lines)
 
 
-def legend() -> str:
-    """How objects are drawn in 3D."""
-    return '<p class="dim" style="font-size:11px">3D: placed ones solid, waiting ones as ghosts, overlaps red.</p>'
+def legend(view: View) -> str:
+    """What the lights mean, and how objects are drawn in 3D."""
+    lights = " ".join(f"{_dot(light)} {LIGHT_MEANING[light][0]}" for light in LIGHTS)
+    drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
+    tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
+    return (
+        f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>'
+        f'<p class="legend dim">{drawn}, overlaps red.</p>'
+    )
+
+
+def _dot(light: str, tip: str = "") -> str:
+    return f'<i class="light" style="background:rgb{LIGHTS[light]}" title="{tip}"></i>'

@@ -5,8 +5,10 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
-from verefine_viz.viewer.markup import STYLE, link, sentence, text, warning
+from verefine_viz.viewer.markup import STYLE, hinted, link, sentence, text, warning
+from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -54,7 +56,7 @@ class RunPanel:
 
     def show(self, view: View) -> None:
         """Everything in place."""
-        said = sentence(headline(view)) + event_lines(view)
+        said = hinted(headline(view), TERMS) + event_lines(view) + of_the_end(view)
         if view.message:
             said = warning(view.message) + said
         self._words.show(said)
@@ -71,6 +73,16 @@ class RunPanel:
         _options(self._demo, view.demos, view.session.scene.demo)
         self._demo.visible = view.session.scene.source == "demo" and bool(view.demos)
         self._branches.show(branches_table(view))
+
+
+def of_the_end(view: View) -> str:
+    """What is shown at the end of a finished run, and the way to what it is not."""
+    last = view.iterations[-1] if view.iterations else None
+    if last is None or not view.progress.done == view.progress.total == view.cursor:
+        return ""
+    if not view.is_answer:
+        return f'<p class="dim">Shown: the last iteration. {link("show the answer", c.SeekEnd())}</p>'
+    return f'<p class="dim">Shown: the answer. {link("show the last iteration", visit(view, last))}</p>'
 
 
 def _box(finding: Finding) -> str:

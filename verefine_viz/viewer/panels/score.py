@@ -9,9 +9,9 @@ import viser
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES
-from verefine_viz.viewer.markup import sentence, text
+from verefine_viz.viewer.markup import hinted, text
 from verefine_viz.viewer.scene_tables import passes_table
-from verefine_viz.viewer.scene_words import scene_sentence
+from verefine_viz.viewer.scene_words import TERMS, scene_sentence
 from verefine_viz.viewer.tables import probe_table, score_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -40,7 +40,7 @@ class ScorePanel:
         self.map.value = LABELS[view.look.map][0]
         if view.is_whole_scene and not view.deep:
             return  # A scene is scored when there is time to draw it.
-        self._words.show(sentence(scene_sentence(view) if view.is_whole_scene else compared(view)))
+        self._words.show(hinted(scene_sentence(view) if view.is_whole_scene else compared(view), TERMS))
         a, b = (side.pose if side else None for side in (view.a, view.b))
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"

@@ -7,6 +7,7 @@ import viser
 from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
@@ -49,7 +50,8 @@ def strip(view: View) -> str:
     for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
         x = (mark.iteration - 0.5) * cell
         draw = _star if mark.kind == "new_best_scene" else _triangle
-        parts.append(draw(x, mark.color, mark.iteration, mark.text, mark.kind == "new_best"))
+        to = visit(view, view.iterations[mark.iteration - 1])
+        parts.append(draw(x, mark.color, to, f"iteration {mark.iteration}: {mark.text}", mark.kind == "new_best"))
     x = view.cursor * cell - cell / 2 if view.cursor else 0
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
@@ -85,7 +87,7 @@ def _cells(view: View, cell: float) -> list[str]:
         if several:
             band = view.scene.object(iteration.instance_id).color
             box += f'<rect x="{x:.1f}" y="26.5" width="{width:.1f}" height="3" fill="rgb{band}"/>'
-        parts.append(f"<g {carries(c.Seek(iteration.index))}{faint}>{box}<title>{text(title)}</title></g>")
+        parts.append(f"<g {carries(visit(view, iteration))}{faint}>{box}<title>{text(title)}</title></g>")
     return parts
 
 
@@ -154,18 +156,15 @@ def _passes(view: View, cell: float) -> list[str]:
     return parts
 
 
-def _star(x: float, color: RGB, iteration: int, title: str, small: bool) -> str:
+def _star(x: float, color: RGB, to: c.Command, title: str, small: bool) -> str:
     points = " ".join(f"{x + dx:.1f},{6 + dy}" for dx, dy in ((0, -6), (4, 0), (0, 6), (-4, 0)))
-    return (
-        f'<g {carries(c.Seek(iteration))}><polygon points="{points}" fill="rgb{color}"/>'
-        f"<title>iteration {iteration}: {text(title)}</title></g>"
-    )
+    return _mark(points, color, to, title)
 
 
-def _triangle(x: float, color: RGB, iteration: int, title: str, small: bool) -> str:
+def _triangle(x: float, color: RGB, to: c.Command, title: str, small: bool) -> str:
     half, top = (3, 6) if small else (5.5, 1)
-    points = f"{x - half:.1f},{top} {x + half:.1f},{top} {x:.1f},12"
-    return (
-        f'<g {carries(c.Seek(iteration))}><polygon points="{points}" fill="rgb{color}"/>'
-        f"<title>iteration {iteration}: {text(title)}</title></g>"
-    )
+    return _mark(f"{x - half:.1f},{top} {x + half:.1f},{top} {x:.1f},12", color, to, title)
+
+
+def _mark(points: str, color: RGB, to: c.Command, title: str) -> str:
+    return f'<g {carries(to)}><polygon points="{points}" fill="rgb{color}"/><title>{text(title)}</title></g>'

@@ -1,0 +1,167 @@
+"""The end of a finished run shows the answer; the iteration tried last can be asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fakes import FakeRefiner, FakeSimulator
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.dependency import DependencyGraph
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.settings import MctsSettings, MethodSettings, Session
+from verefine_viz.methods.physim_mcts import make_physim_mcts
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.answer import OF_ITERATION, visit
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.markup import carries
+from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.panels.run import of_the_end
+from verefine_viz.viewer.panels.timeline import strip
+from verefine_viz.viewer.scene_sides import FIRST
+from verefine_viz.viewer.words import compared, headline
+
+TWO, END = c.OpenFrame("0/2"), c.RunUntil("end")
+
+
+class FarCost:
+    """Unexplained pixels of a scene: the farther from the camera, the more."""
+
+    def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:
+        return int(1e6 * sum(float(np.abs(p.T_cam_obj[:3, 3]).sum()) for p in scene))
+
+
+class SearchTools(FakeTools):
+    """A tree search for two objects that have to do with each other."""
+
+    def problem(self, frame: str) -> Problem:
+        clusters = (tuple(range(int(frame[-1]))),)
+        return replace(super().problem(frame), dependencies=DependencyGraph((), clusters, (), "given"))
+
+    @property
+    def method(self) -> Any:
+        return make_physim_mcts(
+            MctsSettings(expansions=6), FakeSimulator(), FakeRefiner(), self.verifier, FarCost(), 3
+        )  # fmt: skip
+
+
+def debugger(name: str = "rir", n: int = 2, tools: type[FakeTools] = FakeTools) -> Debugger:
+    d = Debugger(Session(method=MethodSettings(name=name, iterations=2)), None, tools)
+    return d.carry_out([c.OpenFrame(f"0/{n}")])
+
+
+@pytest.mark.parametrize(("name", "tools"), [("rir", FakeTools), ("vf_depth", FakeTools), ("physim_mcts", SearchTools)])
+def test_every_object_stands_at_its_answer_and_is_done(name: str, tools: type[FakeTools]) -> None:
+    d = debugger(name, tools=tools).carry_out([END])
+    view = d.view()
+    assert view.is_answer
+    for o, best in zip(
+        sorted(view.scene.objects, key=lambda o: o.instance_id), d.workspace.run.state.best, strict=True
+    ):
+        np.testing.assert_array_equal(o.T_cam_obj, best.T_cam_obj)
+        assert o.phase == "done"
+    own = view.scene.object(view.target.instance.instance_id)
+    assert own.answer is not None
+    np.testing.assert_array_equal(view.poses["best"].T_cam_obj, own.answer.T_cam_obj)
+    assert view.arm == own.answer.arm
+    assert "<b>working</b>" not in objects_html(view)
+
+
+def test_the_branch_tried_last_is_shown_with_its_iteration_only() -> None:
+    d = debugger("physim_mcts", tools=SearchTools).carry_out([END])
+    last = d.workspace.run.iterations[-1]
+    assert last.tree is not None
+    tried = {p.instance_id: p.T_cam_obj for p in (*last.placed, *last.tree.rollout)}
+    tried[last.instance_id] = last.accepted_stage.T_cam_obj
+    answers = {o.instance_id: o.T_cam_obj for o in d.view().scene.objects}
+    assert any(not np.array_equal(tried[k], answers[k]) for k in tried), "else this shows nothing"
+    view = d.carry_out([visit(d.view(), last)]).view()
+    assert not view.is_answer
+    assert view.cursor == last.index
+    for o in view.scene.objects:
+        np.testing.assert_array_equal(o.T_cam_obj, tried[o.instance_id])
+    assert view.scene.object(last.instance_id).phase == "working"
+    assert d.carry_out([c.SeekEnd()]).view().is_answer
+
+
+def test_the_answer_is_shown_wherever_the_end_is_reached_from_and_nowhere_else() -> None:
+    d = debugger(n=1).carry_out([END])
+    n = d.workspace.run.length
+    assert d.view().is_answer
+    assert not d.carry_out([c.Back()]).view().is_answer
+    assert d.carry_out([c.Step()]).view().is_answer
+    assert not d.carry_out([c.Seek(0)]).view().is_answer
+    assert d.carry_out([c.Seek(n)]).view().is_answer
+    assert not debugger(n=1).carry_out([c.RunTo(n - 1)]).view().is_answer, "the end of what was made is not the end"
+
+
+def test_the_words_tell_of_the_answer_and_lead_to_the_iteration() -> None:
+    d = debugger(n=1).carry_out([END])
+    view = d.view()
+    assert headline(view).startswith("Run finished: best ")
+    assert "Shown: the answer." in of_the_end(view)
+    assert carries(visit(view, view.iterations[-1])) in of_the_end(view)
+    assert carries(visit(view, view.iterations[-1])) in strip(view), "its cell on the timeline goes there as well"
+    view = d.carry_out([visit(view, view.iterations[-1])]).view()
+    assert headline(view).startswith(f"Iteration {view.cursor}, box, ")
+    assert "Shown: the last iteration." in of_the_end(view)
+    assert of_the_end(d.carry_out([c.Back()]).view()) == ""
+
+
+def test_several_objects_are_summed_up_and_the_one_in_focus_is_told() -> None:
+    d = debugger("vf_depth").carry_out([END])
+    said = headline(d.view())
+    assert said.startswith("Run finished: 2 of 2 objects have a pose")
+    assert headline(d.carry_out([c.Focus(1)]).view()).startswith(said)
+    assert " Box: best 0." in headline(d.view())
+    tree = debugger("physim_mcts", tools=SearchTools).carry_out([END])
+    found = [i.index for i in tree.workspace.run.iterations if any(e.kind == "new_best_scene" for e in i.events)]
+    assert f"px unexplained; iteration {found[-1]} found it." in headline(tree.view())
+
+
+def test_the_answer_is_compared_with_where_it_started() -> None:
+    d = debugger(n=1).carry_out([END])
+    view = d.view()
+    assert (view.look.a, view.look.b) == ("initial", "best")
+    assert compared(view).startswith("Best 0.")
+    assert not OF_ITERATION & (set(view.poses) | view.look.layers)
+    assert d.look.b == "refined", "what was chosen is kept"
+    assert d.carry_out([c.Back()]).view().look.b == "refined"
+    scene = debugger().carry_out([END, c.ShowScene()]).view()
+    assert scene.a is not None
+    assert scene.a.pose.name == FIRST
+    start = debugger().carry_out([c.ShowScene()]).view()
+    assert start.a is not None
+    np.testing.assert_array_equal(scene.a.pose.T_cam_obj, start.a.pose.T_cam_obj)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [c.ShowLayer("refined", True), c.ShowLayer("simulated"), c.ShowLayer("best", False), c.Compare(b="refined")],
+)
+def test_asking_for_something_of_the_last_iteration_shows_it(command: c.Command) -> None:
+    d = debugger(n=1).carry_out([END, command])
+    view = d.view()
+    assert not view.is_answer
+    assert {"current", "simulated", "refined", "accepted"} <= set(view.poses)
+    if isinstance(command, c.ShowLayer):
+        assert (command.name in view.look.layers) == (command.visible is not False)
+    again = debugger(n=1).carry_out(d.log)
+    assert again.look == d.look
+    assert d.carry_out([c.SeekEnd()]).view().is_answer
+
+
+def test_ground_truth_can_be_put_beside_the_answer() -> None:
+    view = debugger(n=1).carry_out([END, c.ScoreGroundTruth()]).view()
+    assert view.is_answer
+    assert (view.look.a, view.look.b) == ("best", "ground truth")
+
+
+def test_by_hand_and_along_the_path_it_is_the_last_iteration() -> None:
+    assert not debugger(n=1).carry_out([END, c.EditPose()]).view().is_answer
+    assert not debugger(n=1).carry_out([END, c.PlayPath()]).view().is_answer

@@ -1,0 +1,108 @@
+"""Two runs along one timeline: moving both, swapping them, what of each is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.viewer.two_runs import SIR, TWO, debugger, sides
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
+
+
+def test_both_move_along_one_timeline() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)])
+    v = sides(d)
+    # Three hypotheses and K = 2: A takes six refiner calls an object, B two.
+    assert len(v.timeline) == 12
+    assert v.place == 12
+    d.carry_out([s.SeekMoment(2)])
+    v = sides(d)
+    assert (v.place, d.workspace.run.cursor) == (2, 2)
+    assert v.moment is not None
+    assert (v.moment.a, v.moment.b) == (2, 2)
+    d.carry_out([s.StepMoment(1)])
+    v = sides(d)
+    assert v.moment is not None
+    assert (v.place, v.moment.b) == (3, None)
+    assert v.now_b is not None
+    assert v.now_b.iteration is not None
+    assert v.now_b.iteration.index == 2, "B stays where it was when A goes on alone"
+    d.carry_out([c.Seek(8)])
+    v = sides(d)
+    assert v.moment is not None
+    assert (v.moment.a, v.moment.b) == (8, 4), "A's own slider moves both"
+    d.carry_out([s.SeekMoment(0)])
+    assert sides(d).place == 0
+    assert d.workspace.run.cursor == 0
+    assert sides(d.carry_out([s.SeekMoment(99)])).place == 12
+
+
+def test_moments_that_only_b_has_can_be_reached() -> None:
+    d = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
+    d.carry_out([TWO, c.RunUntil("end"), s.CompareRun((("method.iterations", 3),))])
+    assert len(sides(d).timeline) == 6
+    d.carry_out([s.SeekMoment(3)])
+    v = sides(d)
+    assert v.moment is not None
+    assert (v.place, v.moment.a, v.moment.b, d.workspace.run.cursor) == (3, None, 3, 1)
+    assert d.view().target.instance.instance_id == 0
+    d.carry_out([s.SeekMoment(6)])
+    assert (sides(d).place, d.workspace.run.cursor) == (6, 2)
+
+
+def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), s.SeekMoment(2)])
+    before = sides(d)
+    d.carry_out([s.SwapSides()])
+    after = sides(d)
+    assert (after.name_a, after.name_b) == (before.name_b, before.name_a) == ("sir", "rir")
+    assert after.moment is not None
+    assert before.moment is not None
+    assert after.moment.key == before.moment.key
+    assert d.workspace.run.method.n_iterations(d.workspace.run.state) == 4
+    swapped = {"A": "B", "B": "A", "even": "even", None: None}
+    assert [o.winner for o in after.outcomes] == [swapped[o.winner] for o in before.outcomes]
+    for k, (T_a, T_b) in before.poses.items():
+        np.testing.assert_array_equal(after.poses[k][0], T_b)
+        np.testing.assert_array_equal(after.poses[k][1], T_a)
+    d.carry_out([s.SwapSides()])
+    assert sides(d).place == before.place
+
+
+def test_stage_layers_are_put_away_and_come_back() -> None:
+    d = debugger().carry_out([c.Step()])
+    before = d.view().look.layers
+    d.carry_out([s.CompareRun(SIR)])
+    assert not d.view().look.layers & {"simulated", "refined", "accepted", "hypotheses"}
+    assert {"cloud", "ground truth"} <= d.view().look.layers
+    d.carry_out([c.ShowLayer("hypotheses")])
+    assert "hypotheses" in d.view().look.layers
+    d.carry_out([s.StopComparing()])
+    assert d.view().look.layers == before
+    assert d.view().sides is None
+
+
+def test_sides_can_be_hidden_and_show_best_or_kept() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),)), s.ShowSide("B")])
+    assert sides(d).shown == {"A"}
+    assert sides(d.carry_out([s.ShowSide("B")])).shown == {"A", "B"}
+    d.carry_out([s.SeekMoment(3), s.ShowSidePoses("kept")])
+    v = sides(d)
+    T_a, T_b = v.poses[0]
+    runs = [b.run for b in d.workspace.work.branches]
+    np.testing.assert_array_equal(T_a, runs[0].iterations[2].accepted_stage.T_cam_obj)
+    np.testing.assert_array_equal(T_b, runs[1].iterations[2].accepted_stage.T_cam_obj)
+    T_a, T_b = sides(d.carry_out([s.ShowSidePoses("best")])).poses[0]
+    np.testing.assert_array_equal(T_a, runs[0].iterations[2].best.T_cam_obj)
+    np.testing.assert_array_equal(T_b, runs[1].iterations[2].best.T_cam_obj)
+
+
+def test_curves_run_over_the_calls_of_the_object_in_focus() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), c.Focus(0)])
+    curves = sides(d).curves
+    assert curves.calls == (0, 1, 2, 3, 4, 5, 6)
+    assert len(curves.score_a) == len(curves.score_b) == 7
+    assert curves.score_b[2:] == (curves.score_b[2],) * 5, "a run that has ended stays where it was"
+    assert curves.error_a is not None
+    assert list(curves.score_a) == sorted(curves.score_a)

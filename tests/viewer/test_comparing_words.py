@@ -1,0 +1,100 @@
+"""What the page says of two runs: where they part, and who comes nearer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tests.viewer.tools import FakeTools
+from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.session.comparison import Difference
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
+
+
+def test_the_first_difference_is_reached_and_said() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),))])
+    v = sides(d)
+    assert v.differences.deed is not None
+    assert v.differences.deed.kind == "hypothesis"
+    d.carry_out([s.SeekDifference()])
+    v = sides(d)
+    assert v.place == v.differences.deed.place  # type: ignore[union-attr]
+    assert v.which == "kept"
+    said = summary(v)
+    assert said.startswith(
+        "A (exploration = 0.7) and B (exploration = 5) do the same for 1 iteration. Then in iteration 2 B works on "
+        "hypothesis 3 of box instead of 1. At the end A is nearer to the truth: A is 0.2 mm off and scores 0.99, B "
+    )
+
+
+def test_a_run_beside_itself_has_no_difference_to_jump_to() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun(), s.SeekDifference()])
+    assert d.message == "No difference in the 6 iterations that both have made."
+    assert "did the same in all 6 iterations that both have made, bit for bit" in summary(sides(d))
+    assert {o.winner for o in sides(d).outcomes} == {"even"}
+
+
+def test_scores_by_another_rule_are_told_and_judged_by_one() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("score.tau_m", 0.01),))])
+    v = sides(d)
+    assert not v.scores_alike
+    assert v.settings == (("score.tau_m", 0.02, 0.01),)
+
+
+def test_without_ground_truth_nobody_is_called_nearer() -> None:
+    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
+    assert "is nearer to the truth on 2 of 2 objects, B on 0; on average A is " in summary(v)
+    blind = tuple(
+        replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes
+    )
+    assert "A scores higher on 2 of 2 objects" in summary(replace(v, outcomes=blind))
+    assert "nearer" not in summary(replace(v, outcomes=blind))
+
+
+def test_names_from_data_are_text() -> None:
+    evil = "<img src=x onerror=alert(1)>"
+
+    class Evil(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            problem = super().problem(frame)
+            return replace(problem, models={k: replace(m, name=evil) for k, m in problem.models.items()})
+
+    d = Debugger(SESSION, None, Evil).carry_out([TWO, c.RunUntil("end"), s.CompareRun()])
+    v = replace(sides(d), name_a=evil, name_b=evil, settings=(("method.name", evil, evil),))
+    shown = "".join([sentence(summary(v)), legend(v), now_table(v), outcome_table(v), settings_list(v)])
+    assert "<img src=x" not in shown
+    assert "&lt;img src=x" in shown
+
+
+def test_a_run_that_ends_earlier_is_said_to_be_done() -> None:
+    said = summary(sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)])))
+    assert "Then B is done with box #0 after 2 refiner calls, while A goes on." in said
+    shorter = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
+    said = summary(sides(shorter.carry_out([c.RunUntil("end"), s.CompareRun((("method.iterations", 3),))])))
+    assert "do the same for 1 iteration. Then A is done with box after 1 refiner call, while B goes on." in said
+
+
+def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None:
+    v = sides(debugger().carry_out([c.RunUntil("end"), s.CompareRun(SIR)]))
+    first = Difference(0, 0, "start", "starts hypothesis 1 of box 3.0 mm and 1.0° away")
+    begun = summary(replace(v, differences=replace(v.differences, deed=first)))
+    assert begun.startswith("A (rir) and B (sir) begin differently: B starts hypothesis 1 of box 3.0 mm and 1.0° away.")
+    once = Difference(1, 0, "kept", "keeps the refined pose of box instead of the simulated one", 1, 2)
+    parted = summary(replace(v, differences=replace(v.differences, deed=once)))
+    assert "part at once: in iteration 1 (B's 2) B keeps the refined pose" in parted
+
+
+def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() -> None:
+    view = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]).view()
+    assert view.sides is not None
+    assert view.frame_score is not None
+    assert view.sides.frame_scores is not None
+    assert view.sides.frame_scores[0] == view.frame_score.score
+    assert f"frame score A {view.frame_score.score:.3f}" in summary(view.sides)
+    assert f">{view.frame_score.score:.2f}</span>" in objects_html(view)
