@@ -1,69 +1,97 @@
-"""What ``verefine-viz batch`` does with several sessions, and what it says when it is done."""
+"""What ``verefine-viz batch`` does: one run or many, and what it says on the way and when it is done."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
-from verefine_viz.batch.progress import shown_progress
-from verefine_viz.batch.runner import Outcome, Place, check, run_batch
+from verefine_viz.batch.jobs import Job, check_jobs
+from verefine_viz.batch.pool import Pool
+from verefine_viz.batch.progress import clock, shown_progress
+from verefine_viz.batch.runner import Outcome, Place, run_batch
+from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
-from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session
 
 
-def run_sessions(
-    paths: Sequence[Path],
-    out: Path,
-    place: Place,
-    overrides: Mapping[str, Any],
-    retry_failed: bool = False,
-    task: TaskName = "explain",
+def run_jobs(
+    jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool = False, task: TaskName = "explain"
 ) -> int:
-    """Runs each session; the exit code: 0, or 1 where frames failed.
+    """Runs one job after the other, by the same workers; the exit code: 0, or 1 where frames failed.
 
     Raises:
-        VerefineError: a session or ``out`` cannot be used, or the cluster does not answer.
+        VerefineError: a session or a folder cannot be used, or the cluster does not answer.
     """
-    jobs = folders(paths, out)
-    sessions = {path: load_session(path, overrides) for path in jobs}
-    if len(sessions) > 1:
-        # A mistake in the last of several sessions should not show after hours.
-        for session in sessions.values():
-            check(session)
-    outcomes = [_run(sessions[path], folder, place, retry_failed, task) for path, folder in jobs.items()]
-    return 1 if any(outcome.n_failed for outcome in outcomes) else 0
+    if len(jobs) == 1:
+        outcome = _run(jobs[0], jobs[0].folder.name, place, retry_failed, task, None)
+        _print_summary(outcome)
+        return 1 if outcome.n_failed else 0
+    check_jobs(jobs)
+    if place.cluster:
+        return _run_all(jobs, out, place, retry_failed, task, None)
+    first = jobs[0]
+    with closing(Pool(first.session, first.folder.absolute(), place.n_workers, task, place.limit_bytes)) as pool:
+        return _run_all(jobs, out, place, retry_failed, task, pool)
 
 
-def folders(paths: Sequence[Path], out: Path) -> dict[Path, Path]:
-    """The output folder of each session: ``out`` itself for one, ``out/NAME`` for several.
+def _run_all(
+    jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None
+) -> int:
+    outcomes: list[tuple[Job, Outcome]] = []
+    n_new, begun_s = 0, time.perf_counter()
+    for k, job in enumerate(jobs):
+        left_s = (time.perf_counter() - begun_s) / n_new * (len(jobs) - k) if n_new else None
+        title = f"{job.folder.name} (run {k + 1} of {len(jobs)}{f', {clock(left_s)} left' if left_s else ''})"
+        outcome = _run(job, title, place, retry_failed, task, pool)
+        outcomes.append((job, outcome))
+        n_new += outcome.n_resumed < outcome.totals["frames"]
+        _print_line(outcome)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(sweep_table(outcomes))
+    notes = Counter(note for _, outcome in outcomes for note in outcome.totals["notes"])
+    for note, n in notes.items():
+        console.print(escape(f"note ({n} run{'s' * (n > 1)}): {note}"))
+    n_failed = sum(outcome.n_failed for _, outcome in outcomes)
+    if n_failed:
+        console.print(f"{n_failed} frames failed; the same command with --retry-failed tries them again.")
+    console.print(escape(f"Compare them: verefine-viz report {out}"))
+    return 1 if n_failed else 0
 
-    Raises:
-        SettingsError: two sessions would write to the same folder.
-    """
-    if len(paths) == 1:
-        return {paths[0]: out}
-    stems = [path.stem for path in paths]
-    for stem in stems:
-        if stems.count(stem) > 1:
-            raise SettingsError(f"two sessions are called {stem!r} and would share {out / stem}; rename one")
-    return {path: out / path.stem for path in paths}
+
+def _run(job: Job, title: str, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
+    if pool is not None:
+        pool.turn_to(job.session, job.folder.absolute())
+    with shown_progress(title, Console(stderr=True)) as tell:
+        return run_batch(job.session, job.folder, place, tell, retry_failed, task, pool)
 
 
-def _run(session: Session, out: Path, place: Place, retry_failed: bool, task: TaskName) -> Outcome:
-    with shown_progress(out.name, Console(stderr=True)) as tell:
-        outcome = run_batch(session, out, place, tell, retry_failed, task)
-    _print_summary(outcome)
-    return outcome
+def _print_line(outcome: Outcome) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {outcome.seconds:.1f} s"))
+    _print_failures(console, outcome)
 
 
 def _print_summary(outcome: Outcome) -> None:
     console = Console(highlight=False, soft_wrap=True)
+    numbers = outcome.totals
+    took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
+    console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
+    if numbers["causes"]:
+        console.print("causes: " + ", ".join(f"{cause} {n}" for cause, n in numbers["causes"].items()))
+    for note, n in numbers["notes"].items():
+        console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
+    _print_failures(console, outcome)
+    if outcome.n_failed:
+        console.print("The same command with --retry-failed tries them again.")
+
+
+def in_short(outcome: Outcome) -> str:
+    """``8 frames, 28 objects, median ADD(-S) 2.2 mm, 86% below 10 % of the diameter``."""
     numbers = outcome.totals
     parts = [
         f"{numbers['frames']} frames" + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
@@ -77,16 +105,12 @@ def _print_summary(outcome: Outcome) -> None:
             parts.append(f"{numbers['recall']:.0%} below 10 % of the diameter")
     elif numbers["median_score"] is not None:
         parts.append(f"median score {numbers['median_score']:.3f}")
-    took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
-    console.print(escape(f"{', '.join(parts)}; {took}. Results in {outcome.folder}"))
-    if numbers["causes"]:
-        console.print("causes: " + ", ".join(f"{cause} {n}" for cause, n in numbers["causes"].items()))
-    for note, n in numbers["notes"].items():
-        console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
+    return ", ".join(parts)
+
+
+def _print_failures(console: Console, outcome: Outcome) -> None:
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     n_more = outcome.n_failed - len(outcome.failures)
     if n_more:
         console.print(f"… and {n_more} more, see frames.csv")
-    if outcome.n_failed:
-        console.print("The same command with --retry-failed tries them again.")

@@ -25,13 +25,18 @@ TRIES = 2
 class _Worker:
     process: BaseProcess
     channel: connection.Connection
+    out: Path
+    """Folder of the batch whose session it has."""
     frame: str = ""
 
-    def give(self, frame: str) -> None:
+    def give(self, frame: str, session: Session, out: Path) -> None:
         self.frame = frame
         # If the process has just died, the channel says so when it is read.
         with suppress(OSError):
+            if self.out != out:
+                self.channel.send((session, out))
             self.channel.send(frame)
+        self.out = out
 
     def result(self) -> FrameResult | None:
         """What it found; None where it died instead."""
@@ -48,7 +53,7 @@ class _Worker:
 
 
 class Pool:
-    """Workers for one session. The first starts at once, so that it imports and compiles while others prepare.
+    """Workers for one session at a time. The first starts at once, so that it imports while others prepare.
 
     Args:
         session: what they work on.
@@ -85,6 +90,12 @@ class Pool:
             "fewer --workers, or a higher --worker-memory-gb, is faster"
         )
 
+    def turn_to(self, session: Session, out: Path) -> None:
+        """From now on frames are those of another batch; processes stay, which spares seconds of imports each."""
+        self._session, self._out = session, out
+        self._tries.clear()
+        self._again.clear()
+
     def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
         """See :class:`Workers`."""
         waiting = iter(frames)
@@ -97,7 +108,7 @@ class Pool:
                 if frame is None:
                     return
                 busy.append(idle.pop() if idle else self._added())
-                busy[-1].give(frame)
+                busy[-1].give(frame, self._session, self._out)
 
         give_out()
         while busy:
@@ -156,7 +167,7 @@ class Pool:
         with _interrupts_ignored():
             process.start()
         theirs.close()
-        return _Worker(process, ours)
+        return _Worker(process, ours, self._out)
 
 
 @contextmanager

@@ -46,7 +46,7 @@ def in_words(now: Progress) -> str:
     if now.frame_s:
         parts.append(f"{1 / now.frame_s:.1f} frames/s" if now.frame_s <= 1 else f"{now.frame_s:.1f} s a frame")
         if n_left:
-            parts.append(f"{_clock(n_left * now.frame_s)} left")
+            parts.append(f"{clock(n_left * now.frame_s)} left")
     elif n_left:
         parts.append("starting")
     if now.counts.recall is not None:
@@ -56,7 +56,8 @@ def in_words(now: Progress) -> str:
     return ", ".join(parts)
 
 
-def _clock(seconds: float) -> str:
+def clock(seconds: float) -> str:
+    """``3:12``, or ``1:03:12``."""
     minutes, s = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{s:02d}" if hours else f"{minutes}:{s:02d}"

@@ -122,6 +122,7 @@ def run_batch(
     tell: Callable[[Progress], None] = lambda _: None,
     retry_failed: bool = False,
     task: TaskName = "solve",
+    workers: Workers | None = None,
 ) -> Outcome:
     """Solves every frame of ``session`` into ``out``; goes on where an earlier start of the same batch stopped.
 
@@ -134,17 +135,17 @@ def run_batch(
         tell: told at the start and after each frame.
         retry_failed: try frames again that failed in an earlier start.
         task: what to do with each frame.
+        workers: that stand ready for this session and folder, and are left running; None: some are started.
 
     Raises:
         VerefineError: the session or ``out`` cannot be used, or the cluster is gone. A frame that fails does not raise.
     """
-    workers = place.workers(session, out.absolute(), task)
-    try:
-        frames = check(session)
-        with closing(RunFolder(out, session)) as folder:
-            return _Batch(session, folder, frames, workers, place).run(tell, retry_failed)
-    finally:
-        workers.close()
+    if workers is None:
+        with closing(place.workers(session, out.absolute(), task)) as own:
+            return run_batch(session, out, place, tell, retry_failed, task, own)
+    frames = check(session)
+    with closing(RunFolder(out, session)) as folder:
+        return _Batch(session, folder, frames, workers, place).run(tell, retry_failed)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""A worker process: builds the session's tools once, then solves the frames it is given."""
+"""A worker process: builds a session's tools once, then solves the frames it is given; it may get another session."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "M
 def work(
     channel: connection.Connection, session: Session, out: Path, task: Literal["solve", "explain", "estimate"]
 ) -> None:
-    """The process's main: receives frames, sends results, until the channel closes."""
+    """The process's main: receives frames or another (session, out), sends results, until the channel closes."""
     # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -27,7 +27,12 @@ def work(
     toolbox, run = Toolbox(session), task_named(task)
     try:
         while True:
-            channel.send(run(toolbox, channel.recv(), out))
+            given = channel.recv()
+            if isinstance(given, str):
+                channel.send(run(toolbox, given, out))
+            else:
+                session, out = given
+                toolbox = Toolbox(session)
     except (EOFError, BrokenPipeError):
         return
 

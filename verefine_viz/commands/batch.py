@@ -22,6 +22,12 @@ class Batch:
     """Session files (.toml); several of them get a folder each below --out."""
     out: Path
     """Folder for results.csv, frames.csv, recordings/, session.toml and run.json."""
+    methods: tuple[str, ...] = ()
+    """Run every session with each of these methods (pir sir rir …), each in a folder METHOD-SEED below --out; none =
+    the session's own."""
+    seeds: int | None = None
+    """Run everything with seeds 0 … N-1, of the first poses and of the method (hypotheses.seed, method.seed); none =
+    the session's own. verefine-viz report OUT then compares the methods, with their spread over the seeds."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes; the results are the same for any number."""
     worker_memory_gb: float | None = None
@@ -48,10 +54,16 @@ class Batch:
             raise SettingsError(f"--worker-memory-gb is {self.worker_memory_gb:g}, expected more than 0")
         if self.ship and not self.cluster:
             raise SettingsError("--ship is about clusters; say --cluster ADDRESS, or leave it out")
-        from verefine_viz.batch.command import run_sessions
+        from verefine_viz.batch.command import run_jobs
+        from verefine_viz.batch.jobs import session_jobs, sweep_jobs
         from verefine_viz.batch.runner import Place
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
         place = Place(self.workers, limit, self.cluster, self.ship)
         task = "explain" if self.diagnose else "solve"
-        return run_sessions(self.sessions, self.out, place, given(self.settings, arguments), self.retry_failed, task)
+        overrides = given(self.settings, arguments)
+        if self.methods or self.seeds is not None:
+            jobs = sweep_jobs(self.sessions, self.out, overrides, self.methods, self.seeds)
+        else:
+            jobs = session_jobs(self.sessions, self.out, overrides)
+        return run_jobs(jobs, self.out, place, self.retry_failed, task)

@@ -16,7 +16,8 @@ from verefine_viz.core.errors import SettingsError
 @dataclass(frozen=True)
 class Report:
     """Write the report of a batch, of two side by side, or of many compared: one HTML file with scores, causes and
-    failures."""
+    failures.
+    """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN_DIR")]
     """The folder of a batch run, or of several (a sweep): runs that differ only in their seeds are one group, and the

@@ -103,16 +103,16 @@ def panel_figure(lines: Sequence[Line]) -> go.Figure:
         vertical_spacing=0.16 / n_rows,
     )
     for k, (name, curve) in enumerate(known):
-        place = {"row": k // PANELS_A_ROW + 1, "col": k % PANELS_A_ROW + 1}
+        place: dict[str, Any] = {"row": k // PANELS_A_ROW + 1, "col": k % PANELS_A_ROW + 1}
         best_name, best = known[0]
         _add_band(figure, curve, shades[name][0], opacity=0.25, **place)
         if k:
             _add_curve(figure, best, best_name, (GREY, "solid"), showlegend=False, **place)
         _add_curve(figure, curve, name, (shades[name][0], "solid"), showlegend=False, **place)
         figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"}, **place)
-    base = new_figure("", "", height=40 + PANEL_PX * n_rows).layout
-    figure.update_layout(template=base.template, height=base.height, margin={"l": 40, "r": 10, "t": 26, "b": 30})
-    figure.update_layout(paper_bgcolor=base.paper_bgcolor, plot_bgcolor=base.plot_bgcolor, hovermode="closest")
+    look = new_figure("", "", height=40 + PANEL_PX * n_rows).to_dict()["layout"]
+    figure.update_layout({name: value for name, value in look.items() if name not in ("xaxis", "yaxis", "legend")})
+    figure.update_layout(template=go.layout.Template(), margin={"l": 40, "r": 10, "t": 26, "b": 30})
     figure.update_annotations(font={"size": 12.5})
     figure.update_xaxes(range=[0, 50], zeroline=False)
     figure.update_yaxes(range=[0, 103], zeroline=False)

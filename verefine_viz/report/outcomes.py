@@ -84,7 +84,7 @@ class Outcomes:
     def frame_times(self) -> tuple[Float, Index, Index]:
         """The method's computing time for each frame and seed [ms], with its row and column of the cells."""
         _, first, place = np.unique(np.stack([self.frame, self.seed]), axis=1, return_index=True, return_inverse=True)
-        return np.bincount(place.ravel(), self.ms), self.unit[first], self.seed[first]
+        return np.bincount(place.ravel(), self.ms).astype(np.float64), self.unit[first], self.seed[first]
 
     @property
     def hits(self) -> Float:

@@ -1,0 +1,102 @@
+"""What a command is to run: names, seeds, and what is refused before anything runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz import cli
+from verefine_viz.batch.jobs import Job, check_jobs, session_jobs, sweep_jobs
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.settings import Session
+
+
+@pytest.fixture
+def sessions(tmp_path: Path) -> list[Path]:
+    paths = [tmp_path / "a.toml", tmp_path / "b.toml"]
+    for path in paths:
+        path.write_text(f'title = "{path.stem}"\n[method]\nname = "sir"\nseed = 7\n')
+    return paths
+
+
+def seeds(job: Job) -> tuple[int, int]:
+    return job.session.hypotheses.seed, job.session.method.seed
+
+
+def test_every_method_runs_with_every_seed_in_a_folder_of_its_own(sessions: list[Path], tmp_path: Path) -> None:
+    jobs = sweep_jobs(sessions[:1], tmp_path / "out", {}, ("pir", "rir"), 3)
+    found = {job.folder.name: (job.session.method.name, seeds(job)) for job in jobs}
+    assert found == {f"{method}-{k}": (method, (k, k)) for method in ("pir", "rir") for k in range(3)}
+    # All methods with the first seed come first.
+    assert [job.folder.name for job in jobs[:3]] == ["pir-0", "rir-0", "pir-1"]
+    assert {job.session.title for job in jobs} == {"a"}
+
+
+def test_several_sessions_put_their_names_before(sessions: list[Path], tmp_path: Path) -> None:
+    jobs = sweep_jobs(sessions, tmp_path / "out", {}, ("pir",), 1)
+    assert [job.folder for job in jobs] == [tmp_path / "out" / "a-pir-0", tmp_path / "out" / "b-pir-0"]
+
+
+def test_more_seeds_later_keep_the_folders_of_the_first(sessions: list[Path], tmp_path: Path) -> None:
+    few = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 2)}
+    many = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 30)}
+    assert few.items() <= many.items()
+
+
+def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tmp_path: Path) -> None:
+    (only_methods,) = sweep_jobs(sessions[:1], tmp_path / "out", {}, ("pir",), None)
+    assert (only_methods.folder.name, seeds(only_methods)) == ("pir", (0, 7))
+    (only_seeds,) = sweep_jobs(sessions[:1], tmp_path / "out", {}, (), 1)
+    assert (only_seeds.folder.name, only_seeds.session.method.name, seeds(only_seeds)) == ("sir-0", "sir", (0, 0))
+    assert [job.folder for job in session_jobs(sessions[:1], tmp_path / "out", {})] == [tmp_path / "out"]
+    assert [job.folder.name for job in session_jobs(sessions, tmp_path / "out", {})] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--methods", "pir", "ppir"), "unknown method 'ppir'; available: refine, "),
+        (("--methods", "pir", "pir"), "--methods names 'pir' twice"),
+        (("--seeds", "0"), "--seeds is 0, expected 1 or more"),
+        (("--seeds", "-3"), "--seeds is -3, expected 1 or more"),
+        (("--methods", "pir", "--method.name", "sir"), "--method.name and --methods say different things"),
+        (("--seeds", "2", "--hypotheses.seed", "4"), "--hypotheses.seed and --seeds say different things"),
+        (("--seeds", "2", "--method.seed", "4"), "--method.seed and --seeds say different things"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_one_line(
+    sessions: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], expected: str
+) -> None:
+    assert cli.main(["batch", str(sessions[0]), "--out", str(tmp_path / "out"), *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert expected in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_sessions_of_the_same_name_are_refused(sessions: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(VerefineError, match="two sessions are called 'a'"):
+        sweep_jobs([sessions[0], tmp_path / "other" / "a.toml"], tmp_path / "out", {}, ("pir",), 2)
+
+
+def test_a_folder_with_a_single_run_takes_no_sweep(sessions: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text("")
+    with pytest.raises(VerefineError, match="holds a single run; choose another --out"):
+        sweep_jobs(sessions, tmp_path, {}, ("pir",), 2)
+
+
+def test_everything_is_checked_before_anything_runs(tmp_path: Path) -> None:
+    good = Session()
+    bad = good.model_copy(update={"method": good.method.model_copy(update={"refiner": "ipc"})})
+    with pytest.raises(VerefineError, match="unknown refiner 'ipc'"):
+        check_jobs([Job(good, tmp_path / "good-0", "good"), Job(bad, tmp_path / "bad-0", "bad")])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_holds_another_run_is_found_before_anything_runs(tmp_path: Path) -> None:
+    job = Job(Session(), tmp_path / "rir-1", "rir")
+    job.folder.mkdir()
+    (job.folder / "session.toml").write_text("[score]\ntau_m = 0.5\n")
+    with pytest.raises(VerefineError, match=r"holds a run of another session: score\.tau_m is 0\.5 there"):
+        check_jobs([Job(Session(), tmp_path / "rir-0", "rir"), job])
+    assert not (tmp_path / "rir-0").exists()

@@ -1,0 +1,126 @@
+"""What one command is to run: several sessions, or every method with every seed of each; a folder for each run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.batch.folder import SESSION_FILE, RunFolder
+from verefine_viz.batch.runner import check
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.session.files import changed, load_session
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run."""
+
+    session: Session
+    folder: Path
+    group: str
+    """What the runs that differ only in their seeds have in common: method, and session where there are several."""
+
+
+def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any]) -> list[Job]:
+    """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
+
+    Raises:
+        VerefineError: a session cannot be used, or two would write to the same folder.
+    """
+    names = _stems(paths, out)
+    return [
+        Job(load_session(path, overrides), out / name if len(paths) > 1 else out, name)
+        for path, name in zip(paths, names, strict=True)
+    ]
+
+
+def sweep_jobs(
+    paths: Sequence[Path], out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None
+) -> list[Job]:
+    """A run for each method and seed of each session, in ``out/METHOD-SEED``, after the session's name if there are
+    several. All methods with the first seed come first, so that they can be compared early.
+
+    Args:
+        paths: session files.
+        out: the folder of all runs.
+        overrides: settings for all of them.
+        methods: names; none = each session's own.
+        n_seeds: of first poses and of the method, from 0; None = each session's own.
+
+    Raises:
+        VerefineError: a session cannot be used, a name is unknown or comes twice, or ``out`` holds a run itself.
+    """
+    _check_sweep(out, overrides, methods, n_seeds)
+    stems = _stems(paths, out)
+    sessions = [load_session(path, overrides) for path in paths]
+    jobs: list[Job] = []
+    for seed in (None,) if n_seeds is None else range(n_seeds):
+        for stem, session in zip(stems, sessions, strict=True):
+            for method in methods or (session.method.name,):
+                group = f"{stem}-{method}" if len(paths) > 1 else method
+                name = group if seed is None else f"{group}-{seed}"
+                jobs.append(Job(_with(session, method, seed), out / name, group))
+    return jobs
+
+
+def check_jobs(jobs: Sequence[Job]) -> None:
+    """Looks at everything that can be wrong: a mistake in the last of many runs should not show after hours.
+
+    Raises:
+        VerefineError: a session cannot be used, or a folder holds another run.
+    """
+    checked: set[str] = set()
+    for job in jobs:
+        # Seeds change nothing that could be wrong.
+        if job.group not in checked:
+            checked.add(job.group)
+            check(job.session)
+        if (job.folder / SESSION_FILE).exists():
+            with closing(RunFolder(job.folder, job.session)):
+                pass
+
+
+def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> None:
+    for name in methods:
+        if name not in ALL_METHOD_NAMES:
+            raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
+        if methods.count(name) > 1:
+            raise SettingsError(f"--methods names {name!r} twice; name each method once")
+    if n_seeds is not None and n_seeds < 1:
+        raise SettingsError(f"--seeds is {n_seeds}, expected 1 or more")
+    for option, field in _doubled(overrides, methods, n_seeds):
+        raise SettingsError(f"--{field} and {option} say different things; leave --{field} out")
+    if (out / SESSION_FILE).exists():
+        raise SettingsError(f"{out} holds a single run; choose another --out for the runs of --methods and --seeds")
+
+
+def _doubled(overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> Iterator[tuple[str, str]]:
+    for option, field, is_given in (
+        ("--methods", "method.name", bool(methods)),
+        ("--seeds", "method.seed", n_seeds is not None),
+        ("--seeds", "hypotheses.seed", n_seeds is not None),
+    ):
+        section, _, name = field.partition(".")
+        if is_given and name in overrides.get(section, {}):
+            yield option, field
+
+
+def _with(session: Session, method: str, seed: int | None) -> Session:
+    settings: dict[str, dict[str, Any]] = {"method": {"name": method}}
+    if seed is not None:
+        settings["method"]["seed"] = seed
+        settings["hypotheses"] = {"seed": seed}
+    return changed(session, settings, ("method", "hypotheses"))
+
+
+def _stems(paths: Sequence[Path], out: Path) -> list[str]:
+    stems = [path.stem for path in paths]
+    for stem in stems:
+        if stems.count(stem) > 1:
+            raise SettingsError(f"two sessions are called {stem!r} and would share {out / stem}; rename one")
+    return stems
