@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from hypothesis import strategies as st
 
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage, TreeNode, TreeStep
 from verefine_viz.core.scores import ZERO_SCORE
-from verefine_viz.viewer.tree import Tree, tree_of
-from verefine_viz.viewer.tree_drawing import MOST_ROWS, layers_svg, nodes_table, tree_html
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import carries
+from verefine_viz.viewer.tree import Node, Tree, tree_of
+from verefine_viz.viewer.tree_drawing import MOST_ROWS, NARROWEST, WIDTH, layers_svg, nodes_table, tree_html
+from verefine_viz.viewer.tree_folding import Fold, boxes
 
 T = np.eye(4)
 LABELS = {0: "box", 1: "can", 2: "duck"}
@@ -116,14 +120,67 @@ def test_a_parent_was_visited_at_least_as_often_as_its_children_together(drawn: 
 
 
 @given(visits)
-def test_the_picture_has_a_box_per_node_and_none_sticks_out(drawn: list[tuple[int, float]]) -> None:
+def test_every_node_is_drawn_or_counted_and_no_box_is_a_sliver(drawn: list[tuple[int, float]]) -> None:
+    tree = grown(drawn)
+    made = boxes(tree, WIDTH, NARROWEST)
+    nodes = [b.what.number for b in made if isinstance(b.what, Node)]
+    folded = [n.number for b in made if isinstance(b.what, Fold) for n in b.what.nodes]
+    assert sorted(nodes + folded) == list(range(1, len(tree.nodes)))
+    assert {*tree.branch, *tree.incumbent} <= {0, *nodes}, "both ways are always drawn"
+    # Two ways of three nodes each and a fold beside each of these are all that has to be there.
+    assert min(b.width for b in made) >= min(NARROWEST, WIDTH / 8) - 1e-6
+    assert max(b.x + b.width for b in made) == pytest.approx(WIDTH)
+
+
+@given(visits)
+def test_children_stand_below_their_parent_and_boxes_do_not_overlap(drawn: list[tuple[int, float]]) -> None:
+    tree = grown(drawn)
+    made = boxes(tree, WIDTH, NARROWEST)
+    of_node = {b.what.number: b for b in made if isinstance(b.what, Node)}
+    for box in made:
+        parent = of_node.get(box.what.parent)
+        if parent is not None:
+            assert box.depth == parent.depth + 1
+            assert parent.x - 1e-6 <= box.x <= box.x + box.width <= parent.x + parent.width + 1e-6
+    for layer in {b.depth for b in made}:
+        row = sorted((b for b in made if b.depth == layer), key=lambda b: b.x)
+        assert all(a.x + a.width <= b.x + 1e-6 for a, b in pairwise(row))
+
+
+@given(visits)
+def test_what_is_folded_was_visited_no_more_than_what_is_drawn_beside_it(drawn: list[tuple[int, float]]) -> None:
+    tree = grown(drawn)
+    must = {*tree.branch, *tree.incumbent}
+    made = boxes(tree, WIDTH, NARROWEST)
+    for fold in (b.what for b in made if isinstance(b.what, Fold)):
+        assert len(fold.nodes) > 1, "a single node can be drawn as well"
+        assert fold.visits == sum(n.visits for n in fold.roots)
+        assert fold.best.mean_px == min(n.mean_px for n in fold.nodes)
+        beside = [b.what for b in made if isinstance(b.what, Node) and b.what.parent == fold.parent]
+        chosen = [n.visits for n in beside if n.number not in must]
+        assert min(chosen, default=10**9) >= max(n.visits for n in fold.roots)
+
+
+def test_a_fold_says_how_many_and_which_is_best_and_leads_there() -> None:
+    tree = tree_of(steps([(0, 50.0 + k % 97) for k in range(150)]))
+    assert tree is not None
+    svg = layers_svg(tree, LABELS, COLORS)
+    n = 150 - len(re.findall(r">h\d", svg))
+    assert f">+{n}</text>" in svg
+    assert f"<title>{n} nodes more, {n} visits; the cheapest of them: box, hypothesis 2, 1 visit, 55 px" in svg
+    assert re.search(re.escape(carries(c.Seek(6))) + f"><rect [^>]*/><text [^>]*>\\+{n}</text>", svg), (
+        "nodes 1 to 5 are drawn"
+    )
+
+
+@given(visits)
+def test_the_picture_says_whose_each_layer_is(drawn: list[tuple[int, float]]) -> None:
     tree = grown(drawn)
     svg = layers_svg(tree, LABELS, COLORS)
-    boxes = re.findall(r'<g [^>]*><rect x="([\d.]+)" y="(\d+)" width="([\d.]+)"', svg)
-    assert len(boxes) == len(tree.nodes) - 1
-    objects = {node.instance_id for node in tree.nodes[1:]}
-    assert all(f"<title>{LABELS[i]}</title>" in svg for i in objects), "each layer says whose it is"
-    assert max(float(x) + float(w) for x, _, w in boxes) <= 349.0
+    assert svg.count("<g ") == len(boxes(tree, WIDTH, NARROWEST))
+    layers = {b.depth for b in boxes(tree, WIDTH, NARROWEST)}
+    objects = {node.instance_id for node in tree.nodes[1:] if node.depth in layers}
+    assert all(f"<title>{LABELS[i]}</title>" in svg for i in objects)
 
 
 def test_big_trees_stay_readable_and_name_what_is_left_out() -> None:
@@ -131,7 +188,7 @@ def test_big_trees_stay_readable_and_name_what_is_left_out() -> None:
     assert tree is not None
     html = nodes_table(tree, LABELS, {})
     assert html.count("<tr") - 1 <= MOST_ROWS
-    assert "148 more nodes were tried once" in html
+    assert "148 more nodes, visited less, are not listed." in html
 
 
 def test_names_are_text() -> None:

@@ -11,8 +11,11 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import Row, carries, swatch, table, text
 from verefine_viz.viewer.tree import Node, Tree
+from verefine_viz.viewer.tree_folding import Box, Fold, boxes
 
 WIDTH, LAYER, GAP, STRIP = 340, 26, 2, 8
+NARROWEST, ROOM_PX = 28, 56
+"""A box that "+97" fits into, and one that has room for its visits as well [px]."""
 CHEAP, DEAR = (53, 183, 121), (68, 40, 90)
 """Ends of the colours of cost per visit: cheap is good."""
 BRANCH_COLOR: RGB = (255, 255, 255)
@@ -21,43 +24,65 @@ MOST_ROWS = 40
 
 
 def layers_svg(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
-    """A layer per object; a box is as wide as its visits and as green as its cost per visit is low.
+    """A layer per object; a box is green where its cost per visit is low, and wider where it was visited often.
 
-    The branch of this iteration is outlined in white, the way to the incumbent in gold. A click goes to the iteration
-    in which a node was added.
+    What was visited little is folded into one box per parent, which says how many nodes it holds. The branch of this
+    iteration is outlined in white, the way to the incumbent in gold. A click goes to the iteration in which a node was
+    added.
     """
-    depth = max(n.depth for n in tree.nodes)
-    places = _places(tree)
+    drawn = boxes(tree, WIDTH, NARROWEST)
     low, high = _range(tree)
-    boxes, outlines = [], []
-    for node in tree.nodes[1:]:
-        x, width = places[node.number]
-        y = (node.depth - 1) * (LAYER + GAP)
-        title = f"{_name(node, labels)}: {_numbers(node)}; added in iteration {node.iteration}"
-        caption = f'<text x="{x + 3:.1f}" y="{y + 17}" font-size="11" fill="white">h{node.arm + 1}</text>'
-        boxes.append(
-            f'<g {carries(c.Seek(node.iteration))}><rect x="{x:.1f}" y="{y}" width="{max(width - 1, 0.8):.1f}" '
-            f'height="{LAYER}" fill="{_color(node.mean_px, low, high)}"/>{caption if width > 22 else ""}'
-            f"<title>{text(title)}</title></g>"
-        )
+    parts, outlines = [], []
+    for box in drawn:
+        y = (box.depth - 1) * (LAYER + GAP)
+        if isinstance(box.what, Fold):
+            parts.append(_fold(box, y, labels, _color(box.what.best.mean_px, low, high)))
+            continue
+        parts.append(_node(box, box.what, y, labels, _color(box.what.mean_px, low, high)))
         for way, color in ((tree.incumbent, INCUMBENT_COLOR), (tree.branch, BRANCH_COLOR)):
-            if node.number in way:
-                inset = 3 if color == INCUMBENT_COLOR and node.number in tree.branch else 1
+            if box.what.number in way:
+                inset = 3 if color == INCUMBENT_COLOR and box.what.number in tree.branch else 1
                 outlines.append(
-                    f'<rect x="{x + inset:.1f}" y="{y + inset}" width="{max(width - 1 - 2 * inset, 1):.1f}" '
+                    f'<rect x="{box.x + inset:.1f}" y="{y + inset}" width="{max(box.width - 1 - 2 * inset, 1):.1f}" '
                     f'height="{LAYER - 2 * inset}" fill="none" stroke="rgb{color}" stroke-width="2" '
                     'pointer-events="none"/>'
                 )
-    height = depth * (LAYER + GAP)
+    n_layers = max(box.depth for box in drawn)
+    height = n_layers * (LAYER + GAP)
     return (
         f'<svg viewBox="{-STRIP} 0 {WIDTH + STRIP} {height}" width="100%" style="cursor:pointer;margin-bottom:4px">'
-        f"{''.join(_strips(tree, labels, colors))}{''.join(boxes)}{''.join(outlines)}</svg>"
+        f"{''.join(_strips(tree, n_layers, labels, colors))}{''.join(parts)}{''.join(outlines)}</svg>"
     )
 
 
-def _strips(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> list[str]:
+def _node(box: Box, node: Node, y: float, labels: Mapping[int, str], color: str) -> str:
+    title = f"{_name(node, labels)}: {_numbers(node)}; added in iteration {node.iteration}"
+    caption = f"h{node.arm + 1}" + (f" · {node.visits}×" if box.width >= ROOM_PX else "")
+    return _box(box, y, c.Seek(node.iteration), f'fill="{color}"', caption, title)
+
+
+def _fold(box: Box, y: float, labels: Mapping[int, str], color: str) -> str:
+    assert isinstance(box.what, Fold)
+    best, n = box.what.best, len(box.what.nodes)
+    title = (
+        f"{n} nodes more, {_visits(box.what.visits)}; the cheapest of them: {_name(best, labels)}, {_numbers(best)}. "
+        f"Click: iteration {best.iteration}, which tried it."
+    )
+    look = f'fill="{color}" fill-opacity="0.3" stroke="{color}" stroke-dasharray="3 2"'
+    return _box(box, y, c.Seek(best.iteration), look, f"+{n}", title)
+
+
+def _box(box: Box, y: float, command: c.Command, look: str, caption: str, title: str) -> str:
+    return (
+        f'<g {carries(command)}><rect x="{box.x:.1f}" y="{y}" width="{box.width - 1:.1f}" height="{LAYER}" {look}/>'
+        f'<text x="{box.x + 4:.1f}" y="{y + 17}" font-size="11" fill="white">{caption}</text>'
+        f"<title>{text(title)}</title></g>"
+    )
+
+
+def _strips(tree: Tree, n_layers: int, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> list[str]:
     """The colour of each layer's object, at its left."""
-    objects = {node.depth: node.instance_id for node in tree.nodes[1:]}
+    objects = {node.depth: node.instance_id for node in tree.nodes[1:] if node.depth <= n_layers}
     return [
         f'<rect x="{-STRIP}" y="{(depth - 1) * (LAYER + GAP)}" width="{STRIP - 2}" height="{LAYER}" '
         f'fill="rgb{colors.get(instance_id, (128, 128, 128))}"><title>{text(labels.get(instance_id, "object"))}'
@@ -69,7 +94,7 @@ def _strips(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) ->
 def nodes_table(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
     """The tree as an indented list: nodes with children, the branch of this iteration, and the way to the incumbent.
 
-    Siblings that were tried once and led nowhere are counted in one line.
+    What was tried once and led nowhere is counted in one line.
     """
     rows: list[Row] = []
     folded = 0
@@ -94,26 +119,12 @@ def nodes_table(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]
         ("px/visit", "mean cost of the complete scenes below it: pixels that are not explained"),
         ("LCP", "share of the model's points that the segment explains at the hypothesis: what was tried first"),
     ]
-    more = f'<p class="dim">{folded} more nodes were tried once; they are in the picture above.</p>' if folded else ""
+    more = f'<p class="dim">{folded} more nodes, visited less, are not listed.</p>' if folded else ""
     return table(head, rows) + more
 
 
 def _worth_reading(node: Node) -> bool:
     return bool(node.children) or node.visits > 1
-
-
-def _places(tree: Tree) -> dict[int, tuple[float, float]]:
-    """(x, width) by number: children share their parent's width by their visits."""
-    places = {0: (0.0, float(WIDTH))}
-    for node in [tree.nodes[0], *tree.below()]:
-        x, width = places[node.number]
-        total = sum(tree.nodes[k].visits for k in node.children)
-        # Visits that ended in the node itself leave a gap on the right.
-        share = width / max(total, node.visits, 1)
-        for k in sorted(node.children, key=lambda k: (-tree.nodes[k].visits, tree.nodes[k].mean_px, k)):
-            places[k] = (x, share * tree.nodes[k].visits)
-            x += places[k][1]
-    return places
 
 
 def _range(tree: Tree) -> tuple[float, float]:
@@ -132,8 +143,11 @@ def _name(node: Node, labels: Mapping[int, str]) -> str:
 
 
 def _numbers(node: Node) -> str:
-    visits = f"{node.visits} visit{'s' if node.visits != 1 else ''}"
-    return f"{visits}, {node.mean_px:,.0f} px per visit, LCP {node.lcp:.2f}"
+    return f"{_visits(node.visits)}, {node.mean_px:,.0f} px per visit, LCP {node.lcp:.2f}"
+
+
+def _visits(n: int) -> str:
+    return f"{n} visit{'s' if n != 1 else ''}"
 
 
 def tree_html(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
@@ -141,8 +155,8 @@ def tree_html(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) 
     way = [labels.get(tree.nodes[k].instance_id, "object") for k in tree.branch[1:]]
     chosen = "".join(f"<p>{text(n)}: {text(choice)}</p>" for n, choice in zip(way, tree.choices, strict=False))
     legend = (
-        '<p class="dim" style="font-size:11px">A layer per object (its colour at the left), wide = visited often, '
-        f"{swatch(CHEAP)}cheap {swatch(DEAR)}dear per visit, {swatch(BRANCH_COLOR)}this branch, "
-        f"{swatch(INCUMBENT_COLOR)}way to the incumbent.</p>"
+        '<p class="dim" style="font-size:11px">A layer per object (its colour at the left): h3 · 7× = hypothesis 3, '
+        f"visited 7 times; +97 = so many more, folded. {swatch(CHEAP)}cheap {swatch(DEAR)}dear per visit, "
+        f"{swatch(BRANCH_COLOR)}this branch, {swatch(INCUMBENT_COLOR)}way to the cheapest scene.</p>"
     )
     return f"{layers_svg(tree, labels, colors)}{legend}{chosen}{nodes_table(tree, labels, colors)}"
