@@ -59,7 +59,7 @@ class Browsing:
         return shown[place]
 
     def enter(self, command: OpenAt) -> None:
-        """Opens the frame, with the session of its run if another one is open.
+        """Opens the frame, with the session of its run if another one is open; of several branches the run itself.
 
         Raises:
             InputError: no such run or frame.
@@ -68,13 +68,16 @@ class Browsing:
         if command.run and (gallery is None or command.run not in gallery.runs):
             raise InputError(unknown("run", command.run, gallery.runs if gallery else ()))
         run = command.run or self._run
-        if gallery is None or (run == self._run and self._is_open(gallery.session(run))):
+        if gallery is None or self._workspace.tools.session == gallery.session(run):
             self._workspace.open_frame(command.frame)
         else:
             self._workspace.open(gallery.session(run), None, command.frame)
-            self._run = run
-        if gallery is not None and command.instance is not None:
-            self._last = gallery.entry(run, command.frame, command.instance)
+        if gallery is None:
+            return
+        self._run = run
+        if self._workspace.work.sides is None:
+            self._workspace.work.index = 0
+        self._last = gallery.entry(run, command.frame, command.instance)
 
     def look(self, look: Look, command: OpenAt) -> Look:
         """``look`` with the object in focus, and the gallery's page on which it is."""

@@ -123,7 +123,7 @@ class Gallery:
         found = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
         return {"result": RESULTS} | {by: (ALL, *values) for by, values in found.items() if len(values) > 1}
 
-    def entry(self, run: str, frame: str, instance_id: int) -> Entry | None:
+    def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
         """What a run says about an object."""
         return self._by_object.get((run, frame, instance_id))
 

@@ -34,6 +34,7 @@ class Thumbnails:
         self._draw, self._arrived = draw, arrived
         self._made: OrderedDict[Entry, str] = OrderedDict()
         self._wanted: list[Entry] = []
+        self._at_hand: Entry | None = None
         self._wake = threading.Condition()
         self._stopping = False
         self._thread: threading.Thread | None = None
@@ -46,7 +47,7 @@ class Thumbnails:
     def want(self, entries: Sequence[Entry]) -> None:
         """What is looked at now, in order; what was wanted before and is not made yet is let go."""
         with self._wake:
-            self._wanted = [entry for entry in entries if entry not in self._made]
+            self._wanted = [e for e in entries if e not in self._made and e is not self._at_hand]
             if self._wanted and self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="verefine-thumbnails", daemon=True)
                 self._thread.start()
@@ -66,7 +67,7 @@ class Thumbnails:
                 self._wake.wait_for(lambda: self._wanted or self._stopping)
                 if self._stopping:
                     return
-                entry = self._wanted.pop(0)
+                entry = self._at_hand = self._wanted.pop(0)
             picture = self._picture(entry)
             with self._wake:
                 self._made[entry] = picture

@@ -1,0 +1,105 @@
+"""Pictures of answers: made for what is looked at, once, and never in the way."""
+
+from __future__ import annotations
+
+import base64
+import io
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.viewer.test_app import SESSION
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.scenes.demo import demo_problem
+from verefine_viz.viewer.gallery import Entry, Gallery
+from verefine_viz.viewer.thumbnails import WIDTH_PX, Painter, Thumbnails
+
+
+def row(instance_id: int | None, im_id: int = 0) -> ObjectRow:
+    known = {"scene_id": 0, "im_id": im_id, "obj_id": 1, "status": "ok", "add_s_mm": 50.0, "diameter_mm": 100.0}
+    return ObjectRow.model_validate({**known, "instance_id": instance_id})
+
+
+ENTRIES = tuple(Entry("run", row(k)) for k in range(5))
+
+
+class Drawn:
+    """Thumbnails whose drawing waits for a permit each, and what was drawn."""
+
+    def __init__(self) -> None:
+        self.permits = threading.Semaphore(0)
+        self.begun = threading.Semaphore(0)
+        self.arrived = threading.Semaphore(0)
+        self.seen: list[int | None] = []
+        self.thumbnails = Thumbnails(self._draw, lambda _: self.arrived.release())
+
+    def _draw(self, entry: Entry) -> str:
+        self.seen.append(entry.row.instance_id)
+        self.begun.release()
+        assert self.permits.acquire(timeout=20)
+        if entry is ENTRIES[3]:
+            raise InputError("its image is gone")
+        return f"picture {entry.row.instance_id}"
+
+    def make(self, n: int) -> None:
+        self.permits.release(n)
+        for _ in range(n):
+            assert self.arrived.acquire(timeout=20)
+
+
+def test_only_what_is_wanted_now_is_made_and_only_once() -> None:
+    drawn = Drawn()
+    drawn.thumbnails.want(ENTRIES[:3])
+    assert drawn.begun.acquire(timeout=20)
+    drawn.thumbnails.want((ENTRIES[4], ENTRIES[0]))  # While the first is at hand.
+    drawn.make(2)
+    drawn.thumbnails.want((ENTRIES[0], ENTRIES[2]))
+    drawn.make(1)
+    drawn.thumbnails.stop()
+    assert drawn.seen == [0, 4, 2]
+    assert drawn.thumbnails.of(ENTRIES[0]) == "picture 0"
+    assert drawn.thumbnails.of(ENTRIES[1]) is None
+
+
+def test_a_picture_that_cannot_be_made_is_empty_and_the_next_one_follows() -> None:
+    drawn = Drawn()
+    drawn.thumbnails.want((ENTRIES[3], ENTRIES[1]))
+    drawn.make(2)
+    assert drawn.thumbnails.of(ENTRIES[3]) == ""
+    assert drawn.thumbnails.of(ENTRIES[1]) == "picture 1"
+    drawn.thumbnails.stop()
+
+
+def near(image: np.ndarray, name: str) -> int:
+    return int((abs(image - np.array(STAGE_COLORS[name])).sum(axis=2) < 120).sum())
+
+
+def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
+    target = demo_problem("mug", SESSION.scene, SESSION.hypotheses).targets[0]
+    truth = target.instance.T_cam_obj_gt
+    assert truth is not None
+    moved = np.array(truth)
+    moved[0, 3] += 0.04
+    found = row(target.instance.instance_id).model_copy(update={"obj_id": target.model.obj_id})
+    estimate = Estimate(obj_id=target.model.obj_id, score=0.5, T_cam_obj=tuple(moved.ravel().tolist()))
+    (tmp_path / "frames").mkdir()
+    result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(found,), estimates=(estimate,))
+    Journal(tmp_path / "frames").keep(result)
+    gallery = Gallery([BatchIndex(tmp_path, SESSION, {}, (found, row(77), row(None), row(0, im_id=99)))])
+    painter = Painter(gallery)
+    uri = painter(gallery.entries[0])
+    image = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))).convert("RGB")).astype(int)
+    assert image.shape == (WIDTH_PX * 3 // 4, WIDTH_PX, 3)
+    assert near(image, "accepted") > 50
+    assert near(image, "ground truth") > 50
+    assert painter(gallery.entries[2]) == ""
+    for missing in gallery.entries[1], gallery.entries[3]:
+        with pytest.raises(InputError):
+            painter(missing)
