@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import fast_simplification
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
@@ -33,6 +33,7 @@ GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
 GHOST_ALPHA = 35
+PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
 TRUTH_ALPHA = 60
 
 
@@ -45,27 +46,37 @@ def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
     """
     observation = problem.observation
     T_world_cam = world_from_camera(observation)
-    yield columns.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    yield columns.fixed(entities.SCENE, rr.Transform3D(translation=T_world_cam[:3, 3], mat3x3=T_world_cam[:3, :3]))
+    yield _up()
+    yield columns.fixed_row(entities.SCENE, columns.transforms(T_world_cam[None]))
     if observation.support:
         yield from _support(problem, T_world_cam)
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
         yield from _object(target, entities.branch(target.instance, problem), own)
     near_m = _typical_depth_m(observation)
-    yield _camera(observation, near_m)
+    yield _camera(observation.camera, near_m)
     yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
     if pictures:
         yield from _images(problem)
 
 
-def _camera(observation: Observation, near_m: float) -> Piece:
-    camera = observation.camera
+@cache
+def _up() -> Piece:
+    return columns.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+
+
+def _camera(camera: Camera, near_m: float) -> Piece:
+    return _pinhole(tuple(camera.K.ravel().tolist()), camera.width, camera.height, round(0.12 * near_m, 2) or 0.01)
+
+
+@lru_cache(maxsize=256)
+def _pinhole(K: tuple[float, ...], width: int, height: int, image_plane_m: float) -> Piece:
+    """Made once for all frames that a camera takes from about as far."""
     pinhole = rr.Pinhole(
-        image_from_camera=camera.K,
-        resolution=[camera.width, camera.height],
+        image_from_camera=np.reshape(K, (3, 3)),
+        resolution=[width, height],
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=0.12 * near_m,
+        image_plane_distance=image_plane_m,
         color=(140, 140, 140),
     )
     return columns.fixed(entities.CAMERA, pinhole)
@@ -112,7 +123,13 @@ def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
         _points(observation, slice(0, h, sparse), slice(0, w, sparse), near_m),
     ]
     points, colors = (np.concatenate(both) for both in zip(*parts, strict=True))
-    return columns.fixed(entities.CLOUD, rr.Points3D(points, colors=colors, radii=0.0012))
+    cloud = rr.Points3D
+    parts = [
+        columns.vectors(cloud.descriptor_positions(), [points], 3),
+        columns.numbers(cloud.descriptor_colors(), [columns.packed(colors)], np.uint32),
+        columns.numbers(cloud.descriptor_radii(), [[0.0012]], np.float32),
+    ]
+    return columns.fixed_row(entities.CLOUD, parts)
 
 
 def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
@@ -153,24 +170,31 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Pie
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
     if not clouds:
         return
-    points = np.concatenate([cloud[::4] for cloud in clouds]) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    points = np.sort(np.concatenate([cloud[::16] for cloud in clouds]) @ T_world_cam[:3, :3].T, axis=0)
     # Masks leak: a few points far behind must not decide how much of the plane is drawn.
-    extent = np.ptp(np.percentile(points[:, :2], [5, 95], axis=0), axis=0)
-    center, reach = np.median(points, axis=0), max(0.15, 0.7 * float(extent.max()))
+    tail = len(points) // 20
+    extent = points[-1 - tail, :2] - points[tail, :2]
+    center, reach = points[len(points) // 2] + T_world_cam[:3, 3], max(0.15, 0.7 * float(extent.max()))
     n = support.normal_world
     corners = center + reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.
     corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
-    plane = rr.Mesh3D(
-        vertex_positions=corners,
-        triangle_indices=[[0, 1, 2], [0, 2, 3]],
-        vertex_normals=np.tile(n, (4, 1)),
-        albedo_factor=(90, 140, 160, 45),
-    )
-    yield columns.fixed(entities.PLANE, plane)
+    mesh, arrow = rr.Mesh3D, rr.Arrows3D
+    plane = [
+        columns.vectors(mesh.descriptor_vertex_positions(), [corners], 3),
+        columns.vectors(mesh.descriptor_triangle_indices(), [[[0, 1, 2], [0, 2, 3]]], 3, np.uint32),
+        columns.vectors(mesh.descriptor_vertex_normals(), [np.tile(n, (4, 1))], 3),
+        columns.numbers(mesh.descriptor_albedo_factor(), [[PLANE_COLOR]], np.uint32),
+    ]
+    yield columns.fixed_row(entities.PLANE, plane)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
-    arrow = rr.Arrows3D(origins=[foot], vectors=[[0, 0, -0.1]], colors=[(120, 190, 220)], labels=["gravity"])
-    yield columns.fixed(entities.GRAVITY, arrow)
+    gravity = [
+        columns.vectors(arrow.descriptor_origins(), [foot], 3),
+        columns.vectors(arrow.descriptor_vectors(), [[0, 0, -0.1]], 3),
+        columns.numbers(arrow.descriptor_colors(), [[GRAVITY_COLOR]], np.uint32),
+        columns.texts(arrow.descriptor_labels(), [["gravity"]]),
+    ]
+    yield columns.fixed_row(entities.GRAVITY, gravity)
 
 
 def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Piece]:
@@ -179,10 +203,9 @@ def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Piece]:
     T_gt = target.instance.T_cam_obj_gt
     yield from _meshes(target.model, branch, T_gt is not None, own)
     if target.instance.hypotheses:
-        yield columns.fixed(f"{root}/hypotheses", _ghosts(target))
+        yield _ghosts(target, f"{root}/hypotheses")
     if T_gt is not None:
-        place = rr.Transform3D(translation=T_gt[:3, 3], mat3x3=T_gt[:3, :3])
-        yield columns.fixed(f"{root}/ground_truth", place)
+        yield columns.fixed_row(f"{root}/ground_truth", columns.transforms(T_gt[None]))
 
 
 @lru_cache(maxsize=64)
@@ -206,18 +229,22 @@ def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -
     return tuple(stages)
 
 
-def _ghosts(target: Target) -> rr.Mesh3D:
+def _ghosts(target: Target, entity: str) -> Piece:
     """All first hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
     vertices, faces, normals = _simplified(target.model, GHOST_FACES)
     Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
-    colors = [(*ARM_COLORS[arm % len(ARM_COLORS)], 255) for arm in range(len(Ts))]
-    return rr.Mesh3D(
-        vertex_positions=np.concatenate([apply(T, vertices.astype(np.float64)) for T in Ts]),
-        triangle_indices=np.concatenate([faces + arm * len(vertices) for arm in range(len(Ts))]),
-        vertex_normals=np.concatenate([normals @ T[:3, :3].T for T in Ts]),
-        vertex_colors=np.repeat(np.array(colors, np.uint8), len(vertices), axis=0),
-        albedo_factor=(255, 255, 255, GHOST_ALPHA),
-    )
+    n, (Rs, ts) = len(Ts), (Ts[:, :3, :3].astype(np.float32), Ts[:, None, :3, 3].astype(np.float32))
+    colors = columns.packed(np.array([ARM_COLORS[arm % len(ARM_COLORS)] for arm in range(n)], np.uint8))
+    triangles = faces[None] + np.uint32(len(vertices)) * np.arange(n, dtype=np.uint32)[:, None, None]
+    mesh = rr.Mesh3D
+    parts = [
+        columns.vectors(mesh.descriptor_vertex_positions(), [vertices @ Rs.transpose(0, 2, 1) + ts], 3),
+        columns.vectors(mesh.descriptor_triangle_indices(), [triangles], 3, np.uint32),
+        columns.vectors(mesh.descriptor_vertex_normals(), [normals @ Rs.transpose(0, 2, 1)], 3),
+        columns.numbers(mesh.descriptor_vertex_colors(), [np.repeat(colors, len(vertices))], np.uint32),
+        columns.numbers(mesh.descriptor_albedo_factor(), [[0xFFFFFF00 | GHOST_ALPHA]], np.uint32),
+    ]
+    return columns.fixed_row(entity, parts)
 
 
 def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:

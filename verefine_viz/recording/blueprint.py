@@ -12,6 +12,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from verefine_viz.core.errors import InputError
 from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
@@ -122,6 +123,7 @@ class _Prepared(rrb.Blueprint):
         self._what = what
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "views.rbl"
+            _make_sure_of_room(path)
             self.save(entities.APPLICATION, path)
             self._stream.flush()
             self._views = messages(path.read_bytes())
@@ -135,6 +137,23 @@ class _Prepared(rrb.Blueprint):
         _log_eyes(self._stream, self._spatial, layout)
         # The views come first: they introduce the blueprint that the eyes belong to.
         return self._views + messages(self._bytes.read() or b"")
+
+
+ROOM_BYTES = 1 << 20
+"""More than any views take."""
+
+
+def _make_sure_of_room(path: Path) -> None:
+    """A disk that is full would keep rerun waiting for ever.
+
+    Raises:
+        InputError: it is.
+    """
+    try:
+        path.write_bytes(bytes(ROOM_BYTES))
+    except OSError as error:
+        raise InputError(f"cannot write temporary files to {tempfile.gettempdir()}: {error.strerror}") from None
+    path.unlink()
 
 
 _prepared = lru_cache(maxsize=32)(_Prepared)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
@@ -148,21 +149,24 @@ def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
     yield columns.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
     chosen = [r for r in rows if r.choice.shape[1]]
     if chosen:
-        above = [_above_lowest(r.choice[3]) for r in chosen]
-        # A bar begins at its number: half before the hypothesis's, so that it stands over it.
-        numbers = [np.arange(len(a)) + 0.5 for a in above]
         bars = [
-            columns.bars(rr.BarChart.descriptor_values(), above),
-            columns.bars(rr.BarChart.descriptor_abscissa(), numbers),
+            columns.bars(rr.BarChart.descriptor_values(), [_above_lowest(r.choice[3].tolist()) for r in chosen]),
+            _numbers_of_bars(tuple(r.choice.shape[1] for r in chosen)),
         ]
         yield columns.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
 
 
-def _above_lowest(ucb: Float) -> Float:
+def _above_lowest(ucb: Sequence[float]) -> list[float]:
     """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number."""
-    known = ucb[np.isfinite(ucb)]
-    lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
-    return np.where(np.isfinite(ucb), ucb, highest) - lowest
+    known = [x for x in ucb if math.isfinite(x)]
+    lowest, highest = min(known, default=0.0), max(known, default=0.0)
+    return [(x if math.isfinite(x) else highest) - lowest for x in ucb]
+
+
+@lru_cache(maxsize=64)
+def _numbers_of_bars(lengths: tuple[int, ...]) -> columns.Column:
+    """A bar begins at its number: half before the hypothesis's, so that it stands over it."""
+    return columns.bars(rr.BarChart.descriptor_abscissa(), [np.arange(n) + 0.5 for n in lengths])
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}

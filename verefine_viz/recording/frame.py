@@ -29,6 +29,10 @@ def frame_chunks(
 
 def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:
     """What a recording is about as it holds it, and its name."""
-    yield columns.fixed(f"/__properties/{entities.PROPERTY}", rr.AnyValues(**about))
+    values = [columns.one_value(rr.ComponentDescriptor(name), value) for name, value in about.items()]
+    yield columns.fixed_row(f"/__properties/{entities.PROPERTY}", values)
     name = f"{about['title']} {about['frame']} {about['method']}".strip()
-    yield columns.fixed("/__properties", rr.archetypes.RecordingInfo(name=name))
+    yield columns.fixed_row("/__properties", [columns.texts(_NAME, [[name]])])
+
+
+_NAME = rr.archetypes.RecordingInfo.descriptor_name()

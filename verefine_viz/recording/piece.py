@@ -15,6 +15,7 @@ import time
 from functools import cache, cached_property
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import Chunk
@@ -26,8 +27,9 @@ _MESSAGE = struct.Struct("<QQ")
 _BEGIN, _CHUNK = 1, 2
 """Kinds of messages."""
 _LZ4, _ARROW_IPC = 2, 1
-_IDS = itertools.count(random.getrandbits(62))
-"""Lower halves of ids, as rerun makes them: random first, then one after another."""
+_MOST_ROWS = 1 << 24
+_IDS = itertools.count(random.getrandbits(62), _MOST_ROWS)
+"""Lower halves of ids: random first, then rising, with room for the rows of a chunk in between."""
 
 
 class Piece:
@@ -49,17 +51,15 @@ class Piece:
     def body(self) -> bytes:
         """Its message, without the recording that it belongs to."""
         schema: Any = self.batch.schema
-        sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, schema) as stream:
-            stream.write_batch(self.batch)
-        content = sink.getvalue()
+        # An IPC stream: the schema, the batch, the end.
+        content = b"".join((schema.serialize(), self.batch.serialize(), b"\xff\xff\xff\xff\0\0\0\0"))
         packed = _lz4().compress(content, asbytes=True)
         chunk_id = schema.metadata[b"rerun:id"].rpartition(b"_")[2]
         first, second = int(chunk_id[:16], 16), int(chunk_id[16:], 16)
         is_static = len(schema) < 2 or schema.field(1).metadata[b"rerun:kind"] != b"index"
         return b"".join(
             (
-                b"\x10%c\x18%b\x20%c" % (_LZ4, _varint(content.size), _ARROW_IPC),
+                b"\x10%c\x18%b\x20%c" % (_LZ4, _varint(len(content)), _ARROW_IPC),
                 b"\x2a" + _varint(len(packed)),
                 packed,
                 struct.pack("<BBBQBQ", 0x32, 18, 0x09, first, 0x11, second),
@@ -93,11 +93,14 @@ class Store:
 
 def new_ids(n: int) -> tuple[bytes, pa.FixedSizeBinaryArray]:
     """The id of a chunk with ``n`` rows, and theirs."""
-    now = time.time_ns()
-    first = next(_IDS)
-    numbers = [next(_IDS) for _ in range(n)]
-    rows = pa.array([struct.pack(">QQ", now, k) for k in numbers], pa.binary(16))
+    now, first = time.time_ns(), next(_IDS)
+    ids = np.empty((n, 2), ">u8")
+    ids[:, 0], ids[:, 1] = now, np.arange(first + 1, first + 1 + n, dtype=np.uint64)
+    rows = pa.FixedSizeBinaryArray.from_buffers(_ROW_ID, n, [None, pa.py_buffer(ids)])
     return b"chunk_%016X%016x" % (now, first), rows
+
+
+_ROW_ID = pa.binary(16)
 
 
 _NO_ID = "0" * 32

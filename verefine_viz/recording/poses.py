@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 import rerun as rr
@@ -10,7 +11,7 @@ import rerun as rr
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import PlacedPose
 from verefine_viz.recording import columns, entities
-from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
@@ -36,7 +37,7 @@ class Poses:
     def start(self) -> Iterator[Piece]:
         """Nothing is shown before the first iteration."""
         for branch in self._branches.values():
-            yield _transforms(branch, [(0, stage, NOWHERE) for stage in self._stages])
+            yield _nothing(branch.name, self._stages)
 
     def add(self, row: Row) -> None:
         """Takes the next iteration."""
@@ -60,7 +61,7 @@ class Poses:
         """What moved since the last call."""
         for instance_id, moves in self._moves.items():
             if moves:
-                yield _transforms(self._branches[instance_id], moves)
+                yield _transforms(self._branches[instance_id].name, moves)
                 moves.clear()
 
     def _place(self, k: int, row: Row) -> None:
@@ -87,15 +88,16 @@ def _incumbent(row: Row) -> Sequence[PlacedPose]:
     return row.parts.tree.incumbent if row.parts.tree is not None else ()
 
 
-def _transforms(branch: Branch, moves: Moves) -> Piece:
-    frames = {stage: [entities.stage_frame(branch.name, stage)] for stage in {stage for _, stage, _ in moves}}
-    poses = np.array([T for _, _, T in moves]).astype(np.float32)
-    # rerun keeps matrices column by column.
-    matrices = poses[:, :3, :3].transpose(0, 2, 1).reshape(-1, 1, 9)
+@lru_cache(maxsize=64)
+def _nothing(branch_name: str, stages: tuple[str, ...]) -> Piece:
+    return _transforms(branch_name, [(0, stage, NOWHERE) for stage in stages])
+
+
+def _transforms(branch_name: str, moves: Moves) -> Piece:
+    frames = {stage: [entities.stage_frame(branch_name, stage)] for stage in {stage for _, stage, _ in moves}}
     parts = [
-        columns.vectors(rr.Transform3D.descriptor_translation(), poses[:, None, :3, 3], 3),
-        columns.vectors(rr.Transform3D.descriptor_mat3x3(), matrices, 9),
+        *columns.transforms([T for _, _, T in moves]),
         columns.texts(rr.Transform3D.descriptor_child_frame(), [frames[stage] for _, stage, _ in moves]),
         columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * len(moves)),
     ]
-    return columns.rows_of(f"{entities.OBJECTS}/{branch.name}/poses", [k for k, _, _ in moves], parts)
+    return columns.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", [k for k, _, _ in moves], parts)

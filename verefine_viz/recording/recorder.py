@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import platform
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, lru_cache
@@ -12,16 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import RunState, Verifier
-from verefine_viz.core.records import Best, Iteration, PlacedPose
+from verefine_viz.core.records import Iteration, PlacedPose
 from verefine_viz.core.settings import Session
+from verefine_viz.recording.against_truth import AgainstTruth
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.frame import frame_chunks
@@ -78,7 +74,7 @@ class Recorder:
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
         self._pending: list[Row] = []
         self._maps: tuple[int, Maps] | None = None
-        self._best_error: tuple[Best | None, float] = (None, float("nan"))
+        self._truth = AgainstTruth()
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -115,7 +111,7 @@ class Recorder:
             InputError: the file cannot be written any more.
         """
         assert self._file is not None, "on_start comes first"
-        row = row_of(iteration, self._errors(self._targets[iteration.instance_id], iteration))
+        row = row_of(iteration, self._truth.errors(self._targets[iteration.instance_id], iteration))
         self._journal.append(row)
         self._pending.append(row)
         if self._verifier is not None:
@@ -175,17 +171,6 @@ class Recorder:
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
 
-    def _errors(self, target: Target, iteration: Iteration) -> Float:
-        """What ``Row.errors`` says. ADD(-S) needs a search over all points, so only when the best pose changed."""
-        T_gt = target.instance.T_cam_obj_gt
-        if T_gt is None:
-            return np.full(3, np.nan)
-        best, T_kept = iteration.best, iteration.accepted_stage.T_cam_obj
-        if self._best_error[0] is not best:
-            self._best_error = (best, _add_s_mm(target.model, best.T_cam_obj, T_gt))
-        translation_mm = 1e3 * math.dist(T_kept[:3, 3].tolist(), T_gt[:3, 3].tolist())
-        return np.array([_rotation_deg(target.model, T_kept, T_gt), translation_mm, self._best_error[1]])
-
 
 def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, Any]:
     """Everything that is needed to run it again, and who made it."""
@@ -207,27 +192,6 @@ def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, 
 def _toml(settings: str) -> str:
     """A session as a file; made once for all frames of a batch."""
     return session_toml(Session.model_validate_json(settings))
-
-
-def _rotation_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
-    """As ``rotation_error_deg``, from the traces alone: to 1e-5°, which is enough for a curve."""
-    traces = np.einsum("kij,ij->k", model.symmetries[:, :3, :3], (T_gt[:3, :3].T @ T_est[:3, :3]).T)
-    return math.degrees(math.acos(min(1.0, max(-1.0, (float(traces.max()) - 1) / 2))))
-
-
-def _add_s_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
-    """As ``pose_errors`` has it. Nearest points are looked for only where the object is symmetric, and in its
-    own frame, for which one search tree lasts.
-    """
-    if model.is_symmetric:
-        return 1e3 * float(_tree(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
-    apart = apply(T_est - T_gt, model.points)
-    return 1e3 * float(np.sqrt(np.einsum("ij,ij->i", apart, apart)).mean())
-
-
-@lru_cache(maxsize=64)
-def _tree(model: ObjectModel) -> KDTree:
-    return KDTree(model.points)
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import pyarrow as pa
@@ -42,7 +43,7 @@ class Tree:
         self._clusters: dict[int, dict[int, _Node]] = {}
 
     def styles(self) -> Iterator[Piece]:
-        yield columns.fixed(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
+        yield _directed()
 
     def add(self, step: TreeStep) -> None:
         """Takes the next step."""
@@ -130,3 +131,8 @@ def _pairs(rows: Sequence[Sequence[tuple[str, str]]]) -> pa.ListArray:
     flat = pa.StructArray.from_arrays(ends, fields=list(item))
     offsets = np.cumsum([0, *(len(row) for row in rows)]).astype(np.int32)
     return pa.ListArray.from_arrays(pa.array(offsets), flat)
+
+
+@cache
+def _directed() -> Piece:
+    return columns.fixed(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import PlacedPose, SceneRecord, TreeStep
@@ -106,6 +107,7 @@ def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
     return moved_mm, turned_deg
 
 
+@lru_cache(maxsize=4096)
 def plain(text: str) -> str:
     """Text from data, so that markdown shows it as it is."""
     return " ".join(text.split()).translate(_ESCAPED)
