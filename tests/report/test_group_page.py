@@ -1,0 +1,117 @@
+"""The page that compares many runs: whole, small, and asking nobody for anything."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.report.runs import row, write_run
+from tests.report.test_page import GONE, figures, without_plotly
+from verefine_viz import cli
+from verefine_viz.report import gallery
+from verefine_viz.report.gallery import Curve
+from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
+
+
+def sweep(folder: Path, methods: tuple[str, ...], n_seeds: int, n_frames: int, n_objects: int = 1) -> Path:
+    """Runs of made-up errors; each method is a little worse than the one before it."""
+    for k, method in enumerate(methods):
+        for seed in range(n_seeds):
+            errors = np.random.default_rng(seed).gamma(1.0, 4.0 + 2 * k, (n_frames, n_objects))
+            rows = [
+                row(
+                    f,
+                    i,
+                    add_s_mm=float(errors[f, i]),
+                    method=method,
+                    cause="pool" if errors[f, i] >= 10 else "",
+                    evidence="All were far off." if errors[f, i] >= 10 else "",
+                )
+                for f in range(n_frames)
+                for i in range(n_objects)
+            ]
+            settings = {"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}}
+            write_run(folder / f"{method}-{seed}", rows, {**GONE, **settings})
+    return folder
+
+
+def test_a_folder_of_runs_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = sweep(tmp_path / "runs", ("rir", "sir", "pir", "refine", "even", "expl"), 3, 10)
+    (folder / "notes").mkdir()
+    run = folder / "pir-2" / "run.json"
+    run.write_text(json.dumps({**json.loads(run.read_text()), "status": "stopped"}))
+    assert cli.main(["report", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "6 groups, 17 runs, 10 frames." in said
+    assert "1 of 18 runs left out" in said
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    assert {"forest", "recall", "panels", "causes", "times"} <= figures(html).keys()
+    plain = without_plotly(html)
+    assert "6 methods compared" in plain
+    assert "pir-2: not finished (stopped)" in plain
+    assert plain.count('<tr><td class="text name">') == 6
+    assert '<select id="group">' in plain
+    assert "All were far off." in plain
+    assert "default-src 'none'" in plain
+    assert len(figures(html)["recall"]["data"]) == 6
+
+
+def test_few_groups_have_their_bands_in_one_chart(tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "runs", ("rir", "sir"), 2, 10)
+    assert cli.main(["report", str(folder), "--out", str(tmp_path / "r.html")]) == 0
+    found = figures((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert "panels" not in found
+    assert len(found["recall"]["data"]) == 4
+
+
+def test_seeds_of_one_method_have_a_report_too(tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "runs", ("rir",), 4, 5)
+    assert cli.main(["report", str(folder)]) == 0
+    plain = without_plotly((folder / "report.html").read_text(encoding="utf-8"))
+    assert "against the best" not in plain
+    assert "rir gets " in plain
+
+
+def test_a_folder_with_one_run_gives_its_report(tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "runs", ("rir",), 1, 5)
+    assert cli.main(["report", str(folder)]) == 0
+    assert "rir got " in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
+    for name in ("rir", "sir"):
+        rows = [row(k, has_truth=False, add_s_mm=None, score=0.1 * k) for k in (1, 2)]
+        write_run(tmp_path / "runs" / name, rows, GONE | {"method": {"name": name}})
+    assert cli.main(["report", str(tmp_path / "runs")]) == 0
+    html = (tmp_path / "runs" / "report.html").read_text(encoding="utf-8")
+    assert "without ground truth nobody can say which is best" in html
+    assert not {"recall", "forest"} & figures(html).keys()
+
+
+def test_a_large_sweep_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    # Noise is what compresses worst: no frame can make larger pictures.
+    noise = [data_uri(rng.integers(0, 256, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)) for _ in range(2)]
+    ks = tuple(range(1, 251))
+    curve = Curve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
+    monkeypatch.setattr(gallery, "_pictures", lambda *_: Pictures(noise[0], noise[1]))
+    monkeypatch.setattr(gallery, "_curves", lambda *_: dict.fromkeys(range(6), curve))
+    folder = sweep(tmp_path / "runs", ("rir", "sir", "pir"), 2, 1000, 4)
+    assert cli.main(["report", str(folder)]) == 0
+    assert (folder / "report.html").stat().st_size < 30e6
+    assert (folder / "report.html").read_text(encoding="utf-8").count('class="failure"') == 60
+
+
+def test_what_files_say_is_text(tmp_path: Path) -> None:
+    name = "</script><b>object</b>"
+    for method in ("rir", "sir"):
+        rows = [row(1, name=name, add_s_mm=40.0, cause="odd", evidence="<i>why</i>")]
+        write_run(tmp_path / "runs" / f"<u>{method}<u>", rows, GONE | {"method": {"name": method}})
+    assert cli.main(["report", str(tmp_path / "runs")]) == 0
+    html = (tmp_path / "runs" / "report.html").read_text(encoding="utf-8")
+    assert "<b>object" not in html
+    assert "<i>why" not in html
+    assert "<u>rir" not in html
