@@ -19,10 +19,12 @@ from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
 from verefine_viz.commands.evaluate import Evaluate
+from verefine_viz.commands.help import show_help
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.view import View
+from verefine_viz.core.atomic import NO_ROOM
 from verefine_viz.core.errors import VerefineError
 
 PROGRAM = "verefine-viz"
@@ -65,25 +67,36 @@ def run_command(words: list[str]) -> int:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
     try:
-        return parse(words).run(words[1:])
+        code = parse(words).run(words[1:])
+        sys.stdout.flush()
+        return code
     except VerefineError as error:
         return fail(str(error))
     except BrokenPipeError:
-        # The reader of our output (head, less) has gone; what is still buffered has nowhere to go.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader of our output (head, less) has gone.
+        _drop_output()
         return 0
     except OSError as error:
-        if error.filename is None:
+        if error.filename is not None:
+            return fail(f"{error.filename}: {error.strerror}")
+        if error.errno not in NO_ROOM:
             raise
-        return fail(f"{error.filename}: {error.strerror}")
+        _drop_output()
+        return fail(f"cannot write the output: {error.strerror}")
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return 130
 
 
+def _drop_output() -> None:
+    """What is still buffered has nowhere to go."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def parse(words: list[str]) -> Command:
     """The command that the words ask for. Only its own options are built: that is what keeps --help instant."""
     if words and words[0] in COMMANDS:
+        show_help(COMMANDS[words[0]], f"{PROGRAM} {words[0]}", words[1:])
         command: Any = tyro.cli(COMMANDS[words[0]], prog=f"{PROGRAM} {words[0]}", args=words[1:])
         return command
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]

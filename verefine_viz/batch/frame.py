@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 import traceback
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 from verefine_viz.batch.causes import with_causes
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
+from verefine_viz.core.atomic import NO_ROOM
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.toolbox import Toolbox
@@ -47,6 +49,9 @@ def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Fra
     with suppress(OSError):
         log.parent.mkdir(parents=True, exist_ok=True)
         log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    if isinstance(error, OSError) and error.errno in NO_ROOM and error.filename is None:
+        disks = f"the disk of {out} or that of temporary files, {tempfile.gettempdir()}"
+        return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
     where = f" (see errors/{log.name})" if log.is_file() else ""
     return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)
 
@@ -66,9 +71,13 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> Fra
         with watch("record"):
             if keep == "failures" and is_failure(result):
                 run.fork(run.length, watchers=[recorder])  # the recorder sees the whole history
-    finally:
-        with watch("record"):
+    except BaseException:
+        # What there is of the recording is kept where it can be; that it ends for another reason is what is told.
+        with suppress(VerefineError):
             recorder.close()
+        raise
+    with watch("record"):
+        recorder.close()
     if explain and any(row.has_truth and row.is_correct is not True for row in result.objects):
         with watch("explain"):
             result = with_causes(result, run, toolbox)

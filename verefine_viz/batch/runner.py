@@ -5,6 +5,7 @@ Results are kept on the disk only: the parent's memory does not depend on how ma
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
@@ -195,13 +196,15 @@ class _Batch:
     def _keep(self, result: FrameResult) -> None:
         """
         Raises:
-            InputError: the disk is full. A frame that failed for that alone is not noted as failed.
+            InputError: a disk is full. A frame that failed for that alone is not noted as failed.
         """
-        if result.failed and free_bytes(self.folder.path) < NEEDED_BYTES:
-            raise InputError(
-                f"the disk of {self.folder.path} is full: frame {result.frame} failed, {result.objects[0].message}; "
-                "what is done is kept: make room and repeat the command"
-            )
+        if result.failed:
+            for folder in (self.folder.path, Path(tempfile.gettempdir())):
+                if free_bytes(folder) < NEEDED_BYTES:
+                    raise InputError(
+                        f"the disk of {folder} is full: frame {result.frame} failed, {result.objects[0].message}; "
+                        "what is done is kept: make room and repeat the command"
+                    )
         self.folder.journal.keep(result)
         self.counts.add(result)
 

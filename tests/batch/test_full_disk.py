@@ -1,0 +1,210 @@
+"""A disk that is full: the line names the file that it refused, nothing is half-written, and the same command goes on.
+
+The system's own limit on the size of files stands in for the disk: writing beyond it fails in the middle, as there.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import resource
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from bench.kills import without_times
+from tests.batch import answering
+from tests.batch.frames import ROOT, command, make_frames, run_batch, start_batch, write_session
+from tests.batch.outputs import journal, stop_in_the_middle
+from tests.scenes.bop_folder import Made
+from verefine_viz import cli
+from verefine_viz.batch import pool, runner
+from verefine_viz.batch.rows import failed_frame
+from verefine_viz.batch.runner import run_batch as run_here
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+
+N_FRAMES = 6
+
+
+@contextmanager
+def file_limit(n_bytes: int) -> Iterator[None]:
+    """No file that this process or one that it starts writes may become larger."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES)
+
+
+@pytest.fixture(scope="module")
+def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_session(
+        tmp_path_factory.mktemp("session"), made,
+        method={"name": "pir", "iterations": 1}, recording={"keep": "all", "maps": False},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A batch with room enough."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    done = run_batch(session, out, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    (line,) = capsys.readouterr().err.splitlines()
+    return line.removeprefix("verefine-viz: ")
+
+
+@pytest.mark.parametrize(
+    ("n_bytes", "refused"),
+    [
+        (0, "session.toml"),
+        (1000, "session.toml"),
+        (5_000, "frames/000007_000000.json"),
+        (15_000, "frames.csv"),
+        (20_000, "results.csv"),
+    ],
+)
+def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
+    n_bytes: int, refused: str, session: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr(pool, "work", answering.work)
+    batch = ["batch", str(session), "--workers", "1", "--out"]
+    assert cli.main([*batch, str(tmp_path / "whole")]) == 0
+    capsys.readouterr()
+    out = tmp_path / "out"
+    with file_limit(n_bytes):
+        assert cli.main([*batch, str(out)]) == 2
+    assert said(capsys) == f"cannot write {out / refused}: File too large"
+    assert not list(out.rglob("*.part"))
+    n_done = len(journal(out))
+    assert cli.main([*batch, str(out)]) == 0
+    assert (f"({n_done} done before)" in capsys.readouterr().out) == (n_done > 0)
+    assert without_times(out) == without_times(tmp_path / "whole")
+
+
+def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    child = start_batch(session, out, "--workers", 1)
+    with child:
+        n_done = stop_in_the_middle(child, out, N_FRAMES)
+        process = psutil.Process(child.pid)
+        process.rlimit(psutil.RLIMIT_FSIZE, (100, process.rlimit(psutil.RLIMIT_FSIZE)[1]))
+        process.resume()
+        _, errors = child.communicate(timeout=120)
+    assert child.returncode == 2
+    (line,) = errors.splitlines()
+    assert line.startswith(f"verefine-viz: cannot write {out / 'frames' / '000007_'}")
+    assert line.endswith(".json: File too large")
+    assert len(journal(out)) == n_done
+    again = run_batch(session, out, "--workers", 1)
+    assert again.returncode == 0, again.stderr
+    assert f"({n_done} done before)" in again.stdout
+    assert without_times(out) == without_times(whole)
+    assert not list(out.rglob("*.part"))
+
+
+def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with file_limit(20_000):  # a recording takes some 300 kB
+        done = run_batch(session, out, "--workers", 1, "--scene.frames", "7/0")
+    assert done.returncode == 1, done.stderr
+    recording = out / "recordings" / "000007_000000.rrd"
+    assert f"frame 7/0 failed: cannot write the recording {recording}.part: File too large" in done.stdout
+    assert "The same command with --retry-failed tries them again." in done.stdout
+    assert not list(out.rglob("*.rrd"))
+    again = run_batch(session, out, "--workers", 1, "--scene.frames", "7/0", "--retry-failed")
+    assert again.returncode == 0, again.stderr
+    assert sorted(p.name for p in (out / "recordings").iterdir()) == ["000007_000000.rrd"]
+    results, frames = without_times(out)
+    assert results == without_times(whole)[0][: len(results)]
+    assert frames == without_times(whole)[1][: len(frames)]
+
+
+def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tests.batch.test_runner import Made as Answering
+    from tests.batch.test_runner import MadePlace, solved
+
+    monkeypatch.setattr(runner, "check", lambda session: ("0/0", "0/1", "0/2"))
+    refused = Answering(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
+    monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
+    with pytest.raises(InputError) as caught:
+        run_here(Session(), tmp_path, MadePlace(made=refused))
+    assert str(caught.value) == (
+        f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
+        "what is done is kept: make room and repeat the command"
+    )
+    assert journal(tmp_path) == ["000000_000000.json"]
+    outcome = run_here(Session(), tmp_path, MadePlace(made=Answering()))
+    assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
+
+
+def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = shutil.copytree(whole, tmp_path / "run")
+    (run / "report.html").write_text("older")
+    with file_limit(10_000):
+        assert cli.main(["report", str(run), "--workers", "1"]) == 2
+    assert said(capsys) == f"cannot write {run / 'report.html'}: File too large"
+    assert (run / "report.html").read_text() == "older"
+    assert not list(run.rglob("*.part"))
+    assert cli.main(["report", str(run), "--workers", "1"]) == 0
+    assert "<html" in (run / "report.html").read_text()
+
+
+def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["study", "robustness", "--quick", "--session", str(session), "--seeds", "1", "--workers", "1"]
+    words += ["--scene.frames", "7/0", "--scene.objects", "5", "--out"]
+    assert cli.main([*words, str(tmp_path / "whole")]) == 0
+    capsys.readouterr()
+    out = tmp_path / "out"
+    with file_limit(5_000):
+        assert cli.main([*words, str(out)]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"verefine-viz: cannot write {out / 'robustness.journal.jsonl'}: File too large"
+    )
+    assert [p.name for p in out.iterdir()] == ["robustness.journal.jsonl"]
+    begun = (out / "robustness.journal.jsonl").read_bytes()
+    assert begun.count(b"\n") > 1
+    assert begun.endswith(b"\n")
+    with file_limit(100_000):  # The numbers fit, the figure does not.
+        assert cli.main([*words, str(out)]) == 2
+    assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
+    assert not list(out.glob("*.part"))
+    assert cli.main([*words, str(out)]) == 0
+    assert (out / "robustness.journal.jsonl").read_bytes().startswith(begun)
+    assert _objects(out) == _objects(tmp_path / "whole")
+
+
+def _objects(out: Path) -> list[dict[str, str]]:
+    with (out / "robustness_objects.csv").open(newline="") as file:
+        return [{k: v for k, v in row.items() if k != "ms"} for row in csv.DictReader(file)]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", ["datasets", "replay {whole}/recordings/000007_000000.rrd --verify"])
+def test_output_that_goes_to_a_full_disk(words: str, whole: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command(*words.format(whole=whole).split()), stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+            env=os.environ | {"COLUMNS": "200"}, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "verefine-viz: cannot write the output: No space left on device\n"
