@@ -57,7 +57,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_field_of_a_session_file_has_an_option(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        cli.main(["batch", "--help"])
+        cli.main(["batch", "--help-settings"])
     text = capsys.readouterr().out
     fields = tomllib.loads(session_toml(Session()))
     for section, value in Session().model_dump().items():

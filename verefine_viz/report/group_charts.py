@@ -96,8 +96,8 @@ def panel_figure(lines: Sequence[Line]) -> go.Figure:
     figure = make_subplots(
         n_rows,
         PANELS_A_ROW,
-        shared_xaxes="all",
-        shared_yaxes="all",
+        shared_xaxes=True,
+        shared_yaxes=True,
         subplot_titles=[name for name, _ in known],
         horizontal_spacing=0.025,
         vertical_spacing=0.16 / n_rows,

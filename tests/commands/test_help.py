@@ -1,0 +1,55 @@
+"""Help that fits a screen, and the settings for whoever asks for them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from verefine_viz import cli
+from verefine_viz.core.settings import Session
+
+WITH_SETTINGS = [
+    name for name, kind in cli.COMMANDS.items() if "settings" in {f.name for f in dataclasses.fields(kind)}
+]
+
+
+def shown(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(list(words))
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", WITH_SETTINGS)
+def test_help_is_about_the_command_and_names_the_sections(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, name, "--help")
+    assert len(text.splitlines()) < 70
+    for field in dataclasses.fields(cli.COMMANDS[name]):
+        if field.name not in ("settings", "sessions", "session", "other", "name"):
+            assert f"--{field.name.replace('_', '-')}" in text
+    assert "--score.tau-m FLOAT" not in text
+    for section, value in Session().model_dump().items():
+        assert section in text or not isinstance(value, dict)
+    assert text == shown(capsys, name, "-h")
+
+
+def test_the_settings_of_a_section_can_be_asked_for_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "batch", "--help-settings", "score")
+    assert "--score.tau-m FLOAT" in text
+    assert "Paper Sec. V: 20 mm" in text
+    assert "--method.name" not in text
+    every = shown(capsys, "batch", "--help-settings", "--seeds", "3")
+    assert "--score.tau-m FLOAT" in every
+    assert "--method.name" in every
+    assert "--preset" in every
+
+
+def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["view", "--help-settings", "scores"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "unknown section of settings 'scores'; available: scene, hypotheses, " in line
+
+
+def test_commands_without_settings_have_their_help_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--failures INT" in shown(capsys, "report", "--help")
