@@ -95,6 +95,19 @@ class Screen:
 
 
 @pytest.fixture
+def real_session(shared_data: Path, tmp_path: Path) -> Path:
+    """A session of one YCB-Video frame with the poses of several estimators."""
+    estimates = sorted((shared_data / "ycbv" / "pose_estimates").glob("*.csv"))
+    files = ", ".join(f'"{p}"' for p in estimates if "icp" not in p.name)
+    path = tmp_path / "real.toml"
+    path.write_text(
+        f'title = "YCB-Video 50/1"\n[scene]\nsource = "bop"\ndataset = "{shared_data / "ycbv"}"\nframes = ["50/1"]\n'
+        f'[hypotheses]\nsource = "results"\nfiles = [{files}]\n'
+    )
+    return path
+
+
+@pytest.fixture
 def look(chromium: Any, tmp_path: Path) -> Iterator[Callable[..., Screen]]:
     """Opens a session file's page at 1280×800; checks at the end that it asked nobody else for anything."""
     opened: list[Screen] = []

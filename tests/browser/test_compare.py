@@ -39,9 +39,9 @@ def test_rir_against_sir_on_the_mug(look: Look) -> None:
     screen.text("Run finished")
     choose(screen, "Method of B", "sir")
     screen.click("Run B with these")
-    screen.text(r"^B \(sir\) leaves A \(rir\) at iteration")
+    screen.text(r"^A \(rir\) and B \(sir\) do the same for \d+ iterations?\. Then in iteration")
     screen.app.wait_until_idle(60)
-    screen.text("At the end A 0")
+    screen.text("At the end (A|B) is nearer to the truth: A is")
     assert [o.winner for o in sides(screen).outcomes] != [None]
     screen.shot("compare_1_mug")
     screen.key("f")
@@ -63,7 +63,7 @@ def test_published_against_recommended_on_the_mug(look: Look) -> None:
     screen.tab("A/B")
     choose(screen, "Preset of B", "published")
     screen.click("Run B with these")
-    screen.text(r"^B \(published\) leaves A \(recommended\)")
+    screen.text(r"^A \(recommended\) and B \(published\) ")
     screen.app.wait_until_idle(120)
     screen.shot("compare_4_mug_published")
 
@@ -86,22 +86,15 @@ def test_two_pages_and_both_sliders_show_the_same_moment(look: Look, chromium: o
 
 
 @pytest.mark.data
-def test_real_frame(look: Look, shared_data: Path, tmp_path: Path) -> None:
-    estimates = sorted((shared_data / "ycbv" / "pose_estimates").glob("*.csv"))
-    files = ", ".join(f'"{p}"' for p in estimates if "icp" not in p.name)
-    session = tmp_path / "real.toml"
-    session.write_text(
-        f'title = "YCB-Video 50/1"\n[scene]\nsource = "bop"\ndataset = "{shared_data / "ycbv"}"\nframes = ["50/1"]\n'
-        f'[hypotheses]\nsource = "results"\nfiles = [{files}]\n'
-    )
-    screen = look(session)
+def test_real_frame(look: Look, real_session: Path) -> None:
+    screen = look(real_session)
     screen.app.send(c.RunUntil("end"))
     screen.app.wait_until_idle(240)
     screen.tab("A/B")
     for method in ("sir", "vf_depth"):
         choose(screen, "Method of B", method)
         screen.click("Run B with these")
-        screen.text(rf"^B \({method}\) leaves A \(rir\)")
+        screen.text(rf"^A \(rir\) and B \({method}\) ")
         screen.app.wait_until_idle(240)
         screen.shot(f"compare_real_{method}")
         screen.key("f")

@@ -92,15 +92,8 @@ def test_wrong_plane(look: Look) -> None:
 
 
 @pytest.mark.data
-def test_real_frame(look: Look, shared_data: Path, tmp_path: Path) -> None:
-    estimates = sorted((shared_data / "ycbv" / "pose_estimates").glob("*.csv"))
-    files = ", ".join(f'"{p}"' for p in estimates if "icp" not in p.name)
-    session = tmp_path / "real.toml"
-    session.write_text(
-        f'title = "YCB-Video 50/1"\n[scene]\nsource = "bop"\ndataset = "{shared_data / "ycbv"}"\nframes = ["50/1"]\n'
-        f'[hypotheses]\nsource = "results"\nfiles = [{files}]\n'
-    )
-    screen = look(session)
+def test_real_frame(look: Look, real_session: Path) -> None:
+    screen = look(real_session)
     screen.shot("real_0_ready")
     screen.click("Step ▶")
     screen.at(1)

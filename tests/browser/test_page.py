@@ -36,7 +36,7 @@ def test_every_panel(look: Look) -> None:
     screen.click("Run")
     screen.text("Run finished")
     for tab, words in (
-        ("Score", "against simulated"),
+        ("Score", "against initial"),
         ("Bandit", "^Iteration .* took hypothesis"),
         ("Physics", "steps the simulation"),
         ("Errors", "by the usual 10 %"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
-from verefine_viz.viewer.scene_words import alone_warning
+from verefine_viz.viewer.carrying import alone_warning
 from verefine_viz.viewer.view import View
 
 PLANE_SHARE = 0.5

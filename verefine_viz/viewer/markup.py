@@ -121,6 +121,7 @@ STYLE = """<style>
 .vz.objects td,.vz.objects th{padding-inline:3px}
 .vz.objects td:nth-child(2),.vz.objects th:nth-child(2){text-align:left}
 .vz tr.parted td{border-top:1.5px solid rgba(200,200,200,.65)}
+.vz .sinks{color:#d98e04;cursor:help}
 .vz p.legend{font-size:11px;margin:0 0 2px 0}
 .vz .light{display:inline-block;width:10px;height:10px;border-radius:5px;vertical-align:-1px}
 .vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}

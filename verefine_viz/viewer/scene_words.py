@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.problem import Problem
@@ -123,32 +122,6 @@ def standing_sentence(found: Any, scene: SceneNow) -> str:
     for o in sorted(scene.objects, key=lambda o: -o.instance_id):
         said = said.replace(f"into instance {o.instance_id}.", f"into {o.label}.")
     return said
-
-
-def carried_alone(view: View) -> list[tuple[str, Sequence[str]]]:
-    """What stands on what, where the method does not know of it: (carried, carriers)."""
-    graph = view.problem.dependencies
-    if graph is None or view.session.method.name not in ALONE or not view.session.physics.enabled:
-        return []
-    names = labels_of(view.problem)
-    found: dict[int, list[str]] = {}
-    for edge in graph.edges:
-        if edge.kind == "support" and edge.state != "cut" and edge.first in names and edge.second in names:
-            found.setdefault(edge.second, []).append(names[edge.first])
-    return [(names[carried], carriers) for carried, carriers in found.items()]
-
-
-def alone_warning(view: View) -> str:
-    """That objects which carry each other are simulated one by one; empty where that is not so."""
-    pairs = carried_alone(view)
-    if not pairs or view.session.method.name == "refine":
-        return ""
-    said = "; ".join(f"{carried} stands on {' and '.join(carriers)}" for carried, carriers in pairs[:3])
-    more = f" (and {len(pairs) - 3} more)" if len(pairs) > 3 else ""
-    return (
-        f"{method_name(view.session.method.name)} simulates each object alone: {said}{more} and may fall through. "
-        "Use VF_b or VF_d, which place what carries first."
-    )
 
 
 def scene_sentence(view: View) -> str:

@@ -14,7 +14,7 @@ from verefine_viz.viewer.tree import Node, Tree
 from verefine_viz.viewer.tree_folding import Box, Fold, boxes
 
 WIDTH, LAYER, GAP, STRIP = 340, 26, 2, 8
-NARROWEST, ROOM_PX = 28, 56
+NARROWEST, ROOM_PX = 30, 56
 """A box that "+97" fits into, and one that has room for its visits as well [px]."""
 CHEAP, DEAR = (53, 183, 121), (68, 40, 90)
 """Ends of the colours of cost per visit: cheap is good."""
@@ -75,7 +75,7 @@ def _fold(box: Box, y: float, labels: Mapping[int, str], color: str) -> str:
 def _box(box: Box, y: float, command: c.Command, look: str, caption: str, title: str) -> str:
     return (
         f'<g {carries(command)}><rect x="{box.x:.1f}" y="{y}" width="{box.width - 1:.1f}" height="{LAYER}" {look}/>'
-        f'<text x="{box.x + 4:.1f}" y="{y + 17}" font-size="11" fill="white">{caption}</text>'
+        f'<text x="{box.x + 3:.1f}" y="{y + 17}" font-size="11" fill="white">{caption}</text>'
         f"<title>{text(title)}</title></g>"
     )
 
@@ -159,4 +159,6 @@ def tree_html(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) 
         f"visited 7 times; +97 = so many more, folded. {swatch(CHEAP)}cheap {swatch(DEAR)}dear per visit, "
         f"{swatch(BRANCH_COLOR)}this branch, {swatch(INCUMBENT_COLOR)}way to the cheapest scene.</p>"
     )
-    return f"{layers_svg(tree, labels, colors)}{legend}{chosen}{nodes_table(tree, labels, colors)}"
+    tip = "a node is taken where its cost per visit minus its bonus for few visits is lowest; untried ones come first"
+    why = f'<p title="{tip}"><b>Why this branch</b>, node by node (cost per visit − bonus)</p>' if chosen else ""
+    return f"{layers_svg(tree, labels, colors)}{legend}{why}{chosen}{nodes_table(tree, labels, colors)}"

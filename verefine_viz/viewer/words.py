@@ -70,7 +70,9 @@ def headline(view: View) -> str:
         return _outcome(view)
     if view.shown is None:
         return f"{view.name} has had no iteration yet."
-    if view.look.stage is not None and view.is_current:
+    # At the end of a run the last iteration is asked for by its last stage.
+    whole = view.progress.done == view.progress.total and view.look.stage == view.shown.stages[-1].name
+    if view.look.stage is not None and view.is_current and not whole:
         return _stage_sentence(view, view.shown)
     if view.shown.tree is not None:
         said = tree_sentence(view.problem, view.shown, view.shown.tree)

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import viser
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.viewer.carrying import alone_warning
 from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
 from verefine_viz.viewer.markup import link, sentence, text, warning
 from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
 from verefine_viz.viewer.scene_now import color_of, labels_of
-from verefine_viz.viewer.scene_words import ALONE, alone_warning, method_name
+from verefine_viz.viewer.scene_words import ALONE, method_name
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.carrying import alone_hint, carried
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.scene_words import TERMS, overlap_sentence, standing_sentence
@@ -114,7 +115,7 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         error = f"<b>{error}</b>"
     cells = [
         f"{order}",
-        f'{swatch(o.color)}<span title="{text(o.label)}">{text(o.label)}</span>',
+        f'{swatch(o.color)}<span title="{text(o.label)}">{text(o.label)}</span>{_sinks(view, o)}',
         _light(view, o),
         number(o.answer.score.score if o.answer else None, 2),
         *([error] if _has_errors(view) else []),
@@ -122,6 +123,12 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         f'<span title="{text(tip)}">{label}</span>',
     ]
     return Row(cells, c.Focus(None if pinned and in_focus else o.instance_id), marked=in_focus, parted=first_of_cluster)
+
+
+def _sinks(view: View, o: ObjectNow) -> str:
+    """A mark at what stands on other objects that the method does not know of."""
+    why = alone_hint(view, o.instance_id)
+    return f' <b class="sinks" title="{text(why)}">⤓</b>' if why else ""
 
 
 def _light(view: View, o: ObjectNow) -> str:
@@ -150,8 +157,9 @@ def legend(view: View) -> str:
     lights = " ".join(f"{_dot(light)} {LIGHT_MEANING[light][0]}" for light in LIGHTS)
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
     tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
+    sinks = '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>' if carried(view) else ""
     return (
-        f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>'
+        f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>{sinks}'
         f'<p class="legend dim">{drawn}, overlaps red.</p>'
     )
 

@@ -1,0 +1,105 @@
+"""What the page says of objects that stand on others, where every object is settled on the support plane alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeState
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.carrying import RAISED_M, alone_hint, alone_warning, carried, height_above_plane_m
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.view import View
+
+
+def view_of(problem_of: type[FakeTools], name: str = "rir", physics: bool = True) -> View:
+    session = Session(method=MethodSettings(name=name, iterations=1), physics=PhysicsSettings(enabled=physics))
+    return Debugger(session, None, problem_of).carry_out([c.OpenFrame("0/2")]).view()
+
+
+def stacked(state: EdgeState = "used") -> type[FakeTools]:
+    class Stacked(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            edge = Edge("support", 0, 1, 0.9, "64% of its footprint", state)
+            problem = super().problem(frame)
+            graph = DependencyGraph((edge,), ((0, 1),), (), "recommended")
+            return replace(problem, dependencies=graph.only([i.instance_id for i in problem.instances]))
+
+    return Stacked
+
+
+def raised(by_m: float) -> type[FakeTools]:
+    """Ground truth of the second box has its lowest point so high above the plane; there is no dependency graph."""
+
+    class Raised(FakeTools):
+        def problem(self, frame: str) -> Problem:
+            problem = super().problem(frame)
+            support, target = problem.observation.support, problem.targets[-1]
+            truth, height_m = target.instance.T_cam_obj_gt, height_above_plane_m(target)
+            assert support is not None
+            assert truth is not None
+            assert height_m is not None
+            lifted = truth.copy()
+            lifted[:3, 3] += (by_m - height_m) * support.T_world_cam[:3, :3].T @ support.normal_world
+            instances = (*problem.instances[:-1], replace(problem.instances[-1], T_cam_obj_gt=lifted))
+            return replace(problem, instances=instances, dependencies=None)
+
+    return Raised
+
+
+def test_what_stands_on_another_object_is_warned_of_with_the_way_out() -> None:
+    view = view_of(stacked())
+    said = alone_warning(view)
+    assert said.startswith("RIR settles every object on the table alone")
+    assert ": box #1 stands on box #0, so it sinks in the simulation." in said
+    (finding,) = [f for f in findings(view) if f.text == said]
+    assert finding.command == c.Restart((("method.name", "vf_breadth"),))
+    assert alone_hint(view, 1) == "stands on box #0; RIR settles it on the table alone, so it sinks"
+    assert alone_hint(view, 0) == ""
+    assert objects_html(view).count("⤓") == 2, "at its row, and in the legend"
+
+
+@pytest.mark.parametrize("name", ["vf_breadth", "vf_depth", "refine"])
+def test_methods_that_know_of_it_or_do_not_simulate_say_nothing(name: str) -> None:
+    view = view_of(stacked(), name)
+    assert alone_warning(view) == ""
+    assert "⤓" not in objects_html(view)
+
+
+def test_nothing_is_said_without_physics_or_where_a_person_cut_the_edge() -> None:
+    assert alone_warning(view_of(stacked(), physics=False)) == ""
+    assert alone_warning(view_of(stacked("cut"))) == ""
+    assert alone_warning(view_of(FakeTools)) == ""
+
+
+@pytest.mark.parametrize("by_m", [RAISED_M + 0.005, 0.08])
+def test_ground_truth_above_the_table_says_so_where_no_graph_does(by_m: float) -> None:
+    view = view_of(raised(by_m))
+    assert height_above_plane_m(view.problem.targets[-1]) == pytest.approx(by_m)
+    assert f"box #1 stands {by_m * 1e3:.0f} mm above the table, so it sinks" in alone_warning(view)
+
+
+def test_an_object_near_the_table_stands_on_it() -> None:
+    assert carried(view_of(raised(RAISED_M - 0.001))) == ()
+    blind = view_of(raised(0.08))
+    instances = tuple(replace(i, T_cam_obj_gt=None) for i in blind.problem.instances)
+    assert carried(replace(blind, problem=replace(blind.problem, instances=instances))) == ()
+
+
+def test_height_is_that_of_the_lowest_point() -> None:
+    target = view_of(raised(0.05)).problem.targets[-1]
+    support, truth = target.observation.support, target.instance.T_cam_obj_gt
+    assert support is not None
+    assert truth is not None
+    heights = []
+    for point in target.model.points:
+        in_world = support.T_world_cam @ truth @ np.append(point, 1.0)
+        heights.append(in_world[:3] @ support.normal_world)
+    assert height_above_plane_m(target) == pytest.approx(min(heights))
