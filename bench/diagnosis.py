@@ -1,7 +1,9 @@
 """How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
 
-``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--verbose]``. A scene that comes out right in spite of
-what is broken has nothing to diagnose; further seeds are taken until there are enough that fail.
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--second] [--verbose]``. A scene that comes out right in
+spite of what is broken has nothing to diagnose; further seeds are taken until there are enough that fail. ``--second``
+puts a smaller fault of another kind into each scene: then "named" says how often the diagnosis still names the larger
+one, and "second named" how often it names the smaller one instead.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ from collections.abc import Sequence
 from itertools import count
 from time import perf_counter
 
-from bench.failing_scenes import Broken, broken_scene
+from bench.failing_scenes import broken_scene
+from bench.made_up_frames import Broken
+from bench.second_faults import with_second
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 
@@ -29,27 +33,36 @@ def named(broken: Broken) -> Diagnosis | None:
 
 
 def run(
-    causes: Sequence[Cause] = tuple(Cause), n_seeds: int = SEEDS, first: int = 0, verbose: bool = False
+    causes: Sequence[Cause] = tuple(Cause),
+    n_seeds: int = SEEDS,
+    first: int = 0,
+    verbose: bool = False,
+    second: bool = False,
 ) -> list[dict[str, object]]:
     """One row per cause: how many of the failing scenes were named right, and what the others were called."""
     rows: list[dict[str, object]] = []
     for cause in causes:
         said: Counter[Cause] = Counter()
-        n_fine, n_confirmed, n_reruns, ms = 0, 0, 0, 0.0
+        n_fine, n_confirmed, n_second, n_reruns, ms = 0, 0, 0, 0, 0.0
         began = perf_counter()
         for seed in count(first):
             if said.total() >= n_seeds or seed >= first + MOST_SEEDS:
                 break
-            diagnosis = named(broken_scene(cause, seed))
+            broken, smaller = broken_scene(cause, seed), None
+            if second:
+                broken, smaller = with_second(broken, seed)
+            diagnosis = named(broken)
             if diagnosis is None:
                 n_fine += 1
                 continue
             said[diagnosis.cause] += 1
             n_confirmed += diagnosis.is_confirmed and diagnosis.cause == cause
+            n_second += diagnosis.cause == smaller
             n_reruns += diagnosis.n_reruns
             ms += diagnosis.ms
             if verbose or diagnosis.cause != cause:
-                print(f"  {cause} {seed}: {diagnosis.cause}: {diagnosis.sentence}")
+                beside = f" and {smaller}" if smaller else ""
+                print(f"  {cause}{beside} {seed}: {diagnosis.cause}: {diagnosis.sentence}")
                 if verbose:
                     for other in diagnosis.others:
                         print(f"      also {other.cause} ({other.is_confirmed}): {other.sentence}")
@@ -60,6 +73,7 @@ def run(
                 "named": f"{said[cause]}/{said.total()}",
                 "rate": said[cause] / n,
                 "confirmed": n_confirmed,
+                **({"second named": n_second} if second else {}),
                 "came out right": n_fine,
                 "re-runs each": n_reruns / n,
                 "ms each": ms / n,
@@ -76,9 +90,10 @@ def main() -> int:
     parser.add_argument("causes", nargs="*", type=Cause, help="default: all")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--second", action="store_true", help="a smaller fault of another kind beside each")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
-    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose)
+    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose, args.second)
     return 0
 
 

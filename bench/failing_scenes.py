@@ -1,187 +1,43 @@
 """Made-up scenes in which exactly one thing is broken: a generator for every cause that a diagnosis can name.
 
-Small pictures (320×240) of built-in objects on a table; everything that is not broken on purpose is as it should be.
+Everything that is not broken on purpose is as it should be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
-from verefine_viz.core.model import ObjectModel
+from bench.made_up_frames import (
+    Broken,
+    Depth,
+    Thing,
+    Z,
+    broken_by,
+    comes_right,
+    frame_of,
+    level,
+    model,
+    moved,
+    near,
+    on_edge,
+    session_of,
+    small_carton,
+    standing,
+)
+from verefine_viz.core.arrays import Mask
+from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
-from verefine_viz.core.settings import PhysicsSettings, SceneSettings, Session
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.physics.rest import settle_to_rest
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.rendering.scene import render_scene
-from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.demo_scene import LAYOUT_FRAME
 from verefine_viz.scenes.demo_view import Viewpoint
-from verefine_viz.scenes.meshes import Mesh
-from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.sensor import Sensor, sense
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
-
-CAMERA = Camera(np.array([[285.0, 0, 159.5], [0, 285.0, 119.5], [0, 0, 1]]), 320, 240)
-SETTINGS = SceneSettings(model_points=1000, cloud_points=700)
-SENSOR = Sensor()
-TABLE_HALF_M = 0.6
-Z = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class Broken:
-    """A scene in which one thing is broken."""
-
-    cause: Cause
-    problem: Problem
-    toolbox: Toolbox
-    instance_id: int = 0
-    """Whose diagnosis is meant."""
-
-
-@dataclass(frozen=True, eq=False)
-class Thing:
-    """An object on the table."""
-
-    model: ObjectModel
-    T_world_obj: Float
-    first_poses: tuple[Float, ...] = ()
-    """T_world_obj of its hypotheses."""
-    seen_as: ObjectModel | None = None
-    """What depth and mask show instead."""
-    is_asked_for: bool = True
-
-
-Depth = NDArray[np.float32]
-
-
-def frame_of(
-    things: Sequence[Thing],
-    rng: np.random.Generator,
-    view: Viewpoint | None = None,
-    spoil_depth: Callable[[Depth, Sequence[Mask]], Depth] = lambda depth, masks: depth,
-    spoil_mask: Callable[[int, Sequence[Mask]], Mask] = lambda k, masks: masks[k],
-    spoil_support: Callable[[Support], Support] = lambda support: support,
-) -> Problem:
-    """A picture of things on a table, spoilt where asked for."""
-    T_world_cam = (view or Viewpoint(elevation_deg=40, distance_m=0.52)).T_world_cam
-    T_cam_world = inverse(T_world_cam)
-    seen = [Placed(k, t.seen_as or t.model, T_cam_world @ t.T_world_obj) for k, t in enumerate(things)]
-    drawn = render_scene(seen, CAMERA)
-    table_m = _table_depth(T_world_cam)
-    is_table = (table_m > 0) & ((drawn.labels < 0) | (table_m < drawn.depth_m))
-    true_m = np.where(is_table, table_m, drawn.depth_m).astype(np.float32)
-    normals = np.where(is_table[..., None], T_world_cam[2, :3], drawn.normals_cam)
-    labels = np.where(is_table, -1, drawn.labels)
-    masks = [labels == k for k in range(len(things))]
-    depth_m = sense(true_m, normals, CAMERA, SENSOR, int(rng.integers(2**31)))
-    depth_m = spoil_depth(depth_m, masks)
-    given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
-    observation = observe(CAMERA, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
-    if observation.support is not None:
-        observation = replace(observation, support=spoil_support(observation.support))
-    instances = tuple(
-        Instance(
-            k,
-            things[k].model.obj_id,
-            mask,
-            segment_cloud(depth_m, CAMERA, mask, SETTINGS.cloud_points, SETTINGS.seed),
-            tuple(
-                Hypothesis(T_cam_world @ T, 1.0 - 0.01 * j, f"made up #{j + 1}")
-                for j, T in enumerate(things[k].first_poses)
-            ),
-            T_cam_world @ things[k].T_world_obj,
-        )
-        for k, mask in given.items()
-    )
-    models = {t.model.obj_id: t.model for t in things}
-    return Problem(0, 0, observation, models, instances, "made up")
-
-
-def _table_depth(T_world_cam: Float) -> Float:
-    rays_world = CAMERA.back_project(np.ones(CAMERA.shape)) @ T_world_cam[:3, :3].T
-    down = -rays_world[..., 2]
-    z = np.divide(T_world_cam[2, 3], down, out=np.zeros(CAMERA.shape), where=down > 1e-9)
-    hit = T_world_cam[:2, 3] + z[..., None] * rays_world[..., :2]
-    return np.where((np.abs(hit) <= TABLE_HALF_M).all(axis=-1), z, 0.0)
-
-
-@cache
-def model(name: str, symmetric: bool = True) -> ObjectModel:
-    """A built-in object; without the symmetries that it has, where those are not to be known."""
-    found = demo_model(name, SETTINGS.model_points, 0)
-    return found if symmetric else replace(found, symmetries=np.eye(4)[None])
-
-
-@cache
-def small_carton() -> ObjectModel:
-    """The carton at half its size."""
-    carton = model("carton")
-    return model_of_mesh(Mesh(carton.vertices * 0.5, carton.faces, None), 90, "small carton", 1000, 0, None)
-
-
-def standing(m: ObjectModel, rng: np.random.Generator, reach_m: float = 0.03, yaw_deg: float | None = None) -> Float:
-    """Upright on the table, turned anyhow; T_world_obj."""
-    yaw = rng.uniform(0, 2 * np.pi) if yaw_deg is None else np.deg2rad(yaw_deg)
-    x, y = rng.uniform(-reach_m, reach_m, 2)
-    return transform(axis_angle(Z, yaw), [x, y, -float(m.vertices[:, 2].min())])
-
-
-def moved(T_world_obj: Float, axis_world: Float, angle_deg: float, shift_mm: Sequence[float] | Float) -> Float:
-    """Turned about the object's origin and moved, both in the world."""
-    turn = axis_angle(axis_world, np.deg2rad(angle_deg))
-    return transform(turn @ T_world_obj[:3, :3], T_world_obj[:3, 3] + np.array(shift_mm) * 1e-3)
-
-
-def near(T_world_obj: Float, rng: np.random.Generator, n: int, deg: float, mm: float) -> tuple[Float, ...]:
-    """First poses that are off by a little."""
-    return tuple(moved(T_world_obj, random_unit_vector(rng), deg, mm * random_unit_vector(rng)) for _ in range(n))
-
-
-def on_edge(m: ObjectModel, T_world_obj: Float) -> Float:
-    """The same, lifted or lowered until its lowest point is on the table."""
-    T = np.array(T_world_obj)
-    T[2, 3] -= float(apply(T, m.vertices)[:, 2].min()) - 0.0005
-    return T
-
-
-def level(heading: float) -> Float:
-    """A horizontal direction."""
-    return np.array([np.cos(heading), np.sin(heading), 0.0])
-
-
-def _session(name: str = "rir", iterations: int = 4, **sections: dict[str, object]) -> Session:
-    method = {"name": name, "iterations": iterations, **sections.pop("method", {})}
-    return resolve({"method": method, **sections})
-
-
-def _broken(cause: Cause, problem: Problem, session: Session, instance_id: int = 0) -> Broken:
-    toolbox = Toolbox(session)
-    return Broken(cause, toolbox.ordered(problem), toolbox, instance_id)
-
-
-def comes_right(toolbox: Toolbox, problem: Problem, instance_id: int = 0) -> bool:
-    """Whether a run gives the instance a pose within 10 % of the diameter."""
-    state = toolbox.run(problem).finish()
-    for target, best in zip(problem.targets, state.best, strict=True):
-        T_true = target.instance.T_cam_obj_gt
-        if target.instance.instance_id == instance_id and best is not None and T_true is not None:
-            return ErrorOf(target.model, T_true)(best.T_cam_obj) < 0.1
-    return False
 
 
 def bad_pool(rng: np.random.Generator) -> Broken:
@@ -192,7 +48,7 @@ def bad_pool(rng: np.random.Generator) -> Broken:
     for _ in range(4):
         x, y, _z = 40 * level(rng.uniform(0, 2 * np.pi))
         poses.append(moved(T, level(rng.uniform(0, 2 * np.pi)), rng.uniform(95, 165), (x, y, 25)))
-    return _broken(Cause.POOL, frame_of([Thing(m, T, tuple(poses))], rng), _session(iterations=3))
+    return broken_by(Cause.POOL, frame_of([Thing(m, T, tuple(poses))], rng), session_of(iterations=3))
 
 
 def straying_refiner(rng: np.random.Generator) -> Broken:
@@ -201,7 +57,7 @@ def straying_refiner(rng: np.random.Generator) -> Broken:
     T = standing(m, rng)
     sign = rng.choice([-1, 1])
     poses = [moved(T, Z, sign * rng.uniform(55, 62), (*rng.uniform(-4, 4, 2), 3)) for _ in range(3)]
-    return _broken(Cause.REFINER, frame_of([Thing(m, T, tuple(poses))], rng), _session())
+    return broken_by(Cause.REFINER, frame_of([Thing(m, T, tuple(poses))], rng), session_of())
 
 
 def toppling(rng: np.random.Generator) -> Broken:
@@ -215,8 +71,8 @@ def toppling(rng: np.random.Generator) -> Broken:
         poses = [
             on_edge(m, moved(T, level(rng.uniform(0, 2 * np.pi)), rng.uniform(36, 44), (0, 0, 0))) for _ in range(2)
         ]
-        session = _session(iterations=3, physics={"steps": 30})
-        broken = _broken(Cause.SIMULATION, frame_of([Thing(m, T, tuple(poses))], rng), session)
+        session = session_of(iterations=3, physics={"steps": 30})
+        broken = broken_by(Cause.SIMULATION, frame_of([Thing(m, T, tuple(poses))], rng), session)
         if comes_right(broken.toolbox.restarted({"physics": {"enabled": False}}), broken.problem):
             return broken
 
@@ -234,7 +90,7 @@ def glass_handle(rng: np.random.Generator) -> Broken:
         t = pivot - R @ centre + np.array([*rng.uniform(-4, 4, 2), 2]) * 1e-3
         poses.append(transform(R, t))
     thing = Thing(m, T, tuple(poses), seen_as=model("jug without handle"))
-    return _broken(Cause.SCORE, frame_of([thing], rng), _session())
+    return broken_by(Cause.SCORE, frame_of([thing], rng), session_of())
 
 
 def starving(rng: np.random.Generator) -> Broken:
@@ -243,8 +99,8 @@ def starving(rng: np.random.Generator) -> Broken:
     T = standing(m, rng)
     poses = [moved(T, Z, deg, (*rng.uniform(-2, 2, 2), 0)) for deg in (90, -90, 87, 93)]
     poses += near(T, rng, 1, 8, 8)
-    session = _session(iterations=2, method={"exploration": 0.05})
-    return _broken(Cause.ARM_STARVED, frame_of([Thing(m, T, tuple(poses))], rng), session)
+    session = session_of(iterations=2, method={"exploration": 0.05})
+    return broken_by(Cause.ARM_STARVED, frame_of([Thing(m, T, tuple(poses))], rng), session)
 
 
 def short_of_time(rng: np.random.Generator) -> Broken:
@@ -254,8 +110,8 @@ def short_of_time(rng: np.random.Generator) -> Broken:
         T = standing(m, rng)
         start = near(T, rng, 1, rng.uniform(15, 20), rng.uniform(22, 28))
         problem = frame_of([Thing(m, T, start)], rng)
-        session = _session(str(rng.choice(["sir", "rir"])), 1, icp={"max_iterations": 2}, physics={"enabled": False})
-        broken = _broken(Cause.BUDGET, problem, session)
+        session = session_of(str(rng.choice(["sir", "rir"])), 1, icp={"max_iterations": 2}, physics={"enabled": False})
+        broken = broken_by(Cause.BUDGET, problem, session)
         if _gets_home(broken):
             return broken
 
@@ -282,7 +138,7 @@ def tilted_plane(rng: np.random.Generator) -> Broken:
         return replace(support, T_world_cam=transform(R, [0, 0, -up_m]) @ support.T_world_cam)
 
     problem = frame_of([thing], rng, spoil_support=spoil)
-    return _broken(Cause.PLANE, problem, _session("pir", 4, physics={"steps": 20}))
+    return broken_by(Cause.PLANE, problem, session_of("pir", 4, physics={"steps": 20}))
 
 
 def filled_bowl(rng: np.random.Generator) -> Broken:
@@ -295,11 +151,11 @@ def filled_bowl(rng: np.random.Generator) -> Broken:
     )
     T = resting.T_cam_obj
     things = [Thing(bowl, T_bowl, near(T_bowl, rng, 1, 4, 4)), Thing(m, T, near(T, rng, 2, 12, 8))]
-    session = _session(
+    session = session_of(
         "vf_breadth", 3, physics={"collider": "hull", "steps": 40}, dependency={"order": (("#0", "#1"),)}
     )
     view = Viewpoint(elevation_deg=58, distance_m=0.5)
-    return _broken(Cause.COLLIDER, frame_of(things, rng, view), session, 1)
+    return broken_by(Cause.COLLIDER, frame_of(things, rng, view), session, 1)
 
 
 def bad_mask(rng: np.random.Generator) -> Broken:
@@ -312,7 +168,7 @@ def bad_mask(rng: np.random.Generator) -> Broken:
         T_beside[:2, 3] = T[:2, 3] + [0.12, rng.uniform(0.0, 0.04)]
         things = [Thing(m, T, near(T, rng, 2, 18, 22)), Thing(beside, T_beside, is_asked_for=False)]
         spoil = (_leaking, _cut_to(rng.uniform(0.10, 0.2)))[rng.integers(2)]
-        broken = _broken(Cause.MASK, frame_of(things, rng, spoil_mask=spoil), _session())
+        broken = broken_by(Cause.MASK, frame_of(things, rng, spoil_mask=spoil), session_of())
         if comes_right(broken.toolbox, frame_of(things, np.random.default_rng(0))):
             return broken
 
@@ -341,7 +197,7 @@ def bad_depth(rng: np.random.Generator) -> Broken:
         part, scale = rng.uniform(0.02, 0.05), float(rng.uniform(1.06, 1.12))
         shift = int(rng.choice([-1, 1]) * rng.integers(16, 24))
         spoil = (_mirroring(part), _shifted(shift), _scaled(scale))[rng.integers(3)]
-        broken = _broken(Cause.DEPTH, frame_of([thing], rng, spoil_depth=spoil), _session())
+        broken = broken_by(Cause.DEPTH, frame_of([thing], rng, spoil_depth=spoil), session_of())
         if comes_right(broken.toolbox, frame_of([thing], np.random.default_rng(0))):
             return broken
 
@@ -385,7 +241,7 @@ def undeclared_symmetry(rng: np.random.Generator) -> Broken:
     for _ in range(2):
         S = turns[rng.integers(len(turns))]
         poses += [P @ S for P in near(T, rng, 1, 5, 5)]
-    return _broken(Cause.SYMMETRIC, frame_of([Thing(m, T, tuple(poses))], rng), _session())
+    return broken_by(Cause.SYMMETRIC, frame_of([Thing(m, T, tuple(poses))], rng), session_of())
 
 
 def misplaced_neighbour(rng: np.random.Generator) -> Broken:
@@ -400,7 +256,7 @@ def misplaced_neighbour(rng: np.random.Generator) -> Broken:
         x, y, _z = rng.uniform(0.01, 0.03) * level(rng.uniform(0, 2 * np.pi))
         poses.append(transform(T_other[:3, :3], [T[0, 3] + x, T[1, 3] + y, T_other[2, 3]]))
     things = [Thing(other, T_other, tuple(poses)), Thing(m, T, near(T, rng, 2, 18, 18))]
-    session = _session(
+    session = session_of(
         "vf_breadth", 2, physics={"steps": 25}, dependency={"order": (("#0", "#1"),)},
         method={"refiner": "trimmed_icp"},
     )  # fmt: skip
@@ -408,7 +264,7 @@ def misplaced_neighbour(rng: np.random.Generator) -> Broken:
         things, rng, Viewpoint(elevation_deg=45, distance_m=0.6),
         spoil_depth=lambda depth, masks: np.where(masks[0], np.float32(0), depth),
     )  # fmt: skip
-    return _broken(Cause.NEIGHBOUR, problem, session, 1)
+    return broken_by(Cause.NEIGHBOUR, problem, session, 1)
 
 
 GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from bench.diagnosis import named
-from bench.failing_scenes import Thing as Made
-from bench.failing_scenes import broken_scene, comes_right, frame_of, model, near, standing
+from bench.failing_scenes import broken_scene
+from bench.made_up_frames import Thing as Made
+from bench.made_up_frames import comes_right, frame_of, model, near, standing
 from verefine_viz.core.compare import first_difference
 from verefine_viz.diagnosis.causes import TITLES, Cause
 from verefine_viz.diagnosis.diagnose import diagnose

@@ -1,7 +1,9 @@
 """One failed instance on the bench: what happened to it, and what would have happened if something had been otherwise.
 
 A re-run solves this instance alone, with the run's own method and budget, among the objects that stood there in the
-run. Methods of whole scenes (vf_depth, physim_mcts) are stood in for by RIR among the placed objects.
+run. Methods that solve several objects together (vf_depth, physim_mcts) are stood in for by RIR among the placed
+objects, but where the company decides (misplaced neighbours, starved hypotheses, the budget) the method itself runs
+again on all of them.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings
 from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.diagnosis.together import Pools, company_of, solved_together
 from verefine_viz.diagnosis.truth import FrameTruth
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
@@ -33,6 +36,8 @@ FIRST_ONLY = LAST_POSE | {"sir"}
 """Methods that look at the first hypothesis only."""
 WHOLE_SCENE = frozenset({"vf_depth", SEARCH})
 """Methods in which the answer of one object depends on the others' poses as a scene."""
+ALONE = "alone"
+"""Nothing otherwise, but the methods of whole scenes stood in for."""
 CLEARLY = 0.8
 """A repair that leaves more than this share of the error repairs nothing."""
 
@@ -163,16 +168,35 @@ class Case:
             method: instead of the run's.
         """
         if what not in self.reruns:
-            self.lab.n_reruns += 1
             best = solved(
                 method or self.lab.method(self.lab.simulator),
                 target or self.target,
                 self.placed if fixed is None else fixed,
             )
-            error = float("inf") if best is None else self.error_of(best.T_cam_obj)
-            repaired = error < self.threshold and error < CLEARLY * self.error
-            self.reruns[what] = Rerun(best, error, repaired)
+            self._keep(what, best)
         return self.reruns[what]
+
+    @cached_property
+    def company(self) -> tuple[int, ...]:
+        """Instances that the method solved together with it, itself included; none where it was solved alone."""
+        together = company_of(self.trace.problem, self.instance_id)
+        if self.lab.name == SEARCH:
+            return together
+        return together if self.lab.name in WHOLE_SCENE and len(together) > 1 else ()
+
+    def rerun_together(self, what: str, pools: Pools, times: int = 1, iterations: int | None = None) -> Rerun:
+        """Solves it again with its company by the session's own method; see :func:`solved_together`."""
+        key = f"together: {what}"
+        if key not in self.reruns:
+            toolbox, problem = self.lab.toolbox, self.trace.problem
+            self._keep(key, solved_together(toolbox, problem, self.instance_id, pools, times, iterations))
+        return self.reruns[key]
+
+    def _keep(self, what: str, best: Best | None) -> None:
+        self.lab.n_reruns += 1
+        error = float("inf") if best is None else self.error_of(best.T_cam_obj)
+        repaired = error < self.threshold and error < CLEARLY * self.error
+        self.reruns[what] = Rerun(best, error, repaired)
 
     def with_pool(self, *poses: Float) -> Target:
         """The target with these first poses instead."""

@@ -12,7 +12,7 @@ from time import perf_counter
 
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.case import WHOLE_SCENE, Case, Lab
+from verefine_viz.diagnosis.case import ALONE, Case, Lab
 from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.errors_of import ErrorOf
 from verefine_viz.diagnosis.of_input import INPUT_TESTS
@@ -95,7 +95,7 @@ def _solved_alone(case: Case) -> bool:
 
     Then no repair of what was given proves anything.
     """
-    return case.lab.name in WHOLE_SCENE and case.answer is not None and case.rerun("alone").repaired
+    return bool(case.company) and case.answer is not None and case.rerun(ALONE).repaired
 
 
 def _likeliest(findings: Iterable[Finding]) -> Finding:

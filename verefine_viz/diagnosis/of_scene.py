@@ -10,9 +10,9 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.problem import Hypothesis, Placed, Target
 from verefine_viz.core.records import Iteration
-from verefine_viz.diagnosis.case import Case
+from verefine_viz.diagnosis.case import Case, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.errors_of import ErrorOf
 from verefine_viz.diagnosis.words import instead
@@ -35,7 +35,7 @@ def neighbour(case: Case) -> Finding | None:
     if not wrong:
         return None
     error, worst = max(wrong, key=lambda pair: pair[0])
-    again = case.rerun("neighbours at ground truth", fixed=case.true_placed)
+    again = _among_true_neighbours(case)
     return Finding(
         Cause.NEIGHBOUR,
         f"The {worst.model.name} was placed before the {case.name} and was wrong by {error:.0%} of its diameter; with "
@@ -141,6 +141,18 @@ def simulation(case: Case) -> Finding | None:
         evidence,
         again.repaired,
     )
+
+
+def _among_true_neighbours(case: Case) -> Rerun:
+    """With what was placed before where it really was; what is solved together starts there."""
+    if not case.company:
+        return case.rerun("neighbours at ground truth", fixed=case.true_placed)
+    pools = {
+        p.instance_id: [Hypothesis(p.T_cam_obj, 1.0, "ground truth")]
+        for p in case.true_placed
+        if p.instance_id in case.company
+    }
+    return case.rerun_together("neighbours start at ground truth", pools)
 
 
 def _error_of(case: Case, placed: Placed) -> float:

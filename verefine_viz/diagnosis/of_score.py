@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis.case import LAST_POSE, WHOLE_SCENE, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
+from verefine_viz.methods.registry import SEARCH
+from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 3
 """Refiner calls from ground truth: a true pose that is a millimetre off must not lose by that."""
@@ -19,6 +22,8 @@ def score(case: Case) -> Finding | None:
     """The answer scores no lower than the truth (or than what the refiner makes of the truth)."""
     if case.answer is None or case.lab.name in LAST_POSE:
         return None
+    if case.lab.name == SEARCH:
+        return _cost(case, case.answer.T_cam_obj)
     true_poses = true_poses_of(case)
     wrong = _judged(case, case.answer.T_cam_obj[None])[0]
     scores = _judged(case, true_poses)
@@ -39,9 +44,37 @@ def score(case: Case) -> Finding | None:
     }
     text = (
         f"The score prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: "
-        f"{wrong.score:.2f} against {right.score:.2f} for the truth, {_why(blame, wrong, right)}."
+        f"{wrong.score:.3f} against {right.score:.3f} for the truth, {_why(blame, wrong, right)}."
     )
     return Finding(Cause.SCORE, text, evidence, True)
+
+
+def _cost(case: Case, T_wrong: Float) -> Finding | None:
+    """The search looks at how many pixels a scene leaves unexplained: no more with the answer than with the truth."""
+    s = case.lab.toolbox.session
+    pixels = ExplainedPixels(s.mcts.explained_m, s.score)
+    problem, answers = case.trace.problem, case.trace.answers[-1]
+    others = [
+        Placed(i, problem.target(i).model, answers[i].T_cam_obj)
+        for i in case.company
+        if i != case.instance_id and i in answers
+    ]
+
+    def unexplained_px(T_cam_obj: Float) -> int:
+        scene = [*others, Placed(case.instance_id, case.target.model, T_cam_obj)]
+        return pixels.unexplained_px(problem.observation, scene)
+
+    wrong_px = unexplained_px(T_wrong)
+    right_px = min(unexplained_px(T) for T in true_poses_of(case))
+    if wrong_px > right_px:
+        return None
+    return Finding(
+        Cause.SCORE,
+        f"The search's cost prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: it "
+        f"leaves {wrong_px} pixels unexplained, the truth {right_px}.",
+        {"unexplained_px": float(wrong_px), "unexplained_px_of_truth": float(right_px), "error": case.error},
+        True,
+    )
 
 
 def true_poses_of(case: Case) -> Float:

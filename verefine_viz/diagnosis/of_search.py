@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import StageName
-from verefine_viz.diagnosis.case import FIRST_ONLY, Case
+from verefine_viz.diagnosis.case import ALONE, FIRST_ONLY, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
+from verefine_viz.diagnosis.together import TIMES, Pools
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
 
@@ -45,6 +47,8 @@ def starved(case: Case) -> Finding | None:
             case.with_pool(case.target.instance.hypotheses[j].T_cam_obj),
             method=case.lab.method(case.lab.simulator, iterations=each),
         )
+        if again.repaired and case.company:
+            again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
         if again.repaired:
             got = f"got {pulls[j]} of {len(case.own)} iterations"
             if case.lab.name in FIRST_ONLY:
@@ -66,13 +70,26 @@ def starved(case: Case) -> Finding | None:
     return None
 
 
+def _only_hypothesis(case: Case, j: int) -> Pools:
+    """One hypothesis alone, and of each object solved together with it the one that its answer came from."""
+    pools: dict[int, Sequence[Hypothesis]] = {}
+    for i in case.company:
+        pool = case.trace.problem.target(i).instance.hypotheses
+        chosen = case.trace.answers[-1][i].arm if i in case.trace.answers[-1] else 0
+        pools[i] = pool[chosen : chosen + 1] or pool
+    return pools | {case.instance_id: case.target.instance.hypotheses[j : j + 1]}
+
+
 def budget(case: Case) -> Finding | None:
-    """The answer's hypothesis was still getting better at the end, and a larger budget brings it home."""
+    """The answer's hypothesis was still getting better at the end, and a larger budget brings it home.
+
+    Of objects solved together it is also asked where one alone would have come out right with its share.
+    """
     accepted = _accepted(case)
-    if len(accepted) < 2 or accepted[0] > FAR:
-        return None
-    falling = accepted[-2] - accepted[-1]
-    if falling < IMPROVING:
+    falling = accepted[-2] - accepted[-1] if len(accepted) > 1 and accepted[0] <= FAR else 0.0
+    if case.company and (falling >= IMPROVING or case.rerun(ALONE).repaired):
+        return _budget_together(case)
+    if falling < IMPROVING or case.company:
         return None
     own = case.lab.method(case.lab.simulator)
     for times in MULTIPLES:
@@ -87,6 +104,23 @@ def budget(case: Case) -> Finding | None:
                 True,
             )
     return None
+
+
+def _budget_together(case: Case) -> Finding | None:
+    again = case.rerun_together(f"{TIMES} × the budget", {}, TIMES)
+    if not again.repaired:
+        return None
+    others = len(case.company) - 1
+    said = (
+        f", which {others} other objects share," if others > 1 else ", which another object shares," if others else ""
+    )
+    return Finding(
+        Cause.BUDGET,
+        f"The search for the {case.name}{said} ended too early: with {TIMES} × the budget "
+        f"{instead(again.error, case.error)}.",
+        {"times": float(TIMES), "error": case.error, "error_repaired": again.error},
+        True,
+    )
 
 
 def refiner(case: Case) -> Finding | None:
@@ -123,6 +157,15 @@ def refiner(case: Case) -> Finding | None:
 
 def pool(case: Case) -> Finding | None:
     """No hypothesis leads there, and the truth itself as a start does."""
+    if case.company and case.rerun(ALONE).repaired:
+        alone = case.rerun(ALONE)
+        return Finding(
+            Cause.BUDGET,
+            f"The search missed the {case.name}, also with {TIMES} × the budget; with RIR from the same hypotheses, "
+            f"among the placed objects, {instead(alone.error, case.error)}.",
+            {"times": float(TIMES), "error": case.error, "error_alone": alone.error},
+            False,
+        )
     again = case.rerun("started at ground truth", case.with_pool(case.T_true))
     if not len(case.initial_errors):
         said = f"There is no hypothesis for the {case.name}; started at the truth, it ends {share(again.error)} away."

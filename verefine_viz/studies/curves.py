@@ -82,7 +82,7 @@ def verdicts(panel: Panel, found: Points) -> list[Verdict]:
         if gains:
             # Errors of one object under one seed have the same direction at every x: they are drawn together.
             pairs = np.array([np.mean(of_case) for of_case in gains.values()])
-            tested.append(Verdict(claim, float(pairs.mean()), *_band(pairs)))
+            tested.append(Verdict(claim, float(pairs.mean()), *band(pairs)))
     return tested
 
 
@@ -117,7 +117,7 @@ def rows(study: Study, found: Points) -> Iterator[dict[str, str | float]]:
 def _line(panel: Panel, label: str, found: Points) -> Line:
     values = [np.array([o.quality.ar for o in found.get((panel.name, label, x), ())]) for x in panel.xs]
     means = np.array([v.mean() if v.size else np.nan for v in values])
-    low, high = np.array([_band(v) for v in values]).T
+    low, high = np.array([band(v) for v in values]).T
     return Line(label, np.array(panel.xs), means, low, high)
 
 
@@ -125,7 +125,7 @@ def _case(o: Outcome) -> tuple[str, str, int, int]:
     return o.scene, o.frame, o.instance_id, o.seed
 
 
-def _band(values: Float) -> tuple[float, float]:
+def band(values: Float) -> tuple[float, float]:
     """95 % interval of the mean by the bootstrap, the same at each call."""
     if not values.size:
         return float("nan"), float("nan")

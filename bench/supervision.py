@@ -1,0 +1,106 @@
+"""When does supervision (SIR) gain over physics between the refiner's calls (PIR)? Under rotation error hardly at all.
+
+``python -m bench.supervision [--seeds 3]``. For each condition: AR of both, the paired difference with its 95 %
+interval, the share of SIR's iterations in which it kept the simulated pose instead of the refined one, and the share of
+answers that are the same to the bit. Built-in scenes, preset published.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.problem import Problem
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.studies.curves import band
+from verefine_viz.studies.disturb import disturbed, without_top
+from verefine_viz.studies.quality import quality
+
+SCENES = ("mug", "duck", "bracket", "clutter")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is otherwise than in the ablation."""
+
+    name: str
+    rotation_deg: float = 20.0
+    translation_mm: float = 0.0
+    iterations: int = 5
+    spoil: Callable[[Problem], Problem] = lambda problem: problem
+    scenes: Sequence[str] = SCENES
+
+
+def tilted(problem: Problem, angle_deg: float = 20.0) -> Problem:
+    """The same with a support plane that is turned about a point below the objects."""
+    support = problem.observation.support
+    assert support is not None
+    turn = transform(axis_angle([1, 0, 0], np.deg2rad(angle_deg)), [0, 0, 0])
+    wrong = replace(support, T_world_cam=turn @ support.T_world_cam)
+    return replace(problem, observation=replace(problem.observation, support=wrong))
+
+
+CONDITIONS = (
+    Condition("rotation 20°"),
+    Condition("rotation 30°", rotation_deg=30.0),
+    Condition("rotation 20°, 2 iterations", iterations=2),
+    Condition("rotation 20°, 10 iterations", iterations=10),
+    Condition("rotation 45°", rotation_deg=45.0),
+    Condition("translation 20 mm", rotation_deg=0.0, translation_mm=20.0),
+    Condition("rotation 20°, objects on others", scenes=("stack", "bowl")),
+    Condition("rotation 20°, plane tilted by 20°", spoil=tilted),
+    Condition("rotation 20°, upper 70 % of depth missing", spoil=lambda problem: without_top(problem, 0.7)),
+)
+
+
+def measured(condition: Condition, n_seeds: int) -> dict[str, object]:
+    """One row of the table."""
+    answers: list[tuple[float, float]] = []
+    n_simulated, n_iterations, n_same = 0, 0, 0
+    for scene in condition.scenes:
+        toolbox = Toolbox(load_session(None, {"preset": "published", "scene": {"demo": scene}}))
+        whole = toolbox.problem(toolbox.frames[0])
+        pir, sir = (
+            toolbox.changed({"method": {"name": name, "iterations": condition.iterations}}) for name in ("pir", "sir")
+        )
+        for seed in range(n_seeds):
+            first = disturbed(whole, 1, condition.rotation_deg, condition.translation_mm, seed)
+            problem = condition.spoil(first)
+            found = pir.run(problem), sir.run(problem)
+            ends = [run.finish().best for run in found]
+            for target, a, b in zip(problem.targets, *ends, strict=True):
+                assert a is not None
+                assert b is not None
+                answers.append((quality(target, a.T_cam_obj, whole).ar, quality(target, b.T_cam_obj, whole).ar))
+                n_same += bool(np.array_equal(a.T_cam_obj, b.T_cam_obj))
+            n_simulated += sum(i.accepted == "simulated" for i in found[1].iterations)
+            n_iterations += found[1].length
+    ar = 100 * np.array(answers)
+    low, high = band(ar[:, 1] - ar[:, 0])
+    return {
+        "condition": condition.name,
+        "objects": len(ar),
+        "PIR": f"{ar[:, 0].mean():.1f}",
+        "SIR": f"{ar[:, 1].mean():.1f}",
+        "gain": f"{(ar[:, 1] - ar[:, 0]).mean():+.1f} ({low:+.1f} to {high:+.1f})",
+        "simulated kept": f"{n_simulated / n_iterations:.0%}",
+        "same answer": f"{n_same / len(ar):.0%}",
+    }
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    for condition in CONDITIONS:
+        print(measured(condition, parser.parse_args().seeds), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
