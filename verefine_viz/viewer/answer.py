@@ -1,0 +1,60 @@
+"""The end of a finished run shows its answer. What was tried last belongs to the last iteration, and can be asked for.
+
+Which of the two is shown follows from the cursor and the look: the answer, unless a stage, a simulated path or an
+edited pose is looked at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from verefine_viz.core.records import Iteration
+from verefine_viz.session.engine import Run
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.look import Look
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.view import View
+
+OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "accepted"})
+"""Poses that an iteration goes through."""
+
+
+def is_answer(run: Run, look: Look) -> bool:
+    """Whether the answer is shown."""
+    beside = look.stage is None and look.path_pose is None and look.edited is None
+    return run.at_end and run.length > 0 and beside
+
+
+def answered(look: Look) -> Look:
+    """``look`` where the answer is shown: without poses of the iteration, and the answer compared with its start."""
+    a, b = look.a, look.b
+    if b in OF_ITERATION:
+        a, b = "initial" if a == "best" else a, "best"
+    if a in OF_ITERATION:
+        a = "best" if b != "best" else "initial"
+    return replace(look, a=a, b=b, layers=look.layers - OF_ITERATION | {"best"})
+
+
+def asked(look: Look | None, command: c.Command, run: Run, now: Look) -> Look | None:
+    """The look after a command that may ask for something of the last iteration where its answer is shown (``now``)."""
+    if look is None or run.iteration is None or not is_answer(run, now):
+        return look
+    last = run.iteration.stages[-1].name
+    match command:
+        case c.ShowLayer(name, visible) if name in OF_ITERATION and visible is not False:
+            return replace(now, layers=now.layers | {name}, stage=last)
+        case c.ShowLayer("best", visible) if visible is not True:
+            return replace(now, layers=now.layers - {"best"}, stage=last)
+        case c.Compare(a, b) if OF_ITERATION & {a, b}:
+            return replace(look, stage=last)
+    return look
+
+
+def visit(view: View, iteration: Iteration) -> c.Command:
+    """Goes to an iteration, also to the last one of a finished run, where the end would show the answer."""
+    p = view.progress
+    if iteration.index == p.done == p.total:
+        return c.SeekStage(iteration.index, iteration.stages[-1].name)
+    return c.Seek(iteration.index)
