@@ -39,7 +39,9 @@ STYLE = """<style>
 .vz .card .txt{flex:1;min-width:0}
 .vz .card .txt>span{display:flex;justify-content:space-between;gap:6px;white-space:nowrap}
 .vz .card .name{overflow:hidden;text-overflow:ellipsis}
-.vz .card .why{display:block!important;overflow:hidden;text-overflow:ellipsis}
+.vz .card .txt>.why{display:block;overflow:hidden;text-overflow:ellipsis}
+.vz .card .txt>.two{white-space:normal;max-height:2.8em}
+.vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
 .vz .pages{display:flex;justify-content:space-between}
 </style>"""
 TITLES: dict[BatchFilter, str] = {
@@ -136,28 +138,37 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     """One answer: its picture, how wrong it is, and why. ``picture``: a data URI, empty = there is none, None = yet."""
     row = entry.row
     made_by = entry.run if with_run else row.method
-    share = (
-        "no answer"
-        if row.status != "ok"
-        else number(None if row.relative_error is None else 100 * row.relative_error, 0, "% of ∅")
+    lines = (
+        f'<span><b class="name">{text(row.name or "frame failed")}</b>{_error(entry)}</span>'
+        f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>{_iteration(entry)}</span>'
     )
-    color = (
-        ""
-        if row.is_correct is None and row.status == "ok"
-        else f"color:rgb{LIGHTS['red' if entry.is_wrong else 'green']}"
-    )
-    why = cause_title(row.cause) if row.cause else row.message if row.status != "ok" else row.events.replace("_", " ")
-    image = f'<img src="{picture}" alt="">' if picture else "" if picture is None else "no picture"
-    errors = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
-    tip = f"{row.evidence or row.message} Opens at iteration {entry.iteration}."
+    if row.status == "ok":
+        why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
+        lines += f'<span class="dim">{number(row.add_s_mm, 1, " mm")} · score {number(row.score, 2)}</span>'
+        lines += f'<span class="why">{text(why or "–")}</span>'
+    else:
+        lines += f'<span class="why two">{text(row.message)}</span>'
+    image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
+    tip = f"{row.evidence or row.message} Opens at iteration {entry.iteration}." if entry.can_be_opened else row.message
     attributes = carries(command) if entry.can_be_opened else "disabled"
     return (
         f'<button class="card{" marked" if is_open else ""}" title="{text(tip.strip())}" {attributes}>'
-        f'<span class="pic">{image}</span><span class="txt">'
-        f'<span><b class="name">{text(row.name or "frame failed")}</b><b style="{color}">{text(share)}</b></span>'
-        f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>it. {entry.iteration}</span>'
-        f'<span class="dim">{text(errors)}</span><span class="why">{text(why or "–")}</span></span></button>'
+        f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
     )
+
+
+def _error(entry: Entry) -> str:
+    """How wrong it is, in red or green where that is known."""
+    row = entry.row
+    if row.status != "ok":
+        return f'<b style="color:rgb{LIGHTS["red"]}">no answer</b>'
+    if row.relative_error is None:
+        return "<b>–</b>"
+    return f'<b style="color:rgb{LIGHTS["red" if entry.is_wrong else "green"]}">{row.relative_error:.0%} of ∅</b>'
+
+
+def _iteration(entry: Entry) -> str:
+    return f"<span>it. {entry.iteration}</span>" if entry.can_be_opened else ""
 
 
 def pages(page: int, n: int) -> str:

@@ -1,0 +1,145 @@
+"""A folder of batch runs on the page: filtered, sorted, and opened where an object went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.browser.conftest import SLOW_MS, Screen
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.core.settings import Session
+from verefine_viz.scenes.demo import demo_problem
+from verefine_viz.session.files import resolve
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.gallery import Gallery, read_gallery
+from verefine_viz.viewer.score_plot import plot_of
+
+pytestmark = pytest.mark.browser
+MUG, CAN = 1, 4
+ERRORS_MM = {("rir", 0): (30.0, 2.0), ("rir", 1): (50.0, 20.0), ("sir", 0): (70.0, 1.0), ("sir", 1): (3.0, 90.0)}
+"""By run and image: of the mug and of the can."""
+EVIDENCE = "The refiner led the mug astray."
+
+
+def written(folder: Path, session: Session) -> None:
+    """A batch run whose answers are the first hypotheses, and whose numbers are made up."""
+    run, method, results = RunFolder(folder, session), session.method.name, []
+    for im_id in (0, 1):
+        targets = demo_problem("clutter", session.scene, session.hypotheses, f"0/{im_id}").targets
+        objects = tuple(
+            ObjectRow(
+                scene_id=0, im_id=im_id, instance_id=t.instance.instance_id, obj_id=t.model.obj_id, name=t.model.name,
+                method=method, has_truth=True, status="ok", score=0.9 - 0.005 * error_mm, add_s_mm=error_mm,
+                diameter_mm=1e3 * t.model.diameter_m, worst_iteration=2 + k, n_iterations=4,
+                cause=("refiner", "score")[k] if error_mm > 15 else "", evidence=EVIDENCE if error_mm > 15 else "",
+            )
+            for k, (t, error_mm) in enumerate(zip(targets, ERRORS_MM[method, im_id], strict=True))
+        )  # fmt: skip
+        poses = [tuple(t.instance.hypotheses[0].T_cam_obj.ravel().tolist()) for t in targets]
+        estimates = tuple(Estimate(obj_id=r.obj_id or 0, score=0.5, T_cam_obj=T) for r, T in zip(objects, poses))  # noqa: B905
+        results.append(FrameResult(frame=f"0/{im_id}", failed=False, seconds=1.0, objects=objects, estimates=estimates))
+        run.journal.keep(results[-1])
+    write_frames_csv(folder / "frames.csv", results)
+    run.write_json("run.json", {"status": "finished"})
+    run.close()
+
+
+@pytest.fixture
+def shown(chromium: Any, tmp_path: Path) -> Iterator[tuple[Screen, Gallery]]:
+    """The page of two runs, as ``view DIR`` opens it."""
+    for name in ("rir", "sir"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        method = {"name": name, "iterations": 2}
+        pool = {"max_per_object": 2}
+        scene = {"source": "demo", "demo": "clutter", "objects": [MUG, CAN]}
+        written(tmp_path / "runs" / name, resolve({"scene": scene, "method": method, "hypotheses": pool}))
+    gallery = read_gallery(tmp_path / "runs")
+    session = gallery.session(gallery.worst.run)
+    app = App(session, port=0, folder=tmp_path, batch=gallery).start()
+    app.wait_until_ready(240)
+    app.send(gallery.opens(gallery.worst))
+    screen = Screen(app, chromium.new_page(viewport={"width": 1280, "height": 800}))
+    yield screen, gallery
+    screen.page.close()
+    app.stop()
+    assert screen.foreign == []
+    assert screen.errors == []
+
+
+def names(screen: Screen) -> list[str]:
+    """Object, frame and run of the cards, in their order."""
+    lines = "[...card.querySelectorAll('.name')].map(line => line.textContent).join(' · ')"
+    found = screen.page.evaluate(f"[...document.querySelectorAll('button.card')].map(card => {lines})")
+    return [line.replace(" · ", " ") for line in found]
+
+
+def at(screen: Screen) -> tuple[str, str, int]:
+    """Method, frame and iteration that are open."""
+    space = screen.app.debugger.workspace
+    return space.tools.session.method.name, space.frame, space.run.cursor
+
+
+def choose(screen: Screen, by: str, label: str) -> None:
+    screen.page.get_by_label(by, exact=True).select_option(label=label, timeout=SLOW_MS)
+
+
+def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Screen, Gallery]) -> None:
+    screen, _ = shown
+    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+    assert names(screen) == ["can 0/1 sir", "mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"]
+    screen.text(f"Why it failed in the batch: {EVIDENCE}")
+    screen.page.wait_for_function("document.querySelectorAll('button.card img').length === 5", timeout=SLOW_MS)
+    overflow = "[...document.querySelectorAll('button.card')].every(e => e.scrollWidth <= e.clientWidth)"
+    assert screen.page.evaluate(overflow)
+    screen.shot("gallery")
+
+    choose(screen, "Object", "mug")
+    screen.until(lambda: names(screen) == ["mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir"])
+    choose(screen, "Method", "rir")
+    choose(screen, "Sort by", "by frame")
+    screen.until(lambda: names(screen) == ["mug 0/0 rir", "mug 0/1 rir"])
+    screen.page.locator("button.card").nth(1).click(timeout=SLOW_MS)
+    screen.until(lambda: at(screen) == ("rir", "0/1", 2))
+    assert screen.page.locator("button.card.marked .name").first.inner_text() == "mug"
+    assert names(screen) == ["mug 0/0 rir", "mug 0/1 rir"]  # Filters stay.
+
+    screen.page.locator("button.card").nth(0).focus()
+    screen.page.keyboard.press("Enter")
+    screen.until(lambda: at(screen) == ("rir", "0/0", 2))
+    choose(screen, "Method", "any method")
+    choose(screen, "Object", "any object")
+    choose(screen, "Cause", "score ranks a wrong pose above the ground truth")
+    screen.until(lambda: names(screen) == ["can 0/1 rir", "can 0/1 sir"])
+    screen.key("j")
+    screen.until(lambda: at(screen) == ("rir", "0/1", 3))
+    screen.key("j")
+    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+
+
+def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
+    screen, gallery = shown
+    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+    screen.tab("Score/error")
+    screen.text("ranks a wrong answer above a right one in 0% of all such pairs")
+    plot = screen.page.get_by_role("img", name="score over error")
+    entry = next(e for e in gallery.entries if (e.run, e.row.frame, e.row.name) == ("rir", "0/1", "mug"))
+    place = plot_of(gallery, {}).place(entry)
+    assert place is not None
+    plot.click(position={"x": place[0], "y": place[1]}, timeout=SLOW_MS)
+    screen.until(lambda: at(screen) == ("rir", "0/1", 2))
+    screen.shot("gallery_plot")
+    plot.click(position={"x": 40, "y": 110}, timeout=SLOW_MS)
+    screen.text("no object there; click nearer to a point")
+    assert at(screen) == ("rir", "0/1", 2)
+
+
+def test_what_is_asked_for_elsewhere_shows_in_the_gallery(shown: tuple[Screen, Gallery]) -> None:
+    screen, _ = shown
+    screen.app.send(c.FilterBatch("run", "rir"))
+    screen.until(lambda: names(screen) == ["mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"])
+    assert screen.page.get_by_label("Run", exact=True).locator("option:checked").inner_text() == "rir"
