@@ -62,7 +62,6 @@ def shown(chromium: Any, tmp_path: Path) -> Iterator[tuple[Screen, Gallery]]:
     session = gallery.session(gallery.worst.run)
     app = App(session, port=0, folder=tmp_path, batch=gallery).start()
     app.wait_until_ready(240)
-    app.send(gallery.opens(gallery.worst))
     screen = Screen(app, chromium.new_page(viewport={"width": 1280, "height": 800}))
     yield screen, gallery
     screen.page.close()
@@ -125,7 +124,7 @@ def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen, gallery = shown
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
     screen.tab("Score/error")
-    screen.text("ranks a wrong answer above a right one in 0% of all such pairs")
+    screen.text("^In 0% of pairs the score ranks a wrong answer above a right one")
     plot = screen.page.get_by_role("img", name="score over error")
     entry = next(e for e in gallery.entries if (e.run, e.row.frame, e.row.name) == ("rir", "0/1", "mug"))
     place = plot_of(gallery, {}).place(entry)

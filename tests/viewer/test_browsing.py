@@ -32,7 +32,7 @@ def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
 
 RIR_ROWS = (
     row(1, add_s_mm=2.0, worst_iteration=1, method="rir", score=0.7),
-    row(2, add_s_mm=60.0, worst_iteration=2, method="rir", cause="pool", evidence=EVIDENCE),
+    row(2, add_s_mm=60.0, worst_iteration=2, best_iteration=2, method="rir", cause="pool", evidence=EVIDENCE),
     row(2, 1, add_s_mm=30.0, worst_iteration=7, method="rir", cause="score", score=0.9),
 )
 SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"), row(2, status="no_answer"))
@@ -168,7 +168,7 @@ def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, sever
 
 def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: Gallery) -> None:
     plot = plot_of(several, {})
-    assert "in 33% of all such pairs" in plot.words()  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
+    assert "In 33% of pairs" in plot.words()  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
     assert plot.svg(several.entries[0]).count("<circle") == 2
     assert "<circle" not in plot.svg(None)
     assert plot.svg(None).count("h0") == 4

@@ -46,7 +46,7 @@ class App:
         host: address to listen on.
         port: port to listen on; 0 = any free one.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
-        batch: whose answers are listed; None = no batch.
+        batch: whose answers are listed, and the worst one opened where it went wrong; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
         first: what is done before the page is shown; what cannot be done keeps the session from opening.
     """
@@ -188,6 +188,8 @@ class App:
         self.layout.on_link(self.send)
         self._shown_at = 0.0
         self._show()
+        if self._batch is not None and self._batch.worst.can_be_opened:
+            self.send(self._batch.opens(self._batch.worst))
 
     def _tell(self, doing: str) -> None:
         """Says on the page what is being done, before something that may take seconds."""
@@ -335,15 +337,13 @@ def serve(
 ) -> None:
     """Serves the page until Ctrl-C; prints its address, one line.
 
-    ``recordings`` are A, the open run, and B beside it. Of a ``batch`` the worst answer is opened, where it went wrong.
+    ``recordings`` are A, the open run, and B beside it; ``batch`` is what is listed in the Batch tab.
 
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
     check_names(session)
     app = App(session, session_path, host, port, batch=batch, first=_of_recordings(*recordings)).start()
-    if batch is not None and batch.worst.can_be_opened:
-        app.send(batch.opens(batch.worst))
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         app.wait_until_ready()

@@ -43,4 +43,7 @@ def _why_here(view: View, entry: Entry) -> str:
         lost, change = now < was, f"here its score fell most ({was:.2f} → {now:.2f})"
     else:
         return ""
-    return f"Iteration {at}: {change if lost else 'none made it worse, and this one made the answer'}."
+    if lost:
+        return f"Iteration {at}: {change}."
+    is_answer = at == entry.row.best_iteration
+    return f"Iteration {at}: none made it worse, and this one made the answer." if is_answer else ""

@@ -48,10 +48,7 @@ class ScorePlot:
         if share is None:
             return "Score over error. Whether the score lies shows once there are right and wrong answers."
         verdict = "it tells them apart" if share < 0.05 else "it knows nothing" if share > 0.45 else "it lies at times"
-        return (
-            f"The score ranks a wrong answer above a right one in {share:.0%} of all such pairs: {verdict} "
-            "(0%: never, 50%: chance)."
-        )
+        return f"In {share:.0%} of pairs the score ranks a wrong answer above a right one: {verdict} (chance: 50%)."
 
     def svg(self, opened: Entry | None) -> str:
         """The drawing; a click opens the nearest point, and a ring marks the answer that is open."""

@@ -1,0 +1,72 @@
+"""``view DIR``: the answers of one batch run or of several, and the settings that win over theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.cli import view
+from verefine_viz.session.files import resolve
+from verefine_viz.viewer import app
+from verefine_viz.viewer.gallery import Gallery
+
+
+def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...]) -> None:
+    """A finished run over frames 0/0, 0/1, … with one object each."""
+    folder.mkdir()
+    run = RunFolder(folder, resolve({"method": {"name": method}, "scene": {"demo": "clutter"}}))
+    rows = [
+        ObjectRow(scene_id=0, im_id=k, instance_id=0, obj_id=1, status="ok", add_s_mm=error_mm, diameter_mm=100.0)
+        for k, error_mm in enumerate(errors_mm)
+    ]
+    write_frames_csv(
+        folder / "frames.csv", [FrameResult(frame=r.frame, failed=False, seconds=1.0, objects=(r,)) for r in rows]
+    )
+    run.write_json("run.json", {"status": "finished"})
+    run.close()
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the page would be opened with."""
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(app, "serve", lambda session, **given: asked.update(given, session=session))
+    return asked
+
+
+def test_of_one_run_the_worst_frame_comes_first(tmp_path: Path, served: dict[str, Any]) -> None:
+    batch_run(tmp_path / "rir", "rir", (5.0, 40.0, 1.0))
+    assert view([str(tmp_path / "rir")]) == 0
+    assert served["session"].scene.frames == ("0/1", "0/0", "0/2")
+    assert served["session_path"] is None
+    assert isinstance(served["batch"], Gallery)
+    assert served["batch"].worst.row.im_id == 1
+
+
+def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_given(
+    tmp_path: Path, served: dict[str, Any]
+) -> None:
+    batch_run(tmp_path / "rir", "rir", (5.0, 40.0))
+    batch_run(tmp_path / "sir", "sir", (70.0, 2.0))
+    assert view([str(tmp_path), "--method.exploration", "0.2"]) == 0
+    assert served["session"].method.name == "sir"
+    assert served["session"].method.exploration == 0.2
+    assert served["session"].scene.frames == ("0/0", "0/1")
+    assert served["batch"].session("rir").method.exploration == 0.2
+
+
+def test_a_folder_without_a_run_is_refused_in_one_line(
+    tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert view([str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "no folder of a batch" in said
+    assert said.count("\n") == 1
+    batch_run(tmp_path / "empty", "rir", ())
+    assert view([str(tmp_path)]) == 2
+    assert "holds no finished frame" in capsys.readouterr().err
+    assert served == {}
