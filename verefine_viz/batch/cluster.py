@@ -5,6 +5,7 @@ The scheduler gives the frames of a worker that is lost to others; what comes ba
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import secrets
 import signal
@@ -17,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import dask
-from distributed import Client, Future, KilledWorker, LocalCluster, wait
+from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
+from distributed.comm import connect
 
 import verefine_viz
 from verefine_viz.batch.desk import Answer, Desk, ModelOnDesk, solve_at_desk
@@ -53,16 +55,30 @@ def open_cluster(
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     own = _local(n_workers) if address == "local" else None
     try:
+        if own is None:
+            asyncio.run(_answers(address))
         client = Client(own or address, timeout=CONNECT_S)
     except (OSError, ValueError, ImportError) as error:
         if own is not None:
             own.close()
-        why = " ".join(str(error).split()) or type(error).__name__
+        why = " ".join(str(error).split()) or "something listens there, but says nothing"
         raise UnavailableError(
-            f"no Dask scheduler answers at {address} within {CONNECT_S:.0f} s ({why}); start one with dask scheduler, "
+            f"no Dask scheduler answers at {address} within {CONNECT_S:g} s ({why}); start one with dask scheduler, "
             "or say --cluster local"
         ) from None
     return ClusterWorkers(client, own, address, session, out, task, ship)
+
+
+async def _answers(address: str) -> None:
+    """Returns when something that speaks Dask's language answers; its client would wait for the first word for ever.
+
+    Raises:
+        OSError: nothing does in time.
+        ValueError: it is no address.
+    """
+    arguments = Security().get_connection_args("client")
+    comm = await asyncio.wait_for(connect(address, timeout=CONNECT_S, **arguments), CONNECT_S)
+    comm.abort()
 
 
 def _local(n_workers: int) -> LocalCluster:

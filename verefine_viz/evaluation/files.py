@@ -78,7 +78,7 @@ def evaluate_files(
         scores,
         tuple(coverage(table, asked) for table in tables),
         {i: folder.models.name(i) for i in sorted(obj_ids)},
-        truth.notes,
+        (*truth.notes, *_unknown_instances(asked, scores[0])),
         time.perf_counter() - started,
     )
 
@@ -107,6 +107,17 @@ def _targets(dataset: BopDataset, path: Path | None, task: Task | None) -> Targe
     if not path.is_file() and not inside.is_file():
         raise InputError(f"targets file {path} does not exist, neither here nor in {dataset.folder}")
     return read_targets(path if path.is_file() else inside)
+
+
+def _unknown_instances(asked: Targets, score: Scores) -> tuple[str, ...]:
+    """A note where instances are asked for that ground truth does not hold."""
+    n_asked = sum(n for counts in asked.counts.values() for n in counts.values())
+    if score.task == "detection" or n_asked <= score.counts.targets:
+        return ()
+    return (
+        f"{asked.name} asks for {n_asked} instances, of which ground truth holds {score.counts.targets}; "
+        "the others do not count, as in the official score",
+    )
 
 
 def _read(path: Path) -> PoseTable:

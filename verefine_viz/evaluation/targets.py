@@ -30,7 +30,7 @@ def read_targets(path: Path) -> Targets:
     """A targets file; an image's object that is listed twice counts as it is listed last.
 
     Raises:
-        InputError: it is missing or damaged, or an entry lacks an id; the entry is named.
+        InputError: it is missing or damaged, asks for nothing, or an entry lacks an id; the entry is named.
     """
     entries = read_json(path, list)
     if not entries:
@@ -47,6 +47,8 @@ def read_targets(path: Path) -> Targets:
             if n < 0:
                 raise InputError(f"{where}: 'inst_count' is {n}, expected 0 or more instances")
             counts[integer_of(entry, "obj_id", where)] = n
+    if task == "localization" and not any(n for scene in scenes.values() for c in scene.values() for n in c.values()):
+        raise InputError(f"{path} asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere")
     images = {(scene_id, im_id): counts for scene_id, scene in scenes.items() for im_id, counts in scene.items()}
     return Targets(path.name, images, task)
 

@@ -1,0 +1,329 @@
+"""Bad results, targets, data sets and clusters at the command line: one clear line, exit code 2, nothing half-written.
+
+What the official format check lets through is no error; then the score is the official one and a note says what is odd.
+Full disks have a file of their own: tests/batch/test_full_disk.py.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from tests.batch import answering
+from tests.batch.frames import make_frames
+from tests.scenes.bop_folder import Made, cut, make
+from verefine_viz import cli
+from verefine_viz.batch import cluster, pool
+from verefine_viz.commands.dataset_check import splits_of
+from verefine_viz.scenes.results import HEADER
+
+POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
+ROW = f"7,3,5,1,{POSE},-1"
+GOOD = f"{HEADER}\n{ROW}\n7,3,2,1,{POSE},-1\n"
+MIRRORED = "1 0 0 0 1 0 0 0 -1,0 0 500"
+TARGETS = "test_targets_bop19.json"
+
+
+@dataclass(frozen=True)
+class Desk:
+    """A data set, and what the command line says."""
+
+    folder: Path
+    made: Made
+    capsys: pytest.CaptureFixture[str]
+
+    def file(self, name: str, content: str | bytes) -> Path:
+        path = self.folder / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    def refused(self, *words: object) -> str:
+        """The one line with which these words are refused; they leave no trace."""
+        before = sorted(self.folder.rglob("*"))
+        assert cli.main([str(word) for word in words]) == 2
+        captured = self.capsys.readouterr()
+        assert captured.out == ""
+        (line,) = captured.err.splitlines()
+        assert line.startswith("verefine-viz: ")
+        assert line.isprintable()
+        assert sorted(self.folder.rglob("*")) == before
+        return line.removeprefix("verefine-viz: ")
+
+    def evaluated(self, results: Path, *words: object) -> tuple[str, ...]:
+        """How ``evaluate`` is called on the data set."""
+        return ("evaluate", str(results), "--dataset", str(self.made.root), *map(str, words))
+
+    def batch(self, *scene_and_hypotheses: str) -> tuple[str, ...]:
+        """How ``batch`` is called on the data set."""
+        named = ("--scene.source", "bop", "--scene.dataset", str(self.made.root), *scene_and_hypotheses)
+        return ("batch", str(self.session()), "--out", str(self.folder / "out"), *named)
+
+    def session(self) -> Path:
+        path = self.folder / "session.toml"
+        if not path.exists():
+            path.write_text("")
+        return path
+
+
+@pytest.fixture
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
+    monkeypatch.setattr(pool, "work", answering.work)
+    found = Desk(tmp_path, make(tmp_path / "boxes"), capsys)
+    found.session()
+    return found
+
+
+# Results files
+
+BAD_RESULTS: dict[str, tuple[str | bytes, str]] = {
+    "empty": ("", "holds no estimates, expected a BOP results CSV (scene_id,"),
+    "header only": (f"{HEADER}\n", "holds no estimates"),
+    "two headers": (f"{HEADER}\n{GOOD}", "line 2: scene_id is 'scene_id', expected an integer"),
+    "a column is missing": (ROW.removesuffix(",-1"), "line 1: found 6 comma-separated fields, expected 7 fields"),
+    "a column too many": (f"{ROW},0.5", "line 1: found 8 comma-separated fields, expected 7 fields"),
+    "semicolons": (GOOD.replace(",", ";"), "line 1: found 1 comma-separated fields, expected 7"),
+    "a blank line": (f"{ROW}\n\n{ROW}", "line 2: found a blank line, expected 7 fields"),
+    "text for an id": (f"7,3,mug,1,{POSE},-1", "line 1: obj_id is 'mug', expected an integer"),
+    "text for a number": (ROW.replace("500", "half a metre"), "line 1: t is '0 0 half a metre', expected numbers"),
+    "text for the score": (f"7,3,5,good,{POSE},-1", "line 1: score is 'good', expected numbers"),
+    "R of 8 numbers": (ROW.replace("1 0 0 0 1", "1 0 0 1"), "line 1: R holds 8 numbers, expected 9"),
+    "t of 2 numbers": (ROW.replace("0 0 500", "0 500"), "line 1: t holds 2 numbers, expected 3"),
+    "R in brackets": (ROW.replace("1 0 0 0 1 0 0 0 1", "[1 0 0 0 1 0 0 0 1]"), "line 1: R is '[1 0 0 0 1"),
+    "two times of an image": (
+        f"7,3,5,1,{POSE},1\n7,3,2,1,{POSE},2\n",
+        "line 2: time is 2 s, but 1 s in an earlier line of scene 7, image 3",
+    ),
+    "UTF-16": (GOOD.encode("utf-16"), "is no text file, expected a BOP results CSV"),
+    "binary": (bytes(range(256)), "is no text file"),
+    "NUL": (ROW.replace("5", "\0", 1), "line 1: obj_id is '\\x00', expected an integer"),
+    "another table": ("scene_id,im_id,name\n7,3,mug\n", "line 1: found 3 comma-separated fields, expected 7"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_RESULTS)
+def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
+    content, words = BAD_RESULTS[case]
+    path = desk.file("bad_boxes-test.csv", content)
+    line = desk.refused(*desk.evaluated(path))
+    assert line.startswith(str(path))
+    assert words in line
+    # Where it is to be the first poses of a batch, it is refused in the same words, before the folder is made.
+    hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
+    assert desk.refused(*desk.batch(*hypotheses)) == line
+
+
+@pytest.mark.parametrize(
+    ("text", "in_batch", "in_evaluation"),
+    [
+        (ROW.replace("500", "nan"), "line 1: t holds NaN or infinity", "1 rows hold NaN or infinity for a pose"),
+        (ROW.replace("500", "1e999"), "line 1: t holds NaN or infinity", "1 rows hold NaN or infinity for a pose"),
+        (f"7,3,5,nan,{POSE},-1", "line 1: score holds NaN", "1 rows have no number as score"),
+        (f"7,3,5,1,{MIRRORED},-1", "line 1: the pose is not rigid: det(R) = -1.000", "in 1 rows R is no rotation"),
+        (ROW.replace("1 0 0", "9 0 0", 1), "line 1: the pose is not rigid", "in 1 rows R is no rotation"),
+    ],
+)
+def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
+    desk: Desk, text: str, in_batch: str, in_evaluation: str
+) -> None:
+    path = desk.file("odd_boxes-test.csv", text)
+    hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
+    assert in_batch in desk.refused(*desk.batch(*hypotheses))
+    assert cli.main([*desk.evaluated(path)]) == 0
+    assert f"odd: {in_evaluation}" in desk.capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        (f"{ROW}\n" * 50, "dup: 49 rows beyond the instances asked for were left out"),
+        (f"99,3,5,1,{POSE},-1\n", "dup: has estimates for 0 of 1 images and 0 of 2 objects"),
+        (f"7,3,99,1,{POSE},-1\n", "dup: 1 of 1 rows are about scenes, images or objects that the targets do not name"),
+    ],
+)
+def test_rows_that_do_not_count_are_counted(desk: Desk, text: str, note: str) -> None:
+    assert cli.main([*desk.evaluated(desk.file("dup_lmo-test.csv", text))]) == 0
+    assert note in desk.capsys.readouterr().out
+
+
+def test_files_that_are_no_results_files(desk: Desk) -> None:
+    assert "none.csv cannot be read: No such file" in desk.refused(*desk.evaluated(desk.folder / "none.csv"))
+    (desk.folder / "loop.csv").symlink_to("loop.csv")
+    assert "loop.csv cannot be read: " in desk.refused(*desk.evaluated(desk.folder / "loop.csv"))
+    assert "is a folder, expected a BOP results CSV" in desk.refused(*desk.evaluated(desk.folder))
+    line = desk.refused(*desk.evaluated(desk.made.scene / "scene_gt.json"))
+    assert "scene_gt.json is no results file; expected a BOP results CSV" in line
+
+
+# Targets files
+
+
+def changed(change: Callable[[list[Any]], Any]) -> Callable[[list[Any]], str]:
+    def text(entries: list[Any]) -> str:
+        change(entries)
+        return json.dumps(entries)
+
+    return text
+
+
+BAD_TARGETS: dict[str, tuple[Callable[[list[Any]], str | bytes], str]] = {
+    "no JSON": (lambda _: "[{", "mine.json is not JSON"),
+    "binary": (lambda _: b"\xff\xfe\x00", "mine.json is not JSON"),
+    "nested without end": (lambda _: "[" * 100_000, "mine.json is not JSON"),
+    "an object": (lambda _: "{}", "mine.json holds a JSON dict, expected a list"),
+    "nothing": (lambda _: "[]", "mine.json lists no targets, expected [{'scene_id': …, 'im_id': …, …}, …]"),
+    "numbers": (lambda _: "[1, 2]", "mine.json, entry 0 is a JSON int, expected an object with 'scene_id'"),
+    "no im_id": (changed(lambda t: t[1].pop("im_id")), "mine.json, entry 1 has no 'im_id'; it has scene_id, obj_id"),
+    "no inst_count": (changed(lambda t: t[1].pop("inst_count")), "mine.json, entry 1 has no 'inst_count'"),
+    "no instance": (
+        changed(lambda t: [e.update(inst_count=0) for e in t]),
+        "mine.json asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere",
+    ),
+    "half an instance": (changed(lambda t: t[0].update(inst_count=0.5)), "'inst_count' is 0.5, expected an integer"),
+    "fewer than none": (changed(lambda t: t[0].update(inst_count=-1)), "'inst_count' is -1, expected 0 or more"),
+    "an id in quotes": (changed(lambda t: t[0].update(scene_id="7")), "'scene_id' is '7', expected an integer"),
+    "unknown scene": (changed(lambda t: t[0].update(scene_id=8)), "unknown scene 8; available: 7"),
+    "unknown image": (changed(lambda t: t[0].update(im_id=4)), "scene_camera.json has no image 4, which the targets"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_TARGETS)
+def test_a_targets_file_that_cannot_be_used(desk: Desk, case: str) -> None:
+    content, words = BAD_TARGETS[case]
+    targets = desk.file("mine.json", content(json.loads((desk.made.root / TARGETS).read_text())))
+    assert words in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets))
+
+
+def test_targets_that_ask_for_what_is_not_there(desk: Desk) -> None:
+    entries = json.loads((desk.made.root / TARGETS).read_text())
+    targets = desk.file("mine.json", json.dumps([*entries, {**entries[0], "obj_id": 77, "inst_count": 2}]))
+    assert cli.main([*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets)]) == 0
+    said = desk.capsys.readouterr().out
+    assert "mine.json asks for 5 instances, of which ground truth holds 3; the others do not count" in said
+    about_it = desk.file("b.csv", f"7,3,77,1,{POSE},-1\n")
+    assert "unknown model 77; available: 2, 5" in desk.refused(*desk.evaluated(about_it, "--targets", targets))
+
+
+# Data sets
+
+BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
+    "no models": (
+        lambda m: shutil.rmtree(m.root / "models"),
+        "boxes has no object models; expected models",
+        "boxes has no object models",
+    ),
+    "models_info.json is cut": (
+        lambda m: cut(m.root / "models" / "models_info.json"),
+        "models_info.json is not JSON",
+        "models_info.json is not JSON",
+    ),
+    "targets are cut": (
+        lambda m: cut(m.root / TARGETS),
+        f"{TARGETS} is not JSON",
+        f"{TARGETS} is not JSON",
+    ),
+    "no scene_camera.json": (
+        lambda m: (m.scene / "scene_camera.json").unlink(),
+        "scene_camera.json cannot be read",
+        "scene_camera.json cannot be read",
+    ),
+    "no scene": (
+        lambda m: shutil.rmtree(m.scene),
+        "unknown split 'test'; available: none",
+        "unknown split 'test'; available: none",
+    ),
+    "the split has another name": (
+        lambda m: m.scene.parent.rename(m.root / "val"),
+        "boxes has no folder test*; say which split is meant with --split",
+        "unknown split 'test'; available: val",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_DATA)
+def test_a_data_set_that_cannot_be_used(desk: Desk, case: str) -> None:
+    spoil, in_evaluation, in_batch = BAD_DATA[case]
+    spoil(desk.made)
+    assert in_evaluation in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
+    assert in_batch in desk.refused(*desk.batch())
+
+
+def test_without_ground_truth_there_is_nothing_to_score(desk: Desk) -> None:
+    (desk.made.scene / "scene_gt.json").unlink()
+    line = desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
+    assert "scene_gt.json is missing; without ground truth there is nothing to score" in line
+
+
+def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = make_frames(tmp_path / "boxes", 3)
+    cut(made.scene / "depth" / "000001.png")
+    Image.open(made.scene / "depth" / "000002.png").close()
+    entries = [{"scene_id": 7, "im_id": k, "obj_id": 5, "inst_count": 1} for k in range(3)]
+    (made.root / TARGETS).write_text(json.dumps(entries))
+    results = tmp_path / "a.csv"
+    results.write_text("".join(f"7,{k},5,1,{POSE},-1\n" for k in range(3)))
+    assert cli.main(["evaluate", str(results), "--dataset", str(made.root)]) == 2
+    assert "depth/000001.png is damaged" in capsys.readouterr().err
+    # Of a batch only that frame fails.
+    session = tmp_path / "session.toml"
+    session.write_text(
+        f'[scene]\nsource = "bop"\ndataset = "{made.root}"\nmodel_points = 200\ncloud_points = 200\n'
+        '[method]\nname = "pir"\niterations = 1\n[recording]\nkeep = "none"\n'
+    )
+    assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), "--workers", "1"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("3 frames, 6 objects")
+    assert f"frame 7/1 failed: {made.scene / 'depth' / '000001.png'} is damaged" in said
+
+
+def test_a_folder_that_is_no_data_set(desk: Desk) -> None:
+    assert "does not exist" in desk.refused("datasets", "check", desk.folder / "none")
+    assert "holds no split with scenes; expected for example" in desk.refused("datasets", "check", desk.made.scene)
+    assert splits_of(desk.made.root) == ("test",)
+
+
+# Clusters
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:1", "no.such.host.invalid:8786", "http://127.0.0.1:1", "what://x"]
+)
+def test_a_cluster_that_does_not_answer(desk: Desk, address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    line = desk.refused(*desk.batch("--cluster", address))
+    assert f"no Dask scheduler answers at {address} within 0.5 s (" in line
+    assert "start one with dask scheduler, or say --cluster local" in line
+
+
+def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        line = desk.refused(*desk.batch("--cluster", address))
+    assert f"no Dask scheduler answers at {address} within 0.5 s (something listens there, but says nothing)" in line
+
+
+def test_something_that_speaks_another_language(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+
+    class Page(BaseHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Page) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.server_port}"
+        line = desk.refused(*desk.batch("--cluster", address))
+        server.shutdown()
+    assert f"no Dask scheduler answers at {address}" in line
