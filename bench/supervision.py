@@ -1,8 +1,8 @@
-"""When does supervision (SIR) gain over physics between the refiner's calls (PIR)? Under rotation error hardly at all.
+"""When does supervision (SIR) gain over physics between the refiner's calls (PIR), and by what?
 
-``python -m bench.supervision [--seeds 3]``. For each condition: AR of both, the paired difference with its 95 %
-interval, the share of SIR's iterations in which it kept the simulated pose instead of the refined one, and the share of
-answers that are the same to the bit. Built-in scenes, preset published.
+``python -m bench.supervision [CONDITION …] [--seeds 3]``. For each condition: AR of both, the paired difference with
+its 95 % interval, the share of SIR's iterations in which it kept the simulated pose instead of the refined one, and the
+share of answers that are the same to the bit. Built-in scenes, preset published.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Problem
+from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.curves import band
@@ -34,6 +36,8 @@ class Condition:
     iterations: int = 5
     spoil: Callable[[Problem], Problem] = lambda problem: problem
     scenes: Sequence[str] = SCENES
+    sim_candidate: str = "full"
+    """What SIR may keep of a simulated pose: all of it, or its rotation only."""
 
 
 def tilted(problem: Problem, angle_deg: float = 20.0) -> Problem:
@@ -45,6 +49,17 @@ def tilted(problem: Problem, angle_deg: float = 20.0) -> Problem:
     return replace(problem, observation=replace(problem.observation, support=wrong))
 
 
+def leaking(problem: Problem, wide_px: int = 12) -> Problem:
+    """The same with masks that take in what lies around the objects, which draws the refiner away."""
+    seen = problem.observation
+    instances = []
+    for i in problem.instances:
+        mask = np.asarray(binary_dilation(i.mask, iterations=wide_px), dtype=bool)
+        cloud = segment_cloud(seen.depth_m, seen.camera, mask, len(i.points_cam), 0)
+        instances.append(replace(i, mask=mask, points_cam=cloud))
+    return replace(problem, instances=tuple(instances))
+
+
 CONDITIONS = (
     Condition("rotation 20°"),
     Condition("rotation 30°", rotation_deg=30.0),
@@ -52,8 +67,12 @@ CONDITIONS = (
     Condition("rotation 20°, 10 iterations", iterations=10),
     Condition("rotation 45°", rotation_deg=45.0),
     Condition("translation 20 mm", rotation_deg=0.0, translation_mm=20.0),
+    Condition("translation 20 mm, rotation only", rotation_deg=0.0, translation_mm=20.0, sim_candidate="rotation_only"),
+    Condition("translation 30 mm", rotation_deg=0.0, translation_mm=30.0),
+    Condition("translation 30 mm, rotation only", rotation_deg=0.0, translation_mm=30.0, sim_candidate="rotation_only"),
     Condition("rotation 20°, objects on others", scenes=("stack", "bowl")),
     Condition("rotation 20°, plane tilted by 20°", spoil=tilted),
+    Condition("rotation 20°, masks 12 px too wide", spoil=leaking),
     Condition("rotation 20°, upper 70 % of depth missing", spoil=lambda problem: without_top(problem, 0.7)),
 )
 
@@ -65,9 +84,8 @@ def measured(condition: Condition, n_seeds: int) -> dict[str, object]:
     for scene in condition.scenes:
         toolbox = Toolbox(load_session(None, {"preset": "published", "scene": {"demo": scene}}))
         whole = toolbox.problem(toolbox.frames[0])
-        pir, sir = (
-            toolbox.changed({"method": {"name": name, "iterations": condition.iterations}}) for name in ("pir", "sir")
-        )
+        settings = {"iterations": condition.iterations, "sim_candidate": condition.sim_candidate}
+        pir, sir = (toolbox.changed({"method": {"name": name, **settings}}) for name in ("pir", "sir"))
         for seed in range(n_seeds):
             first = disturbed(whole, 1, condition.rotation_deg, condition.translation_mm, seed)
             problem = condition.spoil(first)
@@ -96,9 +114,12 @@ def measured(condition: Condition, n_seeds: int) -> dict[str, object]:
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("conditions", nargs="*", help="words that the names of the wanted ones begin with")
     parser.add_argument("--seeds", type=int, default=3)
+    args = parser.parse_args()
     for condition in CONDITIONS:
-        print(measured(condition, parser.parse_args().seeds), flush=True)
+        if not args.conditions or condition.name.startswith(tuple(args.conditions)):
+            print(measured(condition, args.seeds), flush=True)
     return 0
 
 

@@ -17,6 +17,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.studies.curves import Points, points, rows, verdicts
 from verefine_viz.studies.figure import draw, save
+from verefine_viz.studies.paper_rows import missing_rows
 from verefine_viz.studies.registry import Wanted
 from verefine_viz.studies.runner import run_study
 from verefine_viz.studies.solve import Outcome
@@ -67,8 +68,10 @@ def run_one(
     found = points(outcomes)
     write_csv(study, found, out / f"{name}.csv")
     write_objects(outcomes, out / f"{name}_objects.csv")
-    png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds)), out, name)
-    _say(study, found, (png, svg))
+    notes = missing_rows(sessions.values()) if name == "tables" else ()
+    notes = ("Rows of the paper that are not here:", *notes) if notes else ()
+    png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds), notes), out, name)
+    _say(study, found, notes, (png, svg))
     return 0
 
 
@@ -106,7 +109,7 @@ def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: 
     return f"{', '.join(sessions)}: {len(frames)} frames, {len(objects)} objects, {seeds} seeds"
 
 
-def _say(study: Study, found: Points, figures: tuple[Path, Path]) -> None:
+def _say(study: Study, found: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
     console = Console(highlight=False, soft_wrap=True)
     if len(study.panels) == 1:
         console.print(_table(study, found))
@@ -114,6 +117,8 @@ def _say(study: Study, found: Points, figures: tuple[Path, Path]) -> None:
         console.print(f"[bold]{escape(panel.name)}[/bold]  paper: {escape(panel.trend)}")
         for verdict in verdicts(panel, found):
             console.print(escape(f"  {verdict}"))
+    for note in notes:
+        console.print(escape(note))
     console.print(escape(f"Figures: {figures[0]}, {figures[1].name}; numbers: {study.name}.csv beside them"))
 
 

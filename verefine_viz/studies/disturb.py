@@ -25,18 +25,27 @@ def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: flo
     Raises:
         InputError: no object has a ground-truth pose.
     """
-    instances = tuple(_disturbed(i, problem, n, rotation_deg, translation_mm, seed) for i in problem.instances)
-    known = tuple(i for i in instances if i.T_cam_obj_gt is not None)
+    known = with_truth(problem)
+    instances = (_disturbed(i, problem, n, rotation_deg, translation_mm, seed) for i in known.instances)
+    return replace(known, instances=tuple(instances))
+
+
+def with_truth(problem: Problem) -> Problem:
+    """The frame with the objects whose true pose is known.
+
+    Raises:
+        InputError: there is none.
+    """
+    known = [i.instance_id for i in problem.instances if i.T_cam_obj_gt is not None]
     if not known:
-        raise InputError(f"frame {problem.frame} has no ground truth, expected scene_gt.json; a study disturbs it")
-    return replace(problem, instances=instances).only([i.instance_id for i in known])
+        raise InputError(f"frame {problem.frame} has no ground truth, expected scene_gt.json; a study compares with it")
+    return problem.only(known)
 
 
 def _disturbed(
     i: Instance, problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int
 ) -> Instance:
-    if i.T_cam_obj_gt is None:
-        return i
+    assert i.T_cam_obj_gt is not None, "objects without ground truth are left out before"
     found = perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, _seeds(i, problem, seed))
     return replace(i, hypotheses=found)
 

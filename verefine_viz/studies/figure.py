@@ -21,13 +21,14 @@ COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8
 MARKERS = "osD^vPX*"
 
 
-def draw(study: Study, points: Points, about: str) -> Figure:
+def draw(study: Study, points: Points, about: str, notes: Sequence[str] = ()) -> Figure:
     """All panels.
 
     Args:
         study: what was run.
         points: outcomes of all its units.
         about: which frames and how many seeds, in a few words.
+        notes: sentences that go below, such as what is missing and why.
     """
     panels = study.panels
     methods = list(dict.fromkeys(_method(curve.label) for panel in panels for curve in panel.curves))
@@ -46,7 +47,7 @@ def draw(study: Study, points: Points, about: str) -> Figure:
         axes.text(
             0.0,
             -0.16 if len(panel.xs) > 1 else -0.1,
-            _below(panel, verdicts(panel, points)),
+            _below(panel, verdicts(panel, points), notes),
             transform=axes.transAxes,
             va="top",
             fontsize=7.5,
@@ -105,6 +106,10 @@ def _bars(axes: Axes, found: Sequence[Line]) -> None:
     axes.grid(axis="x", alpha=0.3)
 
 
-def _below(panel: Panel, found: Sequence[Verdict]) -> str:
-    said = textwrap.wrap(f"Paper: {panel.trend}." if panel.trend else "", 100)
-    return "\n".join([*said, *(f"• {v}" for v in found)])
+def _below(panel: Panel, found: Sequence[Verdict], notes: Sequence[str]) -> str:
+    width = 100 if len(panel.xs) > 1 else 130
+    said = textwrap.wrap(f"Paper: {panel.trend}." if panel.trend else "", width)
+    below = [
+        line for note in notes for line in textwrap.wrap(note, width, initial_indent="– ", subsequent_indent="   ")
+    ]
+    return "\n".join([*said, *(f"• {v}" for v in found), *below])

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.studies.disturb import disturbed
+from verefine_viz.studies.disturb import disturbed, with_truth
 from verefine_viz.studies.study import Claim, Curve, Panel, Study
 
 REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
@@ -50,7 +50,7 @@ def _settings(method: str, refiner: str, budget: int) -> dict[str, dict[str, Any
 
 
 def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
-    return problem
+    return with_truth(problem)
 
 
 def _far(problem: Problem, x: float, seed: int) -> Problem:
