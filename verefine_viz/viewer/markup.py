@@ -137,5 +137,7 @@ STYLE = """<style>
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 [data-dock-tab]{padding:0 7px!important}
+[data-dock-region=right] div[style*="flex: 0.5 1"]{flex-grow:.43!important}
+[data-dock-region=right] div[style*="flex: 0.5 1"]:has([data-dock-tab]){flex-grow:.57!important}
 #webgl-software-rendering{display:none}
 </style>"""

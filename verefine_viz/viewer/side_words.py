@@ -128,12 +128,15 @@ def where(v: SidesView) -> str:
         return f"before iteration 1 / {len(v.timeline)} moments"
     m = v.moment
     calls = f"{m.calls} refiner call{'s' if m.calls != 1 else ''} on {v.focus}"
-    sides = [f"A {_index(m.a)}", f"B {_index(m.b)}"]
-    return f"moment {v.place} / {len(v.timeline)}: after {calls}, {', '.join(sides)}"
+    return f"moment {v.place} / {len(v.timeline)}: after {calls}"
 
 
-def _index(k: int | None) -> str:
-    return "has no more" if k is None else f"iteration {k}"
+def _sides_now(v: SidesView) -> str:
+    """As in: A iteration 25, B has no more."""
+    if v.moment is None:
+        return "before iteration 1"
+    sides = (("A", v.moment.a), ("B", v.moment.b))
+    return ", ".join(f"{name} has no more" if k is None else f"{name} iteration {k}" for name, k in sides)
 
 
 def now_table(v: SidesView) -> str:
@@ -145,7 +148,7 @@ def now_table(v: SidesView) -> str:
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),
     ]  # fmt: skip
     rows = [_now_row("A", v.now_a), _now_row("B", v.now_b)]
-    return f"<p><b>At this moment</b>, {text(what)}</p>" + table(head, rows)
+    return f"<p><b>Then</b> ({text(what)}): {_sides_now(v)}</p>" + table(head, rows)
 
 
 def _now_row(side: str, now: SideNow | None) -> Row:

@@ -39,6 +39,15 @@ def by_person(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]],
     return on_update
 
 
+def compact(handle: Any, row_px: int) -> str:
+    """A style that takes the space around a widget with a label away, and makes its row so high [px]."""
+    label = f'label[for="{handle._impl.uuid}"]'
+    return (
+        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}"
+        f".mantine-Flex-root:has({label}){{height:{row_px}px}}"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """One curve."""

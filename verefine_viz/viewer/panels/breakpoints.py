@@ -12,17 +12,17 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person
 
 BREAK_IF: dict[str, tuple[str, Any, str]] = {
-    "score_falls_by": ("score falls by", 0.02, "the kept pose scores lower than before by more than this"),
+    "score_falls_by": ("fell by 0.02", 0.02, "the kept pose scores lower than before by more than this"),
     "simulated_rejected": ("sim. rejected", True, "the refined pose was kept instead of the simulated one"),
     "refined_rejected": ("ref. rejected", True, "the simulated pose was kept instead of the refined one"),
-    "jump_mm": ("jump over mm", 10.0, "the kept pose moved further than this [mm]"),
-    "jump_deg": ("jump over °", 10.0, "the kept pose turned further than this [°]"),
+    "jump_mm": ("moved 10 mm", 10.0, "the kept pose moved further than this [mm]"),
+    "jump_deg": ("turned 10°", 10.0, "the kept pose turned further than this [°]"),
     "arm_switched": ("arm switched", True, "the bandit chose another hypothesis than before"),
     "unstable": ("unstable", True, "the simulation turned the object by more than 10°"),
     "empty_render": ("empty render", True, "a pose rendered to nothing, or its score was not a number"),
-    "error_grows_by_mm": ("error grows mm", 2.0, "ADD(-S) against ground truth grew by more than this [mm]"),
+    "error_grows_by_mm": ("error +2 mm", 2.0, "ADD(-S) against ground truth grew by more than this [mm]"),
 }
-"""Field: (label, value when it is switched on, meaning)."""
+"""Field: (label that fits on one line, value when it is switched on, meaning)."""
 
 
 class BreakpointsPanel:
@@ -30,8 +30,8 @@ class BreakpointsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._boxes: dict[str, viser.GuiCheckboxHandle] = {}
-        for name, (label, value, meaning) in BREAK_IF.items():
-            box = gui.add_checkbox(label if value is True else f"{label} {value:g}", False, hint=f"stop when {meaning}")
+        for name, (label, _, meaning) in BREAK_IF.items():
+            box = gui.add_checkbox(label, False, hint=f"stop when {meaning}")
             box.on_update(by_person(lambda on, name=name: send(c.SetBreakpoints(((name, _value(name, on)),)))))
             self._boxes[name] = box
 

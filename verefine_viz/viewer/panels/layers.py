@@ -8,7 +8,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import LAYERS, SHOWN_AT_FIRST
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person
+from verefine_viz.viewer.widgets import Send, by_person, compact
 
 HINTS = {
     "initial": "where the hypothesis started",
@@ -56,5 +56,4 @@ def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
     label = f'label[for="{box._impl.uuid}"]'
     shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
-    row = f".mantine-Flex-root:has({label}){{height:{ROW_PX}px}}"
-    return f"{label}{{{shown}}}div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}"
+    return f"{label}{{{shown}}}{compact(box, ROW_PX)}"

@@ -22,7 +22,7 @@ PHASES: dict[Phase, tuple[str, str]] = {
     "done": ("done", "it has used its budget, or the run is over"),
     "no pose": ("no pose", "it has no hypothesis, so it is left out"),
 }
-ROW_PX, HEAD_PX, MOST_PX = 17, 188, 388
+ROW_PX, HEAD_PX, MOST_PX = 17, 206, 388
 MOST_OVERLAPS = 3
 
 
@@ -44,7 +44,7 @@ def height_px(n_objects: int) -> int:
 
 def objects_html(view: View) -> str:
     """The whole content of the panel."""
-    return f"{filter_line(view)}{objects_table(view)}{overlap_lines(view)}{legend(view)}"
+    return f"{filter_line(view)}{objects_table(view)}{legend(view)}{overlap_lines(view)}"
 
 
 def filter_line(view: View) -> str:

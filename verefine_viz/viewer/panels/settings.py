@@ -10,14 +10,22 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person
+from verefine_viz.viewer.widgets import Send, by_person, compact
 from verefine_viz.viewer.workspace import current_values
+
+ROW_PX = 24
+"""So that all of one object's settings fit into the panel."""
 
 
 class SettingsPanel:
     """Edits are only a draft until Restart or Fork is pressed."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        # First, so that it is in sight however many settings there are.
+        self.apply = gui.add_button_group(
+            "Apply", ["Restart with these", "Fork here"],
+            hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
+        )  # fmt: skip
         self._fields: dict[str, Any] = {
             "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
             "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
@@ -48,16 +56,14 @@ class SettingsPanel:
                 "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
             ),
         }
-        self.apply = gui.add_button_group(
-            "Apply", ["Restart with these", "Fork here"],
-            hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
-        )  # fmt: skip
         self._estimator = gui.add_dropdown(
             "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
         )
         self.estimate = gui.add_button(
             "Estimate here", hint="new first poses for the object in focus; the run begins anew"
         )
+        rows = (*self._fields.values(), self._estimator)
+        gui.add_html(f"<style>{''.join(compact(handle, ROW_PX) for handle in rows)}</style>")
         self._known: dict[str, Any] = {}
         self._focus = 0
         self._estimated: dict[int, str] = {}

@@ -1,0 +1,87 @@
+"""A tree search on the page: its answer at the end, its last iteration when asked for, and a tree that can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
+
+pytestmark = pytest.mark.browser
+Look = Callable[..., Screen]
+SEARCH = """
+title = "stack"
+[scene]
+demo = "stack"
+[hypotheses]
+max_per_object = 4
+[method]
+name = "physim_mcts"
+[mcts]
+expansions = 20
+"""
+
+
+def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None:
+    path = tmp_path / "stack.toml"
+    path.write_text(SEARCH)
+    screen = look(path)
+    screen.app.send(c.RunUntil("end"))
+    screen.app.wait_until_idle(240)
+    n = screen.app.debugger.workspace.run.length
+    screen.text("Shown: the answer")
+    assert screen.page.locator(".vz.objects td", has_text="working").count() == 0
+    assert screen.page.locator(".vz.objects tr td:last-child", has_text="done").count() == 4, (
+        "the frame and each object"
+    )
+    screen.tab("Bandit")
+    folds = screen.page.locator(".vz svg g[data-cmd]", has_text="+")
+    folds.first.wait_for(timeout=SLOW_MS)
+    boxes = screen.page.locator(".vz svg g[data-cmd] rect[height='26']").all()
+    assert min(b.bounding_box()["width"] for b in boxes) > 20
+    screen.shot("search_answer")
+
+    screen.page.get_by_text("show the last iteration").click(timeout=SLOW_MS)
+    screen.text("Shown: the last iteration")
+    screen.page.locator(".vz.objects td b", has_text="working").wait_for(timeout=SLOW_MS)
+    screen.shot("search_last_iteration")
+    screen.page.get_by_text("show the answer").click(timeout=SLOW_MS)
+    screen.text("Shown: the answer")
+
+    folds.last.click(timeout=SLOW_MS)
+    screen.until(lambda: 0 < screen.app.debugger.workspace.run.cursor < n)
+
+
+def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.RunUntil("end"))
+    screen.app.send(s.CompareRun((("method.name", "sir"),)))
+    screen.app.wait_until_idle(240)
+    screen.tab("A/B")
+    assert is_seen(screen, screen.page.locator(".vz tr", has_text="computing time"))
+    screen.app.send(s.StopComparing())
+    screen.app.send(c.ProbePixel(330, 250))
+    screen.app.wait_until_idle(60)
+    screen.page.get_by_role("tab", name="Score", exact=True).first.click(timeout=SLOW_MS)
+    assert is_seen(screen, screen.page.locator(".vz tr", has_text="adds"))
+    assert is_seen(screen, screen.page.locator(".vz tr", has_text="normal fit"))
+    screen.tab("Settings")
+    assert is_seen(screen, screen.page.get_by_label("Seed", exact=True))
+    assert is_seen(screen, screen.page.get_by_role("button", name="Fork here", exact=True))
+    screen.tab("Breakpoints")
+    assert is_seen(screen, screen.page.get_by_label("error +2 mm", exact=True))
+
+
+def is_seen(screen: Screen, found) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the first of what was found lies on the screen whole, with nothing over it and not scrolled away."""
+    found.first.wait_for(timeout=SLOW_MS)
+    screen.page.wait_for_timeout(300)
+    return found.first.evaluate(
+        """e => {const b = e.getBoundingClientRect();
+        const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
+        return b.height > 0 && seen(b.x + b.width / 2, b.y + 2) && seen(b.x + b.width / 2, b.bottom - 2);}"""
+    )
