@@ -43,7 +43,7 @@ def test_groups_are_named_by_what_differs_the_method_first(tmp_path: Path) -> No
         write(tmp_path, "c", method={"name": "sir"}, icp={"stop": "published"}),
     ]
     groups = load_groups(folders)
-    assert names(groups) == {"rir, icp.stop max_iterations": ["a"], "rir, icp.stop published": ["b"], "sir": ["c"]}
+    assert names(groups) == {"rir · icp.stop max_iterations": ["a"], "rir · icp.stop published": ["b"], "sir": ["c"]}
     assert differing(groups.groups) == {
         "method.name": ("rir", "rir", "sir"),
         "icp.stop": ("max_iterations", "published", "published"),

@@ -84,7 +84,7 @@ def write_report(
     failures = gallery(a, b, most_failures, lambda done, of: tell("pictures", done, of))
     html = render(sides[0], sides[1] if b else None, found, failures)
     write(path, html)
-    return (*(side.bop.note for side in sides if side.bop.total is None), *failures.notes)
+    return tuple(dict.fromkeys((*(side.bop.note for side in sides if side.bop.total is None), *failures.notes)))
 
 
 def write_group_report(

@@ -167,7 +167,7 @@ def cause_figure(lines: Sequence[Line]) -> go.Figure:
             customdata=[line.causes.get(cause, 0) for line in lines],
             hovertemplate=f"%{{y}}: {name}, %{{x:.1f}} % (%{{customdata}})<extra></extra>",
         )
-    figure.update_layout(barmode="stack", legend={"traceorder": "normal"})
+    figure.update_layout(barmode="stack", legend={"traceorder": "normal"}, showlegend=True)
     figure.update_yaxes(autorange="reversed", automargin=True, ticksuffix=" ")
     return figure
 

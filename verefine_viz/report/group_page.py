@@ -34,10 +34,10 @@ class Column:
         if spread is None:
             return Cell("", words.DASH, "")
         value = words.number(self.factor * spread.value, self.digits)
-        if spread.low is None or spread.high is None or spread.low == spread.high:
+        if spread.low is None or spread.high is None:
             return Cell(f"{spread.value}", value, "")
-        ends = (words.number(self.factor * end, self.digits) for end in (spread.low, spread.high))
-        return Cell(f"{spread.value}", value, " – ".join(ends))
+        ends = [words.number(self.factor * end, self.digits) for end in (spread.low, spread.high)]
+        return Cell(f"{spread.value}", value, "" if set(ends) == {value} else " – ".join(ends))
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _cells(columns: list[Column], lines: tuple[Line, ...]) -> list[list[Cell]]:
     table = [[column.shown(line) for column in columns] for line in lines]
     for k, column in enumerate(columns):
         known = [spread.value for line in lines if (spread := column.get(line)) is not None]
-        if column.more_is_better is None or len(known) < 2:
+        if column.more_is_better is None or len(set(known)) < 2:
             continue
         best = max(known) if column.more_is_better else min(known)
         for row in table:

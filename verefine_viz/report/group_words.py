@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import accumulate
 
 from verefine_viz.report import words
 from verefine_viz.report.comparison import Comparison, Line
@@ -11,8 +12,8 @@ from verefine_viz.report.gallery import Gallery
 from verefine_viz.report.spread import Spread
 from verefine_viz.report.words import percent, signed
 
-MOST_NAMES = 4
-"""Groups that a sentence names; more are counted."""
+MOST_LETTERS = 48
+"""Of groups that a sentence names; more are counted."""
 
 
 def headline(found: Comparison) -> str:
@@ -77,8 +78,9 @@ def counted(found: Comparison) -> str:
 
 
 def names(lines: Sequence[Line]) -> str:
-    """``sir, even and 3 more``."""
-    shown = [line.name for line in lines[:MOST_NAMES]]
+    """``sir, even and 3 more``: as many as fit."""
+    ends = accumulate(len(line.name) + 2 for line in lines)
+    shown = [line.name for line, end in zip(lines, ends, strict=True) if end <= MOST_LETTERS] or [lines[0].name]
     n_more = len(lines) - len(shown)
     if n_more:
         return f"{', '.join(shown)} and {n_more} more"

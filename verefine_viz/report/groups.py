@@ -135,7 +135,7 @@ def _names(flat: Sequence[Mapping[str, Any]]) -> list[str]:
             for k, mine in enumerate(parts)
         ]
     method = flat[0]["method.name"]
-    return [", ".join(mine) or method for mine in parts]
+    return [" · ".join(mine) or method for mine in parts]
 
 
 def _differing(flat: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -51,8 +51,8 @@ def write(path: Path, html: str) -> None:
 
 
 def breakable(name: str) -> Markup:
-    """A name that may be broken after an underline, a dot or a comma, to fit into a narrow column."""
-    return Markup(re.sub(r"([_.,])", r"\1<wbr>", str(escape(name))))
+    """A name that may be broken after an underline or a dot, but not within a number, to fit into a narrow column."""
+    return Markup(re.sub(r"(_|\.(?!\d))", r"\1<wbr>", str(escape(name))))
 
 
 def figure_json(figure: go.Figure) -> Markup:

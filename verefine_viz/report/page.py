@@ -65,7 +65,7 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "has_truth": has_truth,
         "headlines": [words.headline(side.run, side.numbers) for side in sides],
         "tiles": tiles(a.numbers, b.numbers if b else None),
-        "notes": [note for side in sides if side.bop.total is None and (note := side.bop.note)],
+        "notes": list(dict.fromkeys(side.bop.note for side in sides if side.bop.total is None and side.bop.note)),
         "bop_note": next((side.bop.note for side in sides if side.bop.total is not None), ""),
         "recall": figure_json(charts.recall_figure(runs)) if has_truth else None,
         "scores": [
