@@ -8,10 +8,39 @@ from typing import Any
 import pytest
 
 from tests.report.runs import row, write_run
-from verefine_viz.report.command import write_report
+from tests.report.test_group_page import sweep
+from verefine_viz.batch.index import run_folders
+from verefine_viz.report.command import write_group_report, write_report
 
 pytestmark = pytest.mark.browser
 GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
+
+
+def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    folder = sweep(tmp_path / "runs", ("rir", "sir", "pir", "refine", "even"), 2, 6, 2)
+    write_group_report(run_folders(folder), path)
+    context = chromium.new_context(viewport={"width": 1280, "height": 800}, offline=True)
+    page, errors, foreign = context.new_page(), [], []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else foreign.append(r.url))
+    page.goto(path.as_uri())
+    page.wait_for_selector("html[data-ready=yes]", timeout=120_000)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    assert page.evaluate("[...document.querySelectorAll('.failure')].every((f) => f.scrollWidth <= f.clientWidth)")
+
+    recalls = page.locator("table[aria-label=groups] tbody tr td:nth-child(3)")
+    page.locator("table[aria-label=groups] th", has_text="right").click()
+    page.locator("table[aria-label=groups] th", has_text="right").click()
+    rising = [float(text.split()[0]) for text in recalls.all_inner_texts()]
+    assert rising == sorted(rising)
+
+    page.locator("#group").select_option("refine")
+    chips = [f.locator(".chip").first.inner_text() for f in page.locator(".failure").all() if f.is_visible()]
+    assert set(chips) == {"refine"}
+    context.close()
+    assert errors == []
+    assert foreign == []
 
 
 def test_the_report_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:

@@ -16,7 +16,13 @@ from verefine_viz.report.comparison import Curve, Line
 from verefine_viz.report.numbers import THRESHOLDS
 
 GREY = "#98a3b5"
-GROUP_COLORS = (*(c for c in ARM_COLORS if len(set(c)) > 1), (0, 90, 60), (140, 0, 85), (255, 187, 120), (60, 60, 160))
+GROUP_COLORS = (
+    *(c for c in ARM_COLORS if len(set(c)) > 1),
+    (0, 150, 110),
+    (190, 60, 160),
+    (235, 180, 100),
+    (110, 130, 235),
+)
 """Without grey, which is the best group's in the others' panels."""
 DASHES = ("solid", "dash", "dot")
 """Of curves: a second and third round through the colours."""
