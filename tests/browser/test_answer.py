@@ -76,6 +76,18 @@ def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
     assert is_seen(screen, screen.page.get_by_label("error +2 mm", exact=True))
 
 
+def test_panels_follow_a_window_that_gets_wider(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    for width, height in ((1600, 1000), (1280, 800), (1440, 900)):
+        screen.page.set_viewport_size({"width": width, "height": height})
+        screen.page.wait_for_timeout(1500)
+        for name in ("Step ▶", "◀ Back"):
+            assert is_seen(screen, screen.page.get_by_role("button", name=name, exact=True))
+        tab = screen.page.get_by_role("tab", name="Physics", exact=True)
+        assert tab.bounding_box()["x"] > width - 376
+    screen.shot("wider")
+
+
 def is_seen(screen: Screen, found) -> bool:  # type: ignore[no-untyped-def]
     """Whether the first of what was found lies on the screen whole, with nothing over it and not scrolled away."""
     found.first.wait_for(timeout=SLOW_MS)

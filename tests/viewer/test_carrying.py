@@ -11,6 +11,7 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeState
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.carrying import RAISED_M, alone_hint, alone_warning, carried, height_above_plane_m
 from verefine_viz.viewer.debugger import Debugger
@@ -60,10 +61,23 @@ def test_what_stands_on_another_object_is_warned_of_with_the_way_out() -> None:
     assert said.startswith("RIR settles every object on the table alone")
     assert ": box #1 stands on box #0, so it sinks in the simulation." in said
     (finding,) = [f for f in findings(view) if f.text == said]
+    assert not finding.calm
     assert finding.command == c.Restart((("method.name", "vf_breadth"),))
     assert alone_hint(view, 1) == "stands on box #0; RIR settles it on the table alone, so it sinks"
     assert alone_hint(view, 0) == ""
     assert objects_html(view).count("⤓") == 2, "at its row, and in the legend"
+
+
+def test_the_warning_is_calm_once_all_that_stands_on_others_came_out_right() -> None:
+    session = Session(method=MethodSettings(name="rir", iterations=2))
+    view = Debugger(session, None, stacked()).carry_out([c.OpenFrame("0/2"), c.RunUntil("end")]).view()
+    assert all(o.errors is not None and o.errors.relative < 0.1 for o in view.scene.objects)
+    (finding,) = [f for f in findings(view) if f.text == alone_warning(view)]
+    assert finding.calm
+    off = PoseErrors(40.0, 30.0, 30.0, 30.0, 30.0, 0.3)
+    wrong = tuple(replace(o, errors=off) if o.instance_id == 1 else o for o in view.scene.objects)
+    (finding,) = [f for f in findings(replace(view, scene=replace(view.scene, objects=wrong))) if "settles" in f.text]
+    assert not finding.calm
 
 
 @pytest.mark.parametrize("name", ["vf_breadth", "vf_depth", "refine"])

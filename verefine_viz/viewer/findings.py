@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
-from verefine_viz.viewer.carrying import alone_warning
+from verefine_viz.viewer.carrying import alone_warning, carried
 from verefine_viz.viewer.view import View
 
 PLANE_SHARE = 0.5
@@ -100,7 +100,9 @@ def _alone(view: View) -> list[Finding]:
     if not said:
         return []
     command = c.Restart((("method.name", "vf_breadth"),))
-    return [Finding(said, command=command, label="restart with VF_b")]
+    answers = [view.scene.object(one.instance_id).errors for one in carried(view)]
+    arrived = view.is_answer and all(e is not None and e.relative < 0.1 for e in answers)
+    return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
 
 
 def _is_over(view: View) -> bool:

@@ -97,6 +97,8 @@ def warning(content: str, extra: str = "", red: bool = False) -> str:
     return f'<p class="{"bad" if red else "warn"}">{text(content)} {extra}</p>'
 
 
+# About the docked panels: the library slides a column to its place when the window gets wider, and leaves it beside the
+# screen; and it gives both rows the same height, until a person moves the border.
 STYLE = """<style>
 .vz{font-size:12.5px;line-height:1.38;padding:0 10px 6px 10px;color:inherit}
 .vz p{margin:0 0 6px 0}
@@ -137,6 +139,7 @@ STYLE = """<style>
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 [data-dock-tab]{padding:0 7px!important}
+[data-dock-column]{transform:none!important}
 [data-dock-region=right] div[style*="flex: 0.5 1"]{flex-grow:.43!important}
 [data-dock-region=right] div[style*="flex: 0.5 1"]:has([data-dock-tab]){flex-grow:.57!important}
 #webgl-software-rendering{display:none}
