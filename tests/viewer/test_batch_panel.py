@@ -74,6 +74,7 @@ def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
     batch = gallery(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()
     try:
+        app.wait_until_ready(60)
         until(app, lambda: cursor(app) == 3)
         assert app.debugger.workspace.frame == "0/2"
         assert "0/1 " not in content(app)  # Only what is wrong is shown at first.

@@ -202,3 +202,17 @@ def test_finished_runs_of_a_folder_are_read_and_the_rest_is_counted(tmp_path: Pa
     assert alone.opens(alone.worst).run == ""
     with pytest.raises(InputError, match="not there yet"):
         read_gallery(tmp_path / "c")
+
+
+def test_at_the_last_iteration_it_is_shown_itself_and_not_the_answer(debugger: Debugger, several: Gallery) -> None:
+    debugger.carry_out([several.opens(several.entries[1])])
+    total = debugger.workspace.run.n_iterations
+    last = c.OpenAt("0/2", total, "rir", 1)
+    for _ in range(2):  # Computed to there, and gone back to.
+        debugger.carry_out([last])
+        view = debugger.view()
+        assert view.cursor == total
+        assert {"current", "accepted"} <= set(view.poses)
+        debugger.carry_out([c.Seek(1)])
+    debugger.carry_out([c.SeekEnd()])
+    assert "accepted" not in debugger.view().poses

@@ -29,6 +29,7 @@ class Browsing:
         self.gallery, self._workspace = gallery, workspace
         self._run = gallery.worst.run if gallery is not None else ""
         self._last: Entry | None = None
+        self._asked: int | None = None
 
     def resolved(self, command: Command, look: Look) -> Command:
         """The opening that a command about the gallery stands for; any other command as it is.
@@ -67,7 +68,7 @@ class Browsing:
         gallery = self.gallery
         if command.run and (gallery is None or command.run not in gallery.runs):
             raise InputError(unknown("run", command.run, gallery.runs if gallery else ()))
-        run = command.run or self._run
+        run, self._asked = command.run or self._run, command.iteration
         if gallery is None or self._workspace.tools.session == gallery.session(run):
             self._workspace.open_frame(command.frame)
         else:
@@ -80,11 +81,19 @@ class Browsing:
         self._last = gallery.entry(run, command.frame, command.instance)
 
     def look(self, look: Look, command: OpenAt) -> Look:
-        """``look`` with the object in focus, and the gallery's page on which it is."""
+        """``look`` with the object in focus, at the iteration, and on the gallery's page that holds it."""
         ids = [i.instance_id for i in self._workspace.work.problem.instances]
         look = replace(look, focus=command.instance if command.instance in ids else None)
         shown = self.gallery.shown(look.batch_order, look.batch_only) if self.gallery else ()
-        return replace(look, batch_page=shown.index(self._last) // PAGE) if self._last in shown else look
+        look = replace(look, batch_page=shown.index(self._last) // PAGE) if self._last in shown else look
+        return self.reached(look, self._workspace.run.cursor)
+
+    def reached(self, look: Look, iteration: int) -> Look:
+        """``look`` at the iteration that was asked for itself, also where the end of the run would show its answer."""
+        run = self._workspace.run
+        if iteration != self._asked or not run.at_end or run.iteration is None:
+            return look
+        return replace(look, stage=run.iteration.stages[-1].name)
 
     def entry(self, instance_id: int) -> Entry | None:
         """What the batch says about an object of the open frame; None where something else is open."""

@@ -189,11 +189,10 @@ class Debugger:
                 self._reset_look()
             case c.OpenAt(_, iteration):
                 self.browsing.enter(command)
-                self._reset_look()
-                self.look = self.browsing.look(self.look, command)
                 run = self.workspace.run
                 run.seek(min(max(iteration, 0), run.length))
                 self.goal = iteration if iteration > run.length and not run.is_done else None
+                self.look = self.browsing.look(self.look.afresh(), command)
             case c.OpenDemo(name):
                 self._open_demo(name)
             case s.OpenRecording(path):
@@ -292,6 +291,7 @@ class Debugger:
     def _stop_if_reached(self, iteration: Iteration) -> None:
         if isinstance(self.goal, int):
             if self.workspace.run.length >= self.goal:
+                self.look = self.browsing.reached(self.look, self.goal)
                 self.pause()
             return
         reasons = hits(self.workspace.breakpoints, self.workspace.work.problem, iteration)
