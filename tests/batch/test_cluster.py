@@ -23,6 +23,8 @@ from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.cluster import ClusterWorkers, open_cluster
 from verefine_viz.batch.desk import Desk
+from verefine_viz.batch.runner import Place, Progress
+from verefine_viz.batch.runner import run_batch as run_here
 from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
@@ -118,6 +120,27 @@ def test_a_scheduler_that_stops_is_one_clear_error(
     with pytest.raises(UnavailableError, match="the scheduler at local is gone; what is done is kept"):
         list(results)
     workers.close()
+
+
+def test_a_cluster_without_workers_is_waited_for_and_said(
+    session: Path, here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "LOOK_S", 0.2)
+    monkeypatch.setattr(cluster, "PATIENCE_S", 0.1)
+    one_thread = dict.fromkeys(ONE_THREAD, "1")
+    said: list[str] = []
+    with LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None, env=one_thread) as empty:
+
+        def tell(now: Progress) -> None:
+            if now.warning and not said:
+                said.append(now.warning)
+                empty.scale(1)
+
+        place = Place(cluster=empty.scheduler_address)
+        outcome = run_here(load_session(session), tmp_path / "out", place, tell)
+    assert said == [f"the cluster at {place.cluster} has no workers; waiting for the first"]
+    assert outcome.totals["frames_done"] == N_FRAMES
+    assert without_times(tmp_path / "out")[0] == without_times(here)[0]
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
