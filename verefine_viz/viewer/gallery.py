@@ -80,6 +80,21 @@ class Gallery:
         ordered = self.sorted_by("error")
         return next((entry for entry in ordered if entry.can_be_opened), ordered[0])
 
+    @cached_property
+    def outcome(self) -> str:
+        """How many answers are right, in words."""
+        known = [e for e in self.entries if e.row.is_correct is not None]
+        said = f"{len(self.entries)} answers"
+        if known:
+            said = f"{sum(not e.is_wrong for e in known)} of {len(known)} answers"
+        if self.has_several_runs:
+            said += f" of {len(self.runs)} runs"
+        else:
+            said += f" in {len({e.row.frame for e in self.entries})} frames"
+        said += " are right" if known else ""
+        missing = sum(e.row.status != "ok" for e in self.entries)
+        return f"{said}; {missing} have no answer" if missing else said
+
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
         if order not in self._sorted:

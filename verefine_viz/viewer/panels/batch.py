@@ -99,17 +99,7 @@ class BatchPanel:
 
 def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
     """How the batch went, and what is shown of it."""
-    known = [e for e in gallery.entries if e.row.is_correct is not None]
-    right = sum(bool(e.row.is_correct) for e in known)
-    said = f"{right} of {len(known)} answers" if known else f"{len(gallery.entries)} answers"
-    if gallery.has_several_runs:
-        said += f" of {len(gallery.runs)} runs"
-    else:
-        said += f" in {len({e.row.frame for e in gallery.entries})} frames"
-    said += " are right" if known else ""
-    missing = sum(e.row.status != "ok" for e in gallery.entries)
-    if missing:
-        said += f"; {missing} have no answer"
+    said = gallery.outcome
     if gallery.n_unfinished:
         said += f"; unfinished and left out: {gallery.n_unfinished}"
     if not entries:
