@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.errors import add_s_mm, pose_errors
 from verefine_viz.session.engine import Run
 
 
@@ -88,7 +89,7 @@ def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
     first = target.instance.hypotheses[int(np.argmax(initial.score))].T_cam_obj
     return {
         "add_s_mm": final.add_s_mm,
-        "initial_add_s_mm": pose_errors(target.model, first, T_gt).add_s_mm,
+        "initial_add_s_mm": add_s_mm(target.model, first, T_gt),
         "rotation_deg": final.rotation_deg,
         "translation_mm": final.translation_mm,
     }
@@ -101,14 +102,18 @@ def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration])
     ground truth. If no iteration lost anything: the one that made the answer.
     """
     T_gt = target.instance.T_cam_obj_gt
+
+    @cache
+    def error_mm(T_cam_obj: bytes) -> float:
+        """An iteration starts where an earlier one ended: half of the poses come twice."""
+        assert T_gt is not None
+        return add_s_mm(target.model, np.frombuffer(T_cam_obj).reshape(4, 4), T_gt)
+
     worst, most = best.iteration, 0.0
     for iteration in iterations:
         before, after = iteration.stages[0], iteration.accepted_stage
         if T_gt is not None:
-            loss = (
-                pose_errors(target.model, after.T_cam_obj, T_gt).add_s_mm
-                - pose_errors(target.model, before.T_cam_obj, T_gt).add_s_mm
-            )
+            loss = error_mm(after.T_cam_obj.tobytes()) - error_mm(before.T_cam_obj.tobytes())
         else:
             loss = (before.score.score if before.score else 0.0) - (after.score.score if after.score else 0.0)
         if loss > most:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
+
+
+ROUNDED = 1e-6
+"""How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +39,7 @@ class PoseErrors:
 
 def pose_errors(model: ObjectModel, T_est: Float, T_gt: Float) -> PoseErrors:
     """Errors of ``T_est`` (4, 4) against ``T_gt`` (4, 4), measured on the model's sampled points."""
-    estimated, truth = apply(T_est, model.points), apply(T_gt, model.points)
-    add = float(np.linalg.norm(estimated - truth, axis=1).mean()) * 1e3
-    adds = float(KDTree(estimated).query(truth)[0].mean()) * 1e3
+    add, adds = add_mm(model, T_est, T_gt), adds_mm(model, T_est, T_gt)
     add_s = adds if model.is_symmetric else add
     return PoseErrors(
         rotation_error_deg(model, T_est, T_gt),
@@ -44,6 +49,41 @@ def pose_errors(model: ObjectModel, T_est: Float, T_gt: Float) -> PoseErrors:
         add_s,
         add_s / (model.diameter_m * 1e3),
     )
+
+
+def add_s_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+    """``PoseErrors.add_s_mm`` alone: only symmetric objects need a search, so for others it is far cheaper."""
+    return adds_mm(model, T_est, T_gt) if model.is_symmetric else add_mm(model, T_est, T_gt)
+
+
+def add_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+    """``PoseErrors.add_mm`` alone."""
+    return 1e3 * _mean_length(model.points, T_est - T_gt)
+
+
+def adds_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+    """``PoseErrors.adds_mm`` alone; searched in the model's frame, for which one search tree lasts."""
+    R = T_est[:3, :3]
+    if np.abs(R.T @ R - np.eye(3)).max() > ROUNDED:
+        return 1e3 * float(KDTree(apply(T_est, model.points)).query(apply(T_gt, model.points))[0].mean())
+    return 1e3 * float(_tree(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
+
+
+@lru_cache(maxsize=256)
+def _tree(model: ObjectModel) -> KDTree:
+    return KDTree(model.points)
+
+
+@njit(cache=True)
+def _mean_length(points: Float, D: Float) -> float:
+    """Mean length of what ``D`` (4, 4), the difference of two poses, makes of points (n, 3)."""
+    total = 0.0
+    for p in points:
+        x = D[0, 0] * p[0] + D[0, 1] * p[1] + D[0, 2] * p[2] + D[0, 3]
+        y = D[1, 0] * p[0] + D[1, 1] * p[1] + D[1, 2] * p[2] + D[1, 3]
+        z = D[2, 0] * p[0] + D[2, 1] * p[1] + D[2, 2] * p[2] + D[2, 3]
+        total += math.sqrt(x * x + y * y + z * z)
+    return total / len(points)
 
 
 def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:

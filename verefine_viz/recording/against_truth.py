@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, Iteration
+from verefine_viz.evaluation.errors import add_s_mm
 
 
 class AgainstTruth:
@@ -30,38 +27,12 @@ class AgainstTruth:
             return _UNKNOWN
         best, T_kept = iteration.best, iteration.accepted_stage.T_cam_obj
         if self._best is not best:
-            self._best, self._best_mm = best, _add_s_mm(target.model, best.T_cam_obj, T_gt)
+            self._best, self._best_mm = best, add_s_mm(target.model, best.T_cam_obj, T_gt)
         rotation_deg, translation_m = _turn_and_shift(T_kept, T_gt, target.model.symmetries)
         return np.array([rotation_deg, 1e3 * translation_m, self._best_mm])
 
 
 _UNKNOWN = np.full(3, np.nan)
-
-
-def _add_s_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
-    """As ``pose_errors`` has it. Nearest points are looked for only where the object is symmetric, and in its
-    own frame, for which one search tree lasts.
-    """
-    if model.is_symmetric:
-        return 1e3 * float(_tree(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
-    return 1e3 * _mean_distance(model.points, T_est - T_gt)
-
-
-@lru_cache(maxsize=64)
-def _tree(model: ObjectModel) -> KDTree:
-    return KDTree(model.points)
-
-
-@njit(cache=True)
-def _mean_distance(points: Float, D: Float) -> float:
-    """Mean length of what ``D`` (4, 4), the difference of two poses, makes of points (n, 3)."""
-    total = 0.0
-    for p in points:
-        x = D[0, 0] * p[0] + D[0, 1] * p[1] + D[0, 2] * p[2] + D[0, 3]
-        y = D[1, 0] * p[0] + D[1, 1] * p[1] + D[1, 2] * p[2] + D[1, 3]
-        z = D[2, 0] * p[0] + D[2, 1] * p[1] + D[2, 2] * p[2] + D[2, 3]
-        total += math.sqrt(x * x + y * y + z * z)
-    return total / len(points)
 
 
 @njit(cache=True)

@@ -8,7 +8,7 @@ from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.settings import BreakpointSettings
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.errors import add_s_mm
 
 
 def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -> tuple[str, ...]:
@@ -52,6 +52,5 @@ def _error_growth_mm(problem: Problem, iteration: Iteration) -> float | None:
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is None:
         return None
-    before = pose_errors(target.model, iteration.stages[0].T_cam_obj, T_gt)
-    after = pose_errors(target.model, iteration.accepted_stage.T_cam_obj, T_gt)
-    return after.add_s_mm - before.add_s_mm
+    before = add_s_mm(target.model, iteration.stages[0].T_cam_obj, T_gt)
+    return add_s_mm(target.model, iteration.accepted_stage.T_cam_obj, T_gt) - before
