@@ -9,11 +9,12 @@ import numpy as np
 
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import StageName
-from verefine_viz.diagnosis.case import ALONE, FIRST_ONLY, Case
+from verefine_viz.diagnosis.case import ALONE, FIRST_ONLY, Case, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding
-from verefine_viz.diagnosis.together import TIMES, Pools
+from verefine_viz.diagnosis.together import Pools
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.methods.registry import SEARCH
 
 FAR = 0.35
 """A start further away than this share of the diameter is not near, whatever the refiner."""
@@ -22,7 +23,7 @@ STARVED = 0.5
 TRIED_ALONE = 3
 """Hypotheses that are tried with the whole budget, the nearest first."""
 MULTIPLES = (2, 4, 8)
-"""Budgets tried, in multiples of the run's."""
+"""Budgets tried, in multiples of the run's; of a search, or without a sign that more would help, only the first."""
 IMPROVING = 0.004
 """A hypothesis is still improving if its last iteration took more than this off the error (share of the diameter)."""
 WORSE = 0.03
@@ -87,40 +88,33 @@ def budget(case: Case) -> Finding | None:
     """
     accepted = _accepted(case)
     falling = accepted[-2] - accepted[-1] if len(accepted) > 1 and accepted[0] <= FAR else 0.0
-    if case.company and (falling >= IMPROVING or case.rerun(ALONE).repaired):
-        return _budget_together(case)
-    if falling < IMPROVING or case.company:
-        return None
-    own = case.lab.method(case.lab.simulator)
-    for times in MULTIPLES:
-        longer = case.lab.method(case.lab.simulator, iterations=times * own.iterations)
-        again = case.rerun(f"{times} × the budget", method=longer)
+    still = f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration"
+    multiples = MULTIPLES
+    if falling < IMPROVING:
+        if not case.company or not case.rerun(ALONE).repaired:
+            return None
+        still = f"The search for the {case.name}, whose scene {len(case.company)} objects share, ended too early"
+        multiples = MULTIPLES[:1]
+    elif case.lab.name == SEARCH:
+        multiples = MULTIPLES[:1]
+    for times in multiples:
+        again = _with_budget(case, times)
         if again.repaired:
             return Finding(
                 Cause.BUDGET,
-                f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration; "
-                f"with {times} × the budget {instead(again.error, case.error)}.",
+                f"{still}; with {times} × the budget {instead(again.error, case.error)}.",
                 {"falling": falling, "times": float(times), "error": case.error, "error_repaired": again.error},
                 True,
             )
     return None
 
 
-def _budget_together(case: Case) -> Finding | None:
-    again = case.rerun_together(f"{TIMES} × the budget", {}, TIMES)
-    if not again.repaired:
-        return None
-    others = len(case.company) - 1
-    said = (
-        f", which {others} other objects share," if others > 1 else ", which another object shares," if others else ""
-    )
-    return Finding(
-        Cause.BUDGET,
-        f"The search for the {case.name}{said} ended too early: with {TIMES} × the budget "
-        f"{instead(again.error, case.error)}.",
-        {"times": float(TIMES), "error": case.error, "error_repaired": again.error},
-        True,
-    )
+def _with_budget(case: Case, times: int) -> Rerun:
+    what = f"{times} × the budget"
+    if case.company:
+        return case.rerun_together(what, {}, times)
+    own = case.lab.method(case.lab.simulator)
+    return case.rerun(what, method=case.lab.method(case.lab.simulator, iterations=times * own.iterations))
 
 
 def refiner(case: Case) -> Finding | None:
@@ -161,9 +155,9 @@ def pool(case: Case) -> Finding | None:
         alone = case.rerun(ALONE)
         return Finding(
             Cause.BUDGET,
-            f"The search missed the {case.name}, also with {TIMES} × the budget; with RIR from the same hypotheses, "
-            f"among the placed objects, {instead(alone.error, case.error)}.",
-            {"times": float(TIMES), "error": case.error, "error_alone": alone.error},
+            f"The search missed the {case.name}, also with {MULTIPLES[0]} × the budget; with RIR from the same "
+            f"hypotheses, among the placed objects, {instead(alone.error, case.error)}.",
+            {"times": float(MULTIPLES[0]), "error": case.error, "error_alone": alone.error},
             False,
         )
     again = case.rerun("started at ground truth", case.with_pool(case.T_true))

@@ -2,7 +2,7 @@
 
 Each takes as long as the run itself took with these objects, so that a diagnosis makes few: one for misplaced
 neighbours; one, with a single hypothesis of each object, for each of up to three hypotheses that come out right on
-their own; and one with twice the budget where there is reason to think that it was too small.
+their own; and larger budgets where there is reason to think that it was too small.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from verefine_viz.session.toolbox import Toolbox
 
 Pools = Mapping[int, Sequence[Hypothesis]]
 """First poses by instance_id, instead of an instance's own."""
-TIMES = 2
-"""The larger budget that is tried, as a multiple of the run's."""
 
 
 def company_of(problem: Problem, instance_id: int) -> tuple[int, ...]:

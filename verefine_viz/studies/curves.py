@@ -81,7 +81,7 @@ def verdicts(panel: Panel, found: Points) -> list[Verdict]:
                     gains.setdefault(case, []).append(o.quality.ar - worse[case])
         if gains:
             # Errors of one object under one seed have the same direction at every x: they are drawn together.
-            pairs = np.array([np.mean(of_case) for of_case in gains.values()])
+            pairs = np.array([sum(of_case) / len(of_case) for of_case in gains.values()])
             tested.append(Verdict(claim, float(pairs.mean()), *band(pairs)))
     return tested
 

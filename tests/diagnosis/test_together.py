@@ -1,0 +1,81 @@
+"""Methods that solve objects together are diagnosed by running them again, not something simpler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.diagnosis import named
+from bench.failing_scenes import broken_scene
+from bench.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.compare import first_difference
+from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.together import company_of, solved_together
+
+IDS = (0, 1)
+
+
+def beside_a_can(
+    name: str,
+    rng: np.random.Generator,
+    cause: Cause,
+    first_poses: Sequence[Float] | None,
+    **sections: dict[str, object],
+) -> Broken:
+    """Something next to a can; the two are one cluster."""
+    m, can = model(name), model("can")
+    T, T_can = standing(m, rng, 0.01), standing(can, rng, 0.01)
+    T[0, 3] -= 0.06
+    T_can[0, 3] += 0.06
+    poses = [T @ P for P in first_poses] if first_poses is not None else near(T, rng, 1, 18, 25)
+    things = [Thing(m, T, tuple(poses)), Thing(can, T_can, near(T_can, rng, 1, 5, 5))]
+    order: dict[str, object] = {"order": (("#0", "#1"),)}
+    session = session_of("vf_depth", 1 if first_poses is None else 2, dependency=order, **sections)
+    return broken_by(cause, frame_of(things, rng), session)
+
+
+def quarter_turns() -> list[Float]:
+    """Four that fit well and are wrong, and a right one."""
+    return [moved(np.eye(4), Z, deg, (1, -1, 0)) for deg in (90, -90, 87, 93)] + [moved(np.eye(4), Z, 8, (4, 3, 5))]
+
+
+def test_the_same_pools_and_budget_give_the_answer_of_the_run() -> None:
+    broken = beside_a_can("carton", np.random.default_rng(0), Cause.POOL, quarter_turns())
+    assert company_of(broken.problem, 0) == IDS
+    answers = broken.toolbox.run(broken.problem).finish().best
+    for k in IDS:
+        again = solved_together(broken.toolbox, broken.problem, k, {})
+        assert first_difference(again, answers[k]) is None
+
+
+def test_a_starved_hypothesis_is_found_by_the_method_itself() -> None:
+    settings: dict[str, object] = {"exploration": 0.05}
+    broken = beside_a_can("carton", np.random.default_rng(0), Cause.ARM_STARVED, quarter_turns(), method=settings)
+    diagnosis = named(broken)
+    assert diagnosis is not None
+    assert diagnosis.cause == Cause.ARM_STARVED
+    assert diagnosis.is_confirmed
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_budget_that_ends_too_early_is_found_by_the_method_itself(seed: int) -> None:
+    icp: dict[str, object] = {"max_iterations": 4}
+    physics: dict[str, object] = {"enabled": False}
+    rng = np.random.default_rng(seed)
+    diagnosis = named(beside_a_can("duck", rng, Cause.BUDGET, None, icp=icp, physics=physics))
+    assert diagnosis is not None
+    assert diagnosis.cause == Cause.BUDGET
+    assert diagnosis.is_confirmed
+
+
+def test_a_misplaced_neighbour_is_put_right_in_the_search_for_both() -> None:
+    broken = broken_scene(Cause.NEIGHBOUR, 1)
+    together = replace(broken, toolbox=broken.toolbox.restarted({"method": {"name": "vf_depth"}}))
+    diagnosis = named(together)
+    assert diagnosis is not None
+    assert diagnosis.cause == Cause.NEIGHBOUR
+    assert diagnosis.is_confirmed
