@@ -54,7 +54,10 @@ def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
 
 def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert advice(made) == {}
-    assert missing(check_split(made.root, "test")) == {"view": "", "evaluate,": "", "gravity": "cam_R_w2c"}
+    no_targets = "has no test_targets_bop19.json or test_targets_bop24.json"
+    found = missing(check_split(made.root, "test"))
+    assert no_targets in found.pop("evaluate:")
+    assert found == {"view": "", "study:": "", "gravity": "cam_R_w2c"}
     assert Datasets("check", str(made.root)).run([]) == 0
     assert "can run: view and batch from ground truth" in capsys.readouterr().out
 
@@ -91,7 +94,7 @@ def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
         (made.scene / kind).rename(made.scene / f"_{kind}")
     parts = check_split(made.root, "test")
     lacking = what_can_be_run(parts)
-    assert [words for _, words in lacking] == ["masks, scene_gt.json", "masks", "scene_gt.json", "cam_R_w2c"]
+    assert [words for _, words in lacking][:3] == ["masks, scene_gt.json", "masks", "masks, scene_gt.json"]
     assert "detections JSON" in advice(made)["masks"]
 
 
@@ -105,6 +108,34 @@ def test_damaged_parts_are_findings_and_no_errors(made: Made) -> None:
     (made.scene / "depth" / "000001.png").write_bytes(b"")
     assert "000001.png" in advice(made)["depth and colour"]
     assert Datasets("check", str(made.root)).run([]) == 1
+
+
+def test_camera_poses_are_counted(made: Made) -> None:
+    def only_the_first(content: dict[str, Any]) -> None:
+        content["0"]["cam_R_w2c"] = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+
+    made.edit("scene_camera.json", only_the_first)
+    (gravity,) = [what for what, lacks in what_can_be_run(check_split(made.root, "test")) if "gravity" in what]
+    assert gravity.endswith("(scene.gravity world), for 1 of 2 frames")
+    assert advice(made) == {"camera poses": "scene.gravity world works for these only; plane for all"}
+
+
+def test_scores_need_targets_and_diameters(made: Made) -> None:
+    entries = [{"scene_id": 7, "im_id": 0, "obj_id": 5, "inst_count": 1}]
+    (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
+    assert missing(check_split(made.root, "test"))["evaluate:"] == ""
+    (made.root / "models" / "models_info.json").unlink()
+    assert "models_info.json cannot be read" in missing(check_split(made.root, "test"))["evaluate:"]
+
+
+def test_masks_that_are_missing_and_objects_without_a_model_are_found(made: Made) -> None:
+    (made.scene / "mask_visib" / "000001_000002.png").unlink()
+    (made.scene / "mask" / "000000_000000.png").write_bytes(b"")
+    made.edit("scene_gt.json", lambda content: content["0"][0].update(obj_id=9))
+    found = advice(made)
+    assert "mask_visib/000001_000002.png is missing" in found["masks"]
+    assert "mask/000000_000000.png is damaged" in found["masks"]
+    assert "there is no model of object 9; its instances are left out" in found["ground truth"]
 
 
 def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:

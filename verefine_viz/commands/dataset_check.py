@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,13 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Placed
+from verefine_viz.evaluation.model import EvalModels
+from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.rendering.scene import render_scene
-from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.jsonfile import read_json
+
+MASKS: tuple[MaskFolder, ...] = ("mask_visib", "mask")
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
@@ -43,7 +50,11 @@ class Parts:
     masks: tuple[str, ...] = ()
     """Of mask_visib, mask, and detections files."""
     ground_truth: bool = False
-    gravity: bool = False
+    scoring: str = ""
+    """What BOP scores lack besides ground truth and depth; empty = nothing."""
+    frames: int = 0
+    with_camera_pose: int = 0
+    """Frames whose camera pose is known, and with it which way is up."""
     findings: list[Finding] = field(default_factory=list)
 
     def add(self, name: str, found: str, advice: str = "") -> None:
@@ -75,6 +86,8 @@ def check_split(folder: Path, split: str) -> Parts:
         return parts
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
+    _check_camera_poses(dataset, parts)
+    _check_scoring(dataset, parts)
     sampled = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).round()]
     _check_images(dataset, sampled, parts)
     _check_masks(dataset, sampled, parts)
@@ -89,11 +102,21 @@ def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
         word for word, there in (("models", parts.models), ("depth", parts.depth), ("masks", parts.masks)) if not there
     ]
     truth = [] if parts.ground_truth else ["scene_gt.json"]
+    scored = [word for word in basics if word != "masks"]
+    some = 0 < parts.with_camera_pose < parts.frames
+    how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
     return [
         ("view and batch from ground truth, disturbed (hypotheses.source perturb)", ", ".join([*basics, *truth])),
         ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join(basics)),
-        ("evaluate, study: errors against ground truth", ", ".join([w for w in basics if w != "masks"] + truth)),
-        ("gravity from the camera's pose (scene.gravity world)", "" if parts.gravity else "cam_R_w2c"),
+        ("study: errors against ground truth", ", ".join([*basics, *truth])),
+        (
+            "evaluate: BOP scores of a results file",
+            ", ".join([*scored, *truth, *([parts.scoring] * (parts.scoring != ""))]),
+        ),
+        (
+            f"gravity from the camera's pose, if the data set's z is up (scene.gravity world){how_many}",
+            "" if parts.with_camera_pose else "cam_R_w2c",
+        ),
     ]
 
 
@@ -147,28 +170,71 @@ def _check_images(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Pa
         except VerefineError as error:
             trouble.append(str(error))
             continue
-        parts.gravity = parts.gravity or image.R_world_cam is not None
         medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
         trouble += [f"image {ids[0]}/{ids[1]}: {note}" for note in image.notes]
     parts.depth = bool(medians_m)
-    found = f"median {np.median(medians_m):.2f} m in {len(medians_m)} frames" if medians_m else "none could be read"
+    looked = f"{len(medians_m)} of {len(sampled)} frames looked at"
+    found = f"median {np.median(medians_m):.2f} m in {looked}" if medians_m else f"none could be read in {looked}"
     parts.add("depth and colour", found, "; ".join(dict.fromkeys(trouble)))
 
 
-def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
-    scenes = [dataset.folder / dataset.split / f"{scene_id:06d}" for scene_id in {s for s, _ in sampled}]
-    kinds = [kind for kind in ("mask_visib", "mask") if scenes and all((s / kind).is_dir() for s in scenes)]
-    parts.masks = (*kinds, *dataset.detection_files())
-    advice = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
-    parts.add("masks", ", ".join(parts.masks) or "none", advice)
+def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
+    for scene_id in dataset.scene_ids:
+        with suppress(VerefineError):  # Said already.
+            entries = read_json(dataset.scene_folder(scene_id) / "scene_camera.json", dict)
+            parts.frames += len(entries)
+            parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
+    if parts.with_camera_pose:
+        found = f"of {parts.with_camera_pose} of {parts.frames} frames"
+        few = parts.with_camera_pose < parts.frames
+        parts.add("camera poses", found, "scene.gravity world works for these only; plane for all" if few else "")
+
+
+def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
+    """Whether BOP scores find what they need besides images and ground truth."""
     try:
-        parts.ground_truth = any(dataset.ground_truth(*ids) for ids in sampled)
-        faults = [t.fault for ids in sampled for t in dataset.ground_truth(*ids) or () if t.fault]
+        EvalModels(dataset.folder)
+        read_targets(find_targets(dataset.folder, dataset.split))
+    except VerefineError as error:
+        parts.scoring = str(error)
+
+
+def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
+    scenes = [dataset.scene_folder(scene_id) for scene_id in dataset.scene_ids]
+    kinds = [kind for kind in MASKS if scenes and all((s / kind).is_dir() for s in scenes)]
+    parts.masks = (*kinds, *dataset.detection_files())
+    none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
+    faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
+    more = [f"and {len(faults) - 3} more"] * (len(faults) > 3)
+    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join([*faults[:3], *more]))
+    try:
+        truths = {ids: dataset.ground_truth(*ids) or () for ids in sampled}
     except VerefineError as error:
         parts.add("ground truth", "damaged", str(error))
         return
-    found = "there" if parts.ground_truth else "none: nothing can be measured, only looked at"
-    parts.add("ground truth", found, "; ".join(faults[:3]))
+    _check_truths(dataset, truths, parts)
+
+
+def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder]) -> Iterator[str]:
+    """What is wrong with the masks of a frame's annotated instances; what else is wrong with it is said already."""
+    with suppress(VerefineError):
+        shape, truths = dataset.image(*ids).camera.shape, dataset.ground_truth(*ids) or ()
+        for truth, kind in product(truths, kinds):
+            try:
+                dataset.mask(*ids, truth.gt_id, kind, shape)
+            except VerefineError as error:
+                yield str(error)
+
+
+def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence[GroundTruth]], parts: Parts) -> None:
+    n_with = sum(bool(mine) for mine in truths.values())
+    parts.ground_truth = n_with > 0
+    faults = [t.fault for mine in truths.values() for t in mine if t.fault][:3]
+    strangers = sorted({t.obj_id for mine in truths.values() for t in mine} - set(dataset.models.ids))
+    if strangers:
+        faults.append(f"there is no model of object {', '.join(map(str, strangers))}; its instances are left out")
+    where = f"in {n_with} of {len(truths)} frames looked at"
+    parts.add("ground truth", where if n_with else "none: nothing can be measured, only looked at", "; ".join(faults))
 
 
 def _check_registration(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
