@@ -131,11 +131,11 @@ def test_a_batch_says_what_the_page_would_say(tmp_path: Path, capsys: pytest.Cap
     session = tmp_path / "bad.toml"
     session.write_text(
         f'[scene]\nsource = "bop"\ndataset = "{made.root}"\nmodel_points = 200\n[hypotheses]\nmax_per_object = 1\n'
-        '[method]\nname = "vf_breadth"\niterations = 1\n[dependency]\norder = [[999]]\n[recording]\nkeep = "none"\n'
+        '[method]\nname = "vf_breadth"\niterations = 1\n[dependency]\norder = [[5]]\n[recording]\nkeep = "none"\n'
     )
     assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), "--workers", "1", "--no-diagnose"]) == 0
     said = capsys.readouterr().out
     assert "obj_000005 (#1) is left out" in said
-    assert "note (1 frame): given order: unknown object 999; available: 2; it is ignored" in said
+    assert "note (1 frame): given order: unknown object 5; available: 2; it is ignored" in said
     notes = json.loads((tmp_path / "out" / "run.json").read_text())["totals"]["notes"]
     assert sum("left out" in note for note in notes) == 1
