@@ -201,7 +201,7 @@ def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
 
 def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
     scenes = [dataset.scene_folder(scene_id) for scene_id in dataset.scene_ids]
-    kinds = [kind for kind in MASKS if scenes and all((s / kind).is_dir() for s in scenes)]
+    kinds: list[MaskFolder] = [kind for kind in MASKS if scenes and all((s / kind).is_dir() for s in scenes)]
     parts.masks = (*kinds, *dataset.detection_files())
     none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
