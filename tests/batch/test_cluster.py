@@ -17,11 +17,11 @@ from distributed import LocalCluster
 
 from bench.kills import without_times
 from tests.batch.frames import make_frames, run_batch, start_batch, write_session
-from tests.batch.outputs import stop_in_the_middle
+from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz import cli
 from verefine_viz.batch import cluster
-from verefine_viz.batch.cluster import ClusterWorkers, open_cluster
+from verefine_viz.batch.cluster import open_cluster
 from verefine_viz.batch.desk import Desk
 from verefine_viz.batch.runner import Place, Progress
 from verefine_viz.batch.runner import run_batch as run_here
@@ -107,19 +107,26 @@ def test_a_frame_that_cannot_be_read_is_not_sent(running: LocalCluster, session:
     assert "unknown image 99" in result.objects[0].message
 
 
-def test_a_scheduler_that_stops_is_one_clear_error(
-    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
+    running: LocalCluster, session: Path, here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    workers = open_cluster("local", load_session(session), tmp_path, "solve", 1, ship=True)
-    assert isinstance(workers, ClusterWorkers)
-    results = workers.solve(f"7/{k % N_FRAMES}" for k in range(1000))
     monkeypatch.setattr(cluster, "LOOK_S", 0.5)
-    assert next(r for r in results if r is not None).failed is False
-    assert workers._own is not None
-    workers._own.close()
-    with pytest.raises(UnavailableError, match="the scheduler at local is gone; what is done is kept"):
-        list(results)
-    workers.close()
+
+    def tell(now: Progress) -> None:
+        if now.counts.frames_done == 1:
+            running.close()
+
+    place, loaded, out = Place(cluster=running.scheduler_address), load_session(session), tmp_path / "out"
+    with pytest.raises(UnavailableError) as caught:
+        run_here(loaded, out, place, tell)
+    assert str(caught.value) == (
+        f"the scheduler at {place.cluster} is gone; what is done is kept: start it again and repeat the command"
+    )
+    n_done = len(journal(out))
+    assert 1 <= n_done < N_FRAMES
+    outcome = run_here(loaded, out, Place())
+    assert (outcome.n_resumed, outcome.n_failed) == (n_done, 0)
+    assert without_times(out)[0] == without_times(here)[0]
 
 
 def test_a_cluster_without_workers_is_waited_for_and_said(

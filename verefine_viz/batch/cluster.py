@@ -11,6 +11,7 @@ import secrets
 import signal
 import time
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -19,7 +20,7 @@ from typing import Any
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
-from distributed.comm import connect
+from distributed.comm.core import connect
 
 import verefine_viz
 from verefine_viz.batch.desk import Answer, Desk, ModelOnDesk, solve_at_desk
@@ -205,16 +206,22 @@ class ClusterWorkers:
 
     def _done(self, running: list[Future]) -> list[Future]:
         """Those that are done; none where nothing was done for a while."""
-        with suppress(TimeoutError):
-            wait(running, timeout=LOOK_S, return_when="FIRST_COMPLETED")
+        try:
+            with suppress(TimeoutError):
+                wait(running, timeout=LOOK_S, return_when="FIRST_COMPLETED")
+        except CancelledError:  # by the client itself, which has lost the connection
+            raise self._gone() from None
         self._must_be_there()
         return [future for future in running if future.done()]
 
     def _must_be_there(self) -> None:
         if self._client.status != "running":
-            raise UnavailableError(
-                f"the scheduler at {self._address} is gone; what is done is kept: start it again and repeat the command"
-            )
+            raise self._gone()
+
+    def _gone(self) -> UnavailableError:
+        return UnavailableError(
+            f"the scheduler at {self._address} is gone; what is done is kept: start it again and repeat the command"
+        )
 
     def _result(self, frame: str, future: Future) -> FrameResult:
         try:
@@ -224,7 +231,8 @@ class ClusterWorkers:
             why = f"{n} workers died on this frame (out of memory, or a library crashed)"
             return failed_frame(frame, why, self._session)
         except Exception as error:
-            self._must_be_there()
+            if future.status != "error":
+                raise self._gone() from None  # It is not the frame that failed: its answer cannot be fetched any more.
             return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
         for name, content in answer.files.items():
             with atomic(self._out / name) as part:
