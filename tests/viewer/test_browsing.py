@@ -108,6 +108,7 @@ def test_the_evidence_stands_first_among_the_findings_and_leads_back(debugger: D
     assert EVIDENCE in first.text
     assert first.text.startswith("Iteration 2: ")
     assert first.red
+    assert first.on_top
     assert first.command is None
     debugger.carry_out([c.Back()])
     first = findings(debugger.view())[0]

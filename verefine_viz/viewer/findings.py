@@ -28,6 +28,8 @@ class Finding:
     """What to try."""
     label: str = ""
     """Words for the command's link."""
+    on_top: bool = False
+    """Whether it stands above the words about the iteration."""
 
 
 def findings(view: View) -> tuple[Finding, ...]:
@@ -48,8 +50,11 @@ def _of_batch(view: View) -> list[Finding]:
     command = c.OpenAt(view.frame, entry.iteration, instance=entry.row.instance_id)
     at = view.cursor == entry.iteration
     return [
-        Finding(said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}")
-    ]
+        Finding(
+            said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}",
+            on_top=entry.is_wrong,
+        )
+    ]  # fmt: skip
 
 
 def _support(view: View) -> list[Finding]:

@@ -56,14 +56,16 @@ class RunPanel:
 
     def show(self, view: View) -> None:
         """Everything in place."""
-        said = hinted(headline(view), TERMS) + event_lines(view) + of_the_end(view)
+        found = findings(view)
+        said = "".join(_box(f) for f in found if f.on_top)
+        said += hinted(headline(view), TERMS) + event_lines(view) + of_the_end(view)
         if view.message:
             said = warning(view.message) + said
         self._words.show(said)
         p = view.progress
         self._progress.visible = p.running
         self._progress.value = 100.0 * p.done / max(p.total, 1)
-        below = "".join(_box(f) for f in findings(view))
+        below = "".join(_box(f) for f in found if not f.on_top)
         below += "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
         if p.running:
             below = f'<p class="dim">{p.done} of {p.total} iterations, {text(remaining(p.remaining_s))}</p>' + below
