@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.core.palette import EVENT_COLORS, RGB
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import Event, Iteration
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
@@ -45,7 +45,7 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
     )
     hardly_fell = before is not None and after is not None and before.score - after.score < FALL
     found = [
-        Mark(iteration.index, e.kind, e.text, EVENT_COLORS[e.kind])
+        Mark(iteration.index, e.kind, _text(e), EVENT_COLORS[e.kind])
         for e in iteration.events
         if e.kind not in QUIET
         # A tree search looks at the cost of complete scenes, not at this score.
@@ -61,6 +61,13 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         )
         found.append(Mark(iteration.index, "error_grew", text, RED))
     return tuple(found)
+
+
+def _text(event: Event) -> str:
+    """What the page says of an event: the best scene of a cluster is called its incumbent everywhere."""
+    if event.kind == "new_best_scene":
+        return f"New incumbent{event.text.removeprefix('New best scene')}"
+    return event.text
 
 
 def jumps(marks: Sequence[Mark]) -> tuple[int, ...]:

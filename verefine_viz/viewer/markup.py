@@ -80,8 +80,8 @@ def sentence(content: str) -> str:
     return f'<p class="say">{text(content)}</p>'
 
 
-def hinted(content: str, hints: Mapping[str, str]) -> str:
-    """The words at the top of a panel, the first of each of the ``hints`` with its tooltip."""
+def with_hints(content: str, hints: Mapping[str, str]) -> str:
+    """Words that are escaped here, the first of each of the ``hints`` with its tooltip."""
     said = text(content)
     for word, hint in hints.items():
         found = re.search(rf"\b{re.escape(text(word))}\b", said, re.IGNORECASE)
@@ -89,7 +89,12 @@ def hinted(content: str, hints: Mapping[str, str]) -> str:
             said = (
                 f'{said[: found.start()]}<span class="term" title="{text(hint)}">{found[0]}</span>{said[found.end() :]}'
             )
-    return f'<p class="say">{said}</p>'
+    return said
+
+
+def hinted(content: str, hints: Mapping[str, str]) -> str:
+    """The words at the top of a panel, with tooltips."""
+    return f'<p class="say">{with_hints(content, hints)}</p>'
 
 
 def warning(content: str, extra: str = "", red: bool = False) -> str:

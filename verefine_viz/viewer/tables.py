@@ -12,8 +12,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
-from verefine_viz.viewer.markup import Row, link, swatch, table, text
-from verefine_viz.viewer.scene_words import place_in_run
+from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
+from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
 
@@ -311,7 +311,7 @@ def event_lines(view: View) -> str:
     if view.is_answer:
         return ""
     own = [m for m in view.marks if view.shown is not None and m.iteration == view.shown.index]
-    return "".join(f"<p>{swatch(m.color)}{text(m.text)}</p>" for m in own)
+    return "".join(f"<p>{swatch(m.color)}{with_hints(m.text, TERMS)}</p>" for m in own)
 
 
 def where(view: View) -> str:
