@@ -38,7 +38,7 @@ def test_a_line_is_the_mean_and_lies_in_its_band(values: list[float]) -> None:
         assert (line.ar <= line.high + 1e-12).all()
 
 
-@pytest.mark.parametrize(("gain", "word"), [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "too close to tell")])
+@pytest.mark.parametrize(("gain", "word"), [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "the same")])
 def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None:
     rng = np.random.default_rng(0)
     hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
@@ -48,6 +48,13 @@ def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None
     assert verdict.word == word
     assert verdict.difference == pytest.approx(gain)
     assert f"A over B: {word}" in str(verdict)
+
+
+def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
+    outcomes = [_outcome("A", 0.0, k, 0.5 + 0.1 * (-1) ** k) for k in range(10)]
+    outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(10)]
+    (verdict,) = verdicts(_panel(), points(outcomes))
+    assert verdict.word == "too close to tell"
 
 
 def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -> None:

@@ -26,6 +26,9 @@ from verefine_viz.studies.study import Study
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
 QUICK_SCENES = ("mug", "duck", "bracket")
 """Built-in scenes that are used where no session is given."""
+TABLE_SCENES = (*SCENES, "stack")
+QUICK_TABLE_SCENES = ("duck", "bowl", "stack")
+"""The same for tables, whose methods of whole scenes differ only where objects touch."""
 PRESET = "published"
 """With them. With the recommended settings every method finds nearly every pose in these scenes: the refiner's wider
 gate and ten inner iterations leave little to tell methods apart by."""
@@ -47,7 +50,7 @@ def run_one(
     Raises:
         VerefineError: the session, a frame or ``out`` cannot be used.
     """
-    sessions = scenes(session, overrides, quick)
+    sessions = scenes(name, session, overrides, quick)
     source = next(iter(sessions.values())).hypotheses.source
     wanted = Wanted(name, quick, keep_pools=session is not None and source != "perturb")
     n_seeds = seeds if seeds is not None else QUICK_SEEDS if quick else SEEDS
@@ -75,12 +78,13 @@ def run_one(
     return 0
 
 
-def scenes(session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
-    """The session's scene, or built-in ones, by name."""
+def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
+    """The session's scene, or built-in ones that tell something in this study, by name."""
     if session is not None or "scene" in overrides:
         one = load_session(session, dict(overrides))
         return {session.stem if session is not None else (one.scene.demo or "scene"): one}
-    names = QUICK_SCENES if quick else SCENES
+    every, few = (TABLE_SCENES, QUICK_TABLE_SCENES) if study == "tables" else (SCENES, QUICK_SCENES)
+    names = few if quick else every
     return {name: load_session(None, {"preset": PRESET, **overrides, "scene": {"demo": name}}) for name in names}
 
 
@@ -124,7 +128,7 @@ def _say(study: Study, found: Points, notes: Sequence[str], figures: tuple[Path,
 
 def _table(study: Study, found: Points) -> Table:
     table = Table(title=study.title)
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for heading in ("AR", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
         table.add_column(heading, justify="right")
     for r in rows(study, found):

@@ -44,7 +44,9 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """holds, does not hold, or too close to tell."""
+        """holds, does not hold, too close to tell, or the same."""
+        if self.low == self.high == 0:
+            return "the same"
         if self.low > 0:
             return "holds"
         return "does not hold" if self.high < 0 else "too close to tell"

@@ -16,6 +16,8 @@ from verefine_viz.studies.study import Panel, Study
 
 WIDTH_IN, HEIGHT_IN = 6.4, 5.6
 DPI = 150
+BELOW_PT = -42
+"""Where the text below a diagram begins, under the label of its x axis [pt]."""
 COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
 """After Okabe and Ito, told apart by everybody; a method has the same in every panel."""
 MARKERS = "osD^vPX*"
@@ -43,12 +45,14 @@ def draw(study: Study, points: Points, about: str, notes: Sequence[str] = ()) ->
             _curves(axes, panel, found, methods)
         else:
             _bars(axes, found)
-        axes.set_title(panel.name)
-        axes.text(
-            0.0,
-            -0.16 if len(panel.xs) > 1 else -0.1,
+        if len(panels) > 1:
+            axes.set_title(panel.name)
+        axes.annotate(
             _below(panel, verdicts(panel, points), notes),
-            transform=axes.transAxes,
+            (0.0, 0.0),
+            (0.0, BELOW_PT),
+            xycoords="axes fraction",
+            textcoords="offset points",
             va="top",
             fontsize=7.5,
             color="#333333",
