@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, VerefineError
@@ -19,6 +20,7 @@ from verefine_viz.rendering.scene import render_scene
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.jsonfile import read_json
 
+Pixels = NDArray[np.intp]
 MASKS: tuple[MaskFolder, ...] = ("mask_visib", "mask")
 
 SAMPLES = 6
@@ -242,7 +244,8 @@ def _check_registration(dataset: BopDataset, sampled: list[tuple[int, int]], par
     pairs = list(_measured_and_rendered(dataset, sampled))
     if not pairs:
         return
-    shares = {(dx, dy): _share_near(pairs, dx, dy) for dx in SHIFTS_PX for dy in SHIFTS_PX}
+    sampled_pixels = [(seen, *_some_pixels(drawn)) for seen, drawn in pairs]
+    shares = {(dx, dy): _share_near(sampled_pixels, dx, dy) for dx in SHIFTS_PX for dy in SHIFTS_PX}
     here, best = shares[0, 0], max(shares, key=lambda shift: (shares[shift], -abs(shift[0]) - abs(shift[1])))
     both = [(seen[(seen > 0) & (drawn > 0)], drawn[(seen > 0) & (drawn > 0)]) for seen, drawn in pairs]
     ratios = np.concatenate([seen / drawn for seen, drawn in both])
@@ -275,17 +278,20 @@ def _measured_and_rendered(dataset: BopDataset, sampled: list[tuple[int, int]]) 
             yield image.depth_m.astype(np.float64), drawn.astype(np.float64)
 
 
-def _share_near(pairs: list[tuple[Float, Float]], dx: int, dy: int) -> float:
+def _some_pixels(drawn: Float) -> tuple[Pixels, Pixels, Float]:
+    """Rows, columns and depths of every seventh rendered pixel."""
+    v, u = np.nonzero(drawn)
+    return v[::7], u[::7], drawn[v[::7], u[::7]]
+
+
+def _share_near(pairs: Sequence[tuple[Float, Pixels, Pixels, Float]], dx: int, dy: int) -> float:
     """Share of the rendered pixels whose measured depth, displaced by (dx, dy), is near the rendered one."""
     near = total = 0
-    for seen, drawn in pairs:
-        v, u = np.nonzero(drawn)
-        v, u = v[::7], u[::7]
+    for seen, v, u, drawn in pairs:
         inside = (u - dx >= 0) & (u - dx < seen.shape[1]) & (v - dy >= 0) & (v - dy < seen.shape[0])
-        v, u = v[inside], u[inside]
-        measured = seen[v - dy, u - dx]
+        measured = seen[v[inside] - dy, u[inside] - dx]
         known = measured > 0
-        near += int((np.abs(measured - drawn[v, u]) < NEAR_M)[known].sum())
+        near += int((np.abs(measured - drawn[inside]) < NEAR_M)[known].sum())
         total += int(known.sum())
     return near / total if total else 0.0
 
