@@ -14,7 +14,6 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 
-
 ROUNDED = 1e-6
 """How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
 
