@@ -1,8 +1,8 @@
 """What recording costs: frames with and without it, in turns.
 
-One object, a scene of several, and the frames of a batch with reading them, which is what a batch takes per frame. The
-clock stops when the file is complete. The share is that of pairs of frames measured right after one another; processor
-time is that of all threads of the process.
+One object, a scene of several, and frames of a data set with reading them, which is what a batch takes per frame: the
+built-in scene as a BOP folder. The clock stops when the file is complete. The share is that of pairs of frames
+measured right after one another; processor time is that of all threads of the process.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.scenes.write_bop import write_bop
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -28,13 +29,16 @@ CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": 
 def run() -> list[dict[str, object]]:
     """A row per case, without maps and (one object) with them."""
     mug, clutter = _toolbox(MUG, maps=False), _toolbox(CLUTTER, maps=False)
-    first, scenes = [mug.problem(mug.frames[0])], [clutter.problem(clutter.frames[0])]
-    return [
-        _row("one object", mug, first, REPEATS),
-        _row("whole scene", clutter, scenes, REPEATS // 3),
-        _row("frames with reading them", clutter, clutter.frames, REPEATS // 5),
-        _row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3),
-    ]
+    first, problems = [mug.problem(mug.frames[0])], [clutter.problem(frame) for frame in clutter.frames]
+    with tempfile.TemporaryDirectory() as folder:
+        scene = {"source": "bop", "dataset": str(write_bop(Path(folder) / "clutter", problems))}
+        written = _toolbox({**CLUTTER, "scene": scene}, maps=False)
+        return [
+            _row("one object", mug, first, REPEATS),
+            _row("whole scene", clutter, problems[:1], REPEATS // 3),
+            _row("whole scenes, read from a data set", written, written.frames, REPEATS // 3),
+            _row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3),
+        ]
 
 
 def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.refiners.nearest import NearestIndex
 
 ROUNDED = 1e-6
 """How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
@@ -61,16 +62,16 @@ def add_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
 
 
 def adds_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
-    """``PoseErrors.adds_mm`` alone; searched in the model's frame, for which one search tree lasts."""
+    """``PoseErrors.adds_mm`` alone; searched in the model's frame, for which one index lasts."""
     R = T_est[:3, :3]
     if np.abs(R.T @ R - np.eye(3)).max() > ROUNDED:
         return 1e3 * float(KDTree(apply(T_est, model.points)).query(apply(T_gt, model.points))[0].mean())
-    return 1e3 * float(_tree(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
+    return 1e3 * float(_index(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
 
 
-@lru_cache(maxsize=256)
-def _tree(model: ObjectModel) -> KDTree:
-    return KDTree(model.points)
+@lru_cache(maxsize=64)
+def _index(model: ObjectModel) -> NearestIndex:
+    return NearestIndex.build(model.points)
 
 
 @njit(cache=True)

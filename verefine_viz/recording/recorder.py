@@ -34,7 +34,7 @@ from verefine_viz.session.files import session_toml
 
 SCHEMA = 2
 """Of the recording; a reader refuses a later one. 2: what iterations say about whole scenes."""
-BLOCK = 50
+BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
