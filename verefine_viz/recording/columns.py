@@ -192,7 +192,7 @@ def _flat(rows: Rows, dtype: Any, width: int) -> tuple[Sequence[int], NDArray[An
 
 def _offsets(lengths: Sequence[int]) -> pa.Array:
     first = lengths[0] if lengths else 0
-    return _even_offsets(len(lengths), first) if all(n == first for n in lengths) else _uneven_offsets(lengths)
+    return _even_offsets(len(lengths), first) if lengths.count(first) == len(lengths) else _uneven_offsets(lengths)
 
 
 @lru_cache(maxsize=1024)
