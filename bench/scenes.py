@@ -6,10 +6,7 @@ scene scores. The authors' code takes 6.6 s for it on a machine of this kind.
 
 from __future__ import annotations
 
-from time import perf_counter
-
-import numpy as np
-
+from bench.staged import staged
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -26,24 +23,7 @@ def run() -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for name in ("rir", "vf_breadth", "vf_depth"):
         method = {"name": name, "refiner": "trimmed_icp", "iterations": 2, "exploration": 0.2}
-        toolbox = Toolbox(resolve({**SESSION, "method": method}))
-        problem = toolbox.problem(toolbox.frames[0])
-        toolbox.run(problem).finish()  # compiles kernels, builds colliders and search structures
-        totals, stages = [], {"simulated": [], "refined": [], "score": []}
-        for _ in range(REPEATS):
-            began = perf_counter()
-            run = toolbox.run(problem)
-            run.finish()
-            totals.append((perf_counter() - began) * 1e3)
-            stages["score"].append(sum(it.score_ms for it in run.iterations))
-            for stage in ("simulated", "refined"):
-                stages[stage].append(sum(s.ms for it in run.iterations for s in it.stages if s.name == stage))
-        rows.append(
-            {
-                "what": f"{name}, {len(problem.instances)} objects, {run.length} iterations",
-                "ms": float(np.median(totals)),
-                **{f"ms {stage}": float(np.median(values)) for stage, values in stages.items()},
-                "ms/iteration": float(np.median(totals)) / run.length,
-            }
-        )
+        n_iterations, ms = staged(Toolbox(resolve({**SESSION, "method": method})), REPEATS)
+        per_iteration = {"ms/iteration": ms["ms"] / n_iterations}
+        rows.append({"what": f"{name}, 3 objects, {n_iterations} iterations", **ms, **per_iteration})
     return rows

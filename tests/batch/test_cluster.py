@@ -16,9 +16,9 @@ import pytest
 from distributed import LocalCluster
 
 from bench.kills import without_times
-from tests.batch.frames import make_frames, run_batch, start_batch, write_session
+from tests.batch.conftest import N_FRAMES
+from tests.batch.frames import run_batch, start_batch
 from tests.batch.outputs import journal, stop_in_the_middle
-from tests.scenes.bop_folder import Made
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.cluster import open_cluster
@@ -29,30 +29,6 @@ from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-
-N_FRAMES = 6
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES)
-
-
-@pytest.fixture(scope="module")
-def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_session(
-        tmp_path_factory.mktemp("session"), made,
-        method={"name": "pir", "iterations": 1}, recording={"keep": "all", "maps": False},
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def here(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same frames, solved by a worker process of this machine."""
-    out = tmp_path_factory.mktemp("here") / "out"
-    done = run_batch(session, out, "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out
 
 
 @pytest.fixture
@@ -65,7 +41,7 @@ def running() -> Iterator[LocalCluster]:
         yield made
 
 
-def test_a_worker_that_is_killed_changes_nothing(session: Path, here: Path, tmp_path: Path) -> None:
+def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     child = start_batch(session, out, "--workers", 1, "--cluster", "local")
     with child:
@@ -78,17 +54,17 @@ def test_a_worker_that_is_killed_changes_nothing(session: Path, here: Path, tmp_
     assert child.returncode == 0, errors
     assert "Traceback" not in errors
     assert f"{N_FRAMES} frames" in said
-    assert without_times(out) == without_times(here)
+    assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
 
 
 def test_frames_can_be_sent_to_a_cluster_that_sees_no_file(
-    running: LocalCluster, session: Path, here: Path, tmp_path: Path
+    running: LocalCluster, session: Path, whole: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     done = run_batch(session, out, "--cluster", running.scheduler_address, "--ship")
     assert done.returncode == 0, done.stderr
-    assert without_times(out) == without_times(here)
+    assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
     # The cluster is somebody else's: it goes on, with nothing of ours left on it.
     assert running.status.name == "running"
@@ -108,7 +84,7 @@ def test_a_frame_that_cannot_be_read_is_not_sent(running: LocalCluster, session:
 
 
 def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
-    running: LocalCluster, session: Path, here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    running: LocalCluster, session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.5)
 
@@ -126,11 +102,11 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     assert 1 <= n_done < N_FRAMES
     outcome = run_here(loaded, out, Place())
     assert (outcome.n_resumed, outcome.n_failed) == (n_done, 0)
-    assert without_times(out)[0] == without_times(here)[0]
+    assert without_times(out)[0] == without_times(whole)[0]
 
 
 def test_a_cluster_without_workers_is_waited_for_and_said(
-    session: Path, here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.2)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.1)
@@ -147,7 +123,7 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
         outcome = run_here(load_session(session), tmp_path / "out", place, tell)
     assert said == [f"the cluster at {place.cluster} has no workers; waiting for the first"]
     assert outcome.totals["frames_done"] == N_FRAMES
-    assert without_times(tmp_path / "out")[0] == without_times(here)[0]
+    assert without_times(tmp_path / "out")[0] == without_times(whole)[0]
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:

@@ -19,17 +19,15 @@ import pytest
 
 from bench.kills import without_times
 from tests.batch import answering
-from tests.batch.frames import ROOT, command, make_frames, run_batch, start_batch, write_session
+from tests.batch.conftest import N_FRAMES
+from tests.batch.frames import ROOT, command, run_batch, start_batch
 from tests.batch.outputs import journal, stop_in_the_middle
-from tests.scenes.bop_folder import Made
 from verefine_viz import cli
 from verefine_viz.batch import pool, runner
 from verefine_viz.batch.rows import failed_frame
 from verefine_viz.batch.runner import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-
-N_FRAMES = 6
 
 
 @contextmanager
@@ -41,28 +39,6 @@ def file_limit(n_bytes: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES)
-
-
-@pytest.fixture(scope="module")
-def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_session(
-        tmp_path_factory.mktemp("session"), made,
-        method={"name": "pir", "iterations": 1}, recording={"keep": "all", "maps": False},
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A batch with room enough."""
-    out = tmp_path_factory.mktemp("whole") / "out"
-    done = run_batch(session, out, "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> str:

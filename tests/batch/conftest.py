@@ -1,0 +1,29 @@
+"""A batch of small frames, and what it comes to when nothing goes wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.batch.frames import make_frames, run_batch, write_session
+
+N_FRAMES = 6
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its session file."""
+    return write_session(
+        tmp_path_factory.mktemp("session"), make_frames(tmp_path_factory.mktemp("boxes"), N_FRAMES),
+        method={"name": "pir", "iterations": 1}, recording={"keep": "all", "maps": False},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its folder, from one worker process of this machine."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    done = run_batch(session, out, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out
