@@ -30,6 +30,7 @@ def test_b_is_computed_beside_the_open_run() -> None:
     assert d.workspace.run.cursor == 3, "A is left alone"
     d.apply(c.Step())
     d.apply(c.ColorCloud())
+    d.apply(c.TurnPage(0))
     assert d.comparing.is_running, "looking around does not disturb it"
     d.apply(s.PauseB())
     assert not d.comparing.is_running

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 _B_GOES_ON = (
     c.Step | c.StepStage | c.Back | c.Seek | c.SeekStage | c.SeekEnd | c.SeekEvent | c.RunUntil | c.RunTo | c.Focus
     | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.ScrubPath | c.PlayPath
-    | c.Animate | c.SortBatch | c.FilterBatch | c.ScoreGroundTruth | c.SetBreakpoints | c.Export | s.SeekMoment
-    | s.StepMoment | s.SeekDifference | s.ShowSide | s.ShowSidePoses
+    | c.Animate | c.SortBatch | c.FilterBatch | c.TurnPage | c.ScoreGroundTruth | c.SetBreakpoints | c.Export
+    | s.SeekMoment | s.StepMoment | s.SeekDifference | s.ShowSide | s.ShowSidePoses
 )  # fmt: skip
 """What does not disturb B while it is computed."""
 _CHEAP = {"method", "icp", "score", "physics"}
