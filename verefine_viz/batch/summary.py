@@ -18,6 +18,9 @@ from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import add_s_mm, pose_errors
 from verefine_viz.session.engine import Run
 
+MUCH, MUCH_SCORE = 0.03, 0.01
+"""Share of the diameter, and score, that an iteration must lose to be shown as the one where things went wrong."""
+
 
 def frame_result(run: Run, session: Session) -> FrameResult:
     """What a finished run of ``session`` says about its frame."""
@@ -99,7 +102,7 @@ def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration])
     """The iteration after which this object was further from its goal than before it, by most.
 
     Measured by the error of the accepted pose against the one it started from, or by the score where there is no
-    ground truth. If no iteration lost anything: the one that made the answer.
+    ground truth. If no iteration lost much (:data:`MUCH`): the one that made the answer.
     """
     T_gt = target.instance.T_cam_obj_gt
 
@@ -109,7 +112,7 @@ def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration])
         assert T_gt is not None
         return add_s_mm(target.model, np.frombuffer(T_cam_obj).reshape(4, 4), T_gt)
 
-    worst, most = best.iteration, 0.0
+    worst, most = best.iteration, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
     for iteration in iterations:
         before, after = iteration.stages[0], iteration.accepted_stage
         if T_gt is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer.gallery import Entry
 from verefine_viz.viewer.view import View
@@ -31,19 +32,20 @@ def _why_here(view: View, entry: Entry) -> str:
     if view.cursor != at or view.progress.running or entry.row.status != "ok":
         return ""
     if at == 0:
-        return "No iteration made it worse, and its answer is a first pose: look before iteration 1."
+        return "No iteration made it much worse, and its answer is a first pose: look before iteration 1."
     before, after = view.poses.get("current"), view.poses.get("accepted")
     if not view.is_current or before is None or after is None:
         return ""
     if before.errors is not None and after.errors is not None:
         was, now = before.errors.add_s_mm, after.errors.add_s_mm
-        lost, change = now > was, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
+        much = MUCH * (entry.row.diameter_mm or 0.0)
+        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
     elif before.score is not None and after.score is not None:
         was, now = before.score.score, after.score.score
-        lost, change = now < was, f"here its score fell most ({was:.2f} → {now:.2f})"
+        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
     else:
         return ""
     if lost:
         return f"Iteration {at}: {change}."
     is_answer = at == entry.row.best_iteration
-    return f"Iteration {at}: none made it worse, and this one made the answer." if is_answer else ""
+    return f"Iteration {at}: none made it much worse, and this one made the answer." if is_answer else ""
