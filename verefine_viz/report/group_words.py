@@ -27,6 +27,9 @@ def headline(found: Comparison) -> str:
         return f"{right}."
     if not any(line.behind.low is not None for line in rivals if line.behind):
         return f"{right}, {_by(rivals[0])}; one frame and one seed say nothing about how certain that is."
+    if all(line.recall and line.recall.value == best.recall.value for line in rivals):
+        share = percent(best.recall.value, 1)
+        return f"All {len(found.lines)} groups get the same share of the objects right: {share}."
     close = [line for line in rivals if line.behind and not line.behind.is_clear]
     if not close:
         return f"{right}: the best, {_by(rivals[0])}."
