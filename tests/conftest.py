@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -19,3 +20,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real frames beside the checkout (../shared/data)")
     return folder
+
+
+def pytest_configure() -> None:
+    """Ctrl-C is tested: who starts the tests in the background has it ignored, which children would inherit."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
