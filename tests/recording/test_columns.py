@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import rerun as rr
 from hypothesis import given
@@ -24,18 +25,37 @@ numbers = st.floats(-1e3, 1e3, width=32)
 lengths = st.lists(st.integers(0, 4), min_size=1, max_size=5)
 
 
-def column(kind: str, rows: list[list[float]]) -> Column:
+def both(kind: str, rows: list[list[float]]) -> tuple[Column, Any]:
+    """Ours, and rerun's own."""
+    flat = [x for row in rows for x in row]
     points = [np.array(row).reshape(-1, 1).repeat(3, axis=1) for row in rows]
+    labels = [[f"{x:g} µ" for x in row] for row in rows]
+    lengths = [len(row) for row in rows]
     match kind:
         case "numbers":
-            return columns.numbers(rr.Scalars.descriptor_scalars(), rows)
+            ours = columns.numbers(rr.Scalars.descriptor_scalars(), rows)
+            return ours, rr.Scalars.columns(scalars=flat).partition(lengths)
+        case "colors":
+            colors = [[int(abs(x)) for x in row] for row in rows]
+            ours = columns.numbers(rr.Points3D.descriptor_colors(), colors, np.uint32)
+            return ours, rr.Points3D.columns(colors=np.array([c for row in colors for c in row], np.uint32)).partition(
+                lengths
+            )
         case "vectors":
-            return columns.vectors(rr.Points3D.descriptor_positions(), points, 3)
+            ours = columns.vectors(rr.Points3D.descriptor_positions(), points, 3)
+            return ours, rr.Points3D.columns(positions=np.concatenate(points)).partition(lengths)
         case "strips":
-            return columns.strips(rr.LineStrips3D.descriptor_strips(), points)
+            ours = columns.strips(rr.LineStrips3D.descriptor_strips(), points)
+            drawn = [p.astype(np.float32) for p in points if len(p)]
+            return ours, rr.LineStrips3D.columns(strips=drawn).partition([min(n, 1) for n in lengths])
         case "bars":
-            return columns.bars(rr.BarChart.descriptor_values(), rows)
-    return columns.texts(rr.TextLog.descriptor_text(), [[f"{x:g} µ" for x in row] for row in rows])
+            ours = columns.bars(rr.BarChart.descriptor_values(), rows)
+            tensors = [rr.BarChart(np.array(row, np.float64)).values.as_arrow_array() for row in rows]  # type: ignore[union-attr]
+            batch = rr.components.TensorDataBatch(pa.concat_arrays(tensors)).described(rr.BarChart.descriptor_values())
+            return ours, rr.ComponentColumnList([rr.ComponentColumn(batch.component_descriptor(), batch)])
+    return columns.texts(rr.TextLog.descriptor_text(), labels), rr.TextLog.columns(
+        text=[text for row in labels for text in row]
+    ).partition(lengths)
 
 
 def content(chunk: Chunk) -> tuple[Any, ...]:
@@ -55,14 +75,14 @@ def through_a_file(piece: Piece) -> Chunk:
     return chunk
 
 
-@pytest.mark.parametrize("kind", ["numbers", "vectors", "strips", "bars", "texts"])
+@pytest.mark.parametrize("kind", ["numbers", "colors", "vectors", "strips", "bars", "texts"])
 @given(data=st.data())
 def test_columns_through_a_file_are_what_rerun_makes_of_them(kind: str, data: st.DataObject) -> None:
     rows = [data.draw(st.lists(numbers, min_size=n, max_size=n)) for n in data.draw(lengths)]
     iterations = sorted(data.draw(st.lists(st.integers(0, 99), min_size=len(rows), max_size=len(rows))))
-    made: Any = column(kind, rows)
-    expected = Chunk.from_columns("/a/b", [rr.TimeColumn(TIMELINE, sequence=iterations)], [made])
-    assert content(through_a_file(columns.rows_of("/a/b", iterations, [made]))) == content(expected)
+    ours, theirs = both(kind, rows)
+    expected = Chunk.from_columns("/a/b", [rr.TimeColumn(TIMELINE, sequence=iterations)], theirs)
+    assert content(through_a_file(columns.rows_of("/a/b", iterations, [ours]))) == content(expected)
 
 
 @given(st.lists(st.tuples(numbers, numbers, numbers), max_size=5), st.text(max_size=20))
@@ -70,10 +90,8 @@ def test_static_archetypes_through_a_file_are_what_rerun_makes_of_them(
     points: list[tuple[float, float, float]], label: str
 ) -> None:
     cloud = rr.Points3D(np.array(points).reshape(-1, 3), colors=[(1, 2, 3)], labels=[label])
-    parts: Any = [
-        Column(b.component_descriptor(), c.rows)
-        for b, c in zip(cloud.as_component_batches(), columns._parts([cloud]), strict=True)
-    ]
+    batches = cloud.as_component_batches()
+    parts: Any = [rr.ComponentColumn(b.component_descriptor(), b, lengths=[len(b.as_arrow_array())]) for b in batches]
     expected = Chunk.from_columns("/a", [], parts)
     assert content(through_a_file(columns.fixed("/a", cloud))) == content(expected)
 

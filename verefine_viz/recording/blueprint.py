@@ -16,7 +16,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
-from verefine_viz.recording.rrd_file import messages
+from verefine_viz.recording.rrd_messages import messages
 
 MAP_TITLES = {
     OBSERVED: "Observed: colour | depth",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import accumulate, chain, islice
 from operator import gt
 from typing import Any, TypeAlias
@@ -19,31 +19,44 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 from rerun.chunk import Chunk
 
+from verefine_viz.recording.arrow_batch import Form, parts
 from verefine_viz.recording.entities import TIMELINE
 from verefine_viz.recording.piece import Piece, new_ids
 
 Rows: TypeAlias = Sequence[ArrayLike] | NDArray[Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """What a column is called, and how its rows lie in memory."""
+
+    descriptor: rr.ComponentDescriptor
+    layout: pa.DataType
+
+    @cached_property
+    def field(self) -> pa.Field:
+        """How rerun describes such a column."""
+        example: Any = _Example(self.descriptor, pa.nulls(1, self.layout))
+        found: Any = Chunk.from_columns("/", [], [example]).to_record_batch().schema
+        return found.field(1)
+
+
+@dataclass(frozen=True, eq=False)
 class Column:
     """One component over many rows: element i of ``rows`` is the list that row i holds."""
 
-    descriptor: rr.ComponentDescriptor
-    rows: pa.ListArray
-
-    def component_descriptor(self) -> rr.ComponentDescriptor:
-        return self.descriptor
-
-    def as_arrow_array(self) -> pa.Array:
-        return self.rows
+    kind: Kind
+    n_rows: int
+    nodes: Sequence[int]
+    buffers: Sequence[bytes]
+    """As :meth:`Form.stream` takes them."""
 
 
 def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Column]) -> Piece:
     """Rows of ``entity`` at ``iterations``, which must not fall, as one chunk."""
     if any(map(gt, iterations, islice(iterations, 1, None))):
         raise ValueError(f"iterations of {entity} are not in order")
-    return _piece(entity, [pa.array(np.array(iterations, np.int64))], columns)
+    return _piece(entity, np.array(iterations, np.int64), columns)
 
 
 def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Piece:
@@ -58,7 +71,7 @@ def fixed(entity: str, *archetypes: rr.AsComponents) -> Piece:
 
 def fixed_row(entity: str, columns: Sequence[Column]) -> Piece:
     """The same from columns of one row, for what every frame makes anew: archetypes take longer."""
-    return _piece(entity, [], columns)
+    return _piece(entity, None, columns)
 
 
 def transforms(Ts: ArrayLike) -> list[Column]:
@@ -78,31 +91,52 @@ def packed(colors: NDArray[np.uint8], alpha: int = 255) -> NDArray[np.uint32]:
     return r << 24 | g << 16 | b << 8 | np.uint32(alpha)
 
 
-def _piece(entity: str, times: list[pa.Array], columns: Sequence[Column]) -> Piece:
-    n_rows = len(columns[0].rows)
+def _piece(entity: str, times: NDArray[np.int64] | None, columns: Sequence[Column]) -> Piece:
+    n_rows = columns[0].n_rows
     chunk_id, row_ids = new_ids(n_rows)
-    before = _before(bool(times))
-    fields = [_field(c.descriptor, c.rows.type) for c in columns]
-    metadata = {**before.metadata, b"rerun:entity_path": entity.encode(), b"rerun:id": chunk_id}
-    schema = pa.schema([*before, *fields], metadata)
-    return Piece(pa.RecordBatch.from_arrays([row_ids, *times, *(c.rows for c in columns)], schema=schema))
+    nodes, buffers = [n_rows, 0], [b"", row_ids]
+    if times is not None:
+        nodes += (len(times), 0)
+        buffers += (b"", times.tobytes())
+    for column in columns:
+        nodes += column.nodes
+        buffers += column.buffers
+    form = _form(entity, times is not None, tuple([c.kind for c in columns]))
+    return Piece(chunk_id, times is None, form.stream(b"%016X%016x" % chunk_id, n_rows, nodes, buffers))
 
 
-@lru_cache(maxsize=256)
-def _field(descriptor: rr.ComponentDescriptor, layout: pa.DataType) -> pa.Field:
-    """How rerun calls and describes a column."""
-    example: Any = Column(descriptor, pa.nulls(1, layout))
-    found: Any = Chunk.from_columns("/", [], [example]).to_record_batch().schema
-    return found.field(1)
+@lru_cache(maxsize=4096)
+def _form(entity: str, is_timed: bool, kinds: tuple[Kind, ...]) -> Form:
+    """What chunks of an entity look like."""
+    before = _before(is_timed)
+    metadata = {**before.metadata, b"rerun:entity_path": entity.encode(), b"rerun:id": b"chunk_" + _NO_ID}
+    return Form(pa.schema([*before, *(kind.field for kind in kinds)], metadata), _NO_ID)
+
+
+_NO_ID = b"0" * 32
 
 
 @cache
 def _before(is_timed: bool) -> pa.Schema:
     """The columns before those of the components, and what rerun says about every chunk."""
-    example: Any = Column(rr.Scalars.descriptor_scalars(), pa.array([[0.0], [0.0]]))
+    example: Any = _Example(rr.Scalars.descriptor_scalars(), pa.array([[0.0], [0.0]]))
     times = [rr.TimeColumn(TIMELINE, sequence=[0, 0])] if is_timed else []
     found: Any = Chunk.from_columns("/", times, [example]).to_record_batch().schema
     return pa.schema(list(found)[:-1], found.metadata)
+
+
+@dataclass(frozen=True)
+class _Example:
+    """A column as rerun takes it."""
+
+    descriptor: rr.ComponentDescriptor
+    rows: pa.Array
+
+    def component_descriptor(self) -> rr.ComponentDescriptor:
+        return self.descriptor
+
+    def as_arrow_array(self) -> pa.Array:
+        return self.rows
 
 
 def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Column]:
@@ -111,66 +145,102 @@ def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Column]:
 
 
 def _single(descriptor: rr.ComponentDescriptor, row: pa.Array) -> Column:
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets([len(row)]), row))
+    return of_arrow(descriptor, pa.ListArray.from_arrays(pa.array([0, len(row)], pa.int32()), row))
+
+
+def of_arrow(descriptor: rr.ComponentDescriptor, rows: pa.ListArray) -> Column:
+    """Rows of anything."""
+    return Column(_kind(descriptor, rows.type), len(rows), *parts(rows))
+
+
+_kind = lru_cache(maxsize=1024)(Kind)
 
 
 def numbers(descriptor: rr.ComponentDescriptor, rows: Rows, dtype: Any = np.float64) -> Column:
     """Rows of numbers, each of any length."""
     lengths, values = _flat(rows, dtype, 1)
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets(lengths), pa.array(values)))
+    n_rows, nodes, buffers = _listed(lengths)
+    return Column(_numbers(descriptor, dtype), n_rows, (*nodes, len(values), 0), (*buffers, b"", values.tobytes()))
 
 
 def vectors(descriptor: rr.ComponentDescriptor, rows: Rows, width: int, dtype: Any = np.float32) -> Column:
     """Rows of vectors (n, width), each row of any n."""
     lengths, values = _flat(rows, dtype, width)
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets(lengths), _fixed_width(values, width)))
+    n_rows, nodes, buffers = _listed(lengths)
+    n = len(values)
+    return Column(
+        _vectors(descriptor, dtype, width),
+        n_rows,
+        (*nodes, n // width, 0, n, 0),
+        (*buffers, b"", b"", values.tobytes()),
+    )
 
 
 def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one line strip (n, 3) each; an empty strip is a row without one."""
     lengths, values = _flat(rows, np.float32, 3)
-    points = _fixed_width(values, 3)
-    field = pa.field("item", points.type, nullable=False)
-    strip = pa.ListArray.from_arrays(_offsets([n for n in lengths if n]), points, type=pa.list_(field))
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets([min(n, 1) for n in lengths]), strip))
+    n_rows, nodes, buffers = _listed([min(n, 1) for n in lengths])
+    _, inner_nodes, inner_buffers = _listed([n for n in lengths if n])
+    n = len(values)
+    return Column(
+        _strips(descriptor),
+        n_rows,
+        (*nodes, *inner_nodes, n // 3, 0, n, 0),
+        (*buffers, *inner_buffers, b"", b"", values.tobytes()),
+    )
 
 
 def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
     """Rows of texts, each of any length."""
-    flat = pa.array(list(chain.from_iterable(rows)), pa.string())
-    return Column(descriptor, pa.ListArray.from_arrays(_offsets([len(row) for row in rows]), flat))
+    encoded = [text.encode() for text in chain.from_iterable(rows)]
+    n_rows, nodes, buffers = _listed([len(row) for row in rows])
+    ends = _offsets([len(text) for text in encoded])
+    return Column(_texts(descriptor), n_rows, (*nodes, len(encoded), 0), (*buffers, b"", ends, b"".join(encoded)))
 
 
 def one_value(descriptor: rr.ComponentDescriptor, value: int | str) -> Column:
     """One row with one number or text."""
-    return _single(descriptor, pa.array([value]))
+    return texts(descriptor, [[value]]) if isinstance(value, str) else numbers(descriptor, [[value]], np.int64)
 
 
 def bars(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
     """Rows of one bar chart each: a tensor of one dimension."""
+    lengths, values = _flat(rows, np.float64, 1)
+    like = _bars_of_zeros(descriptor, tuple(lengths))
+    buffers = list(like.buffers)
+    buffers[_place_of_bars()] = values.tobytes()
+    return Column(like.kind, like.n_rows, like.nodes, buffers)
+
+
+@lru_cache(maxsize=256)
+def _bars_of_zeros(descriptor: rr.ComponentDescriptor, lengths: tuple[int, ...], value: float = 0.0) -> Column:
+    """All that does not depend on how high the bars are."""
     layout = _tensor_type()
-    lengths, numbers_ = _flat(rows, np.float64, 1)
     shape_type, buffer_type = layout.field("shape").type, layout.field("buffer").type
-    each = pa.array(np.arange(len(lengths) + 1, dtype=np.int32))
+    n = len(lengths)
+    each = pa.array(np.arange(n + 1, dtype=np.int32))
     shapes = pa.ListArray.from_arrays(each, pa.array(np.array(lengths, np.uint64)), type=shape_type)
-    names = pa.nulls(len(lengths), layout.field("names").type)
+    names = pa.nulls(n, layout.field("names").type)
     codes = [buffer_type.field(i).name for i in range(buffer_type.num_fields)]
-    children = list(_no_numbers())
+    children = [pa.array([], buffer_type.field(i).type) for i in range(buffer_type.num_fields)]
     at = codes.index("F64")
-    item = buffer_type.field(at).type
-    children[at] = pa.ListArray.from_arrays(_offsets(lengths), pa.array(numbers_), type=item)
-    kinds, places = np.full(len(lengths), at, np.int8), np.arange(len(lengths), dtype=np.int32)
-    parts = [None, pa.py_buffer(kinds.tobytes()), pa.py_buffer(places.tobytes())]
-    union = pa.Array.from_buffers(buffer_type, len(lengths), parts, children=children)
-    values = pa.StructArray.from_arrays([shapes, names, union], fields=list(layout))
-    return Column(descriptor, pa.ListArray.from_arrays(each, values))
+    ends = pa.array(np.cumsum([0, *lengths]).astype(np.int32))
+    children[at] = pa.ListArray.from_arrays(
+        ends, pa.array(np.full(sum(lengths), value)), type=buffer_type.field(at).type
+    )
+    kinds, places = np.full(n, at, np.int8), np.arange(n, dtype=np.int32)
+    buffers = [None, pa.py_buffer(kinds.tobytes()), pa.py_buffer(places.tobytes())]
+    union = pa.Array.from_buffers(buffer_type, n, buffers, children=children)
+    tensors = pa.StructArray.from_arrays([shapes, names, union], fields=list(layout))
+    return of_arrow(descriptor, pa.ListArray.from_arrays(each, tensors))
 
 
 @cache
-def _no_numbers() -> tuple[pa.Array, ...]:
-    """The branches of a tensor's numbers, all empty."""
-    kinds = _tensor_type().field("buffer").type
-    return tuple(pa.array([], kinds.field(i).type) for i in range(kinds.num_fields))
+def _place_of_bars() -> int:
+    """Which of the buffers holds the heights of the bars."""
+    zero, one = (_bars_of_zeros(rr.BarChart.descriptor_values(), (1,), value).buffers for value in (0.0, 1.0))
+    (place,) = (k for k, (a, b) in enumerate(zip(zero, one, strict=True)) if a != b)
+    return place
 
 
 @cache
@@ -178,6 +248,32 @@ def _tensor_type() -> pa.StructType:
     example = rr.BarChart(np.zeros(1)).values
     assert example is not None
     return example.as_arrow_array().type
+
+
+@lru_cache(maxsize=256)
+def _numbers(descriptor: rr.ComponentDescriptor, dtype: Any) -> Kind:
+    return Kind(descriptor, pa.list_(pa.from_numpy_dtype(dtype)))
+
+
+@lru_cache(maxsize=256)
+def _vectors(descriptor: rr.ComponentDescriptor, dtype: Any, width: int) -> Kind:
+    return Kind(descriptor, pa.list_(_vector_type(pa.from_numpy_dtype(dtype), width)))
+
+
+@lru_cache(maxsize=256)
+def _strips(descriptor: rr.ComponentDescriptor) -> Kind:
+    strip = pa.list_(pa.field("item", _vector_type(pa.float32(), 3), nullable=False))
+    return Kind(descriptor, pa.list_(strip))
+
+
+@lru_cache(maxsize=256)
+def _texts(descriptor: rr.ComponentDescriptor) -> Kind:
+    return Kind(descriptor, pa.list_(pa.string()))
+
+
+def _vector_type(item: pa.DataType, width: int) -> pa.DataType:
+    # rerun's own schema says that neither vectors nor their elements can be missing.
+    return pa.list_(pa.field("item", item, nullable=False), width)
 
 
 def _flat(rows: Rows, dtype: Any, width: int) -> tuple[Sequence[int], NDArray[Any]]:
@@ -190,27 +286,11 @@ def _flat(rows: Rows, dtype: Any, width: int) -> tuple[Sequence[int], NDArray[An
     return [array.size // width for array in arrays], flat
 
 
-def _offsets(lengths: Sequence[int]) -> pa.Array:
-    first = lengths[0] if lengths else 0
-    return _even_offsets(len(lengths), first) if lengths.count(first) == len(lengths) else _uneven_offsets(lengths)
+def _listed(lengths: Sequence[int]) -> tuple[int, tuple[int, int], tuple[bytes, bytes]]:
+    """How many lists of these lengths there are; their nodes and buffers."""
+    n = len(lengths)
+    return n, (n, 0), (b"", _offsets(lengths))
 
 
-@lru_cache(maxsize=1024)
-def _even_offsets(n_rows: int, length: int) -> pa.Array:
-    return _uneven_offsets([length] * n_rows)
-
-
-def _uneven_offsets(lengths: Sequence[int]) -> pa.Array:
-    # Arrow reads a numpy array as it is, a list item by item.
-    return pa.array(np.fromiter(accumulate(lengths, initial=0), np.int32, len(lengths) + 1))
-
-
-def _fixed_width(values: NDArray[Any], width: int) -> pa.FixedSizeListArray:
-    # rerun's own schema says that neither vectors nor their elements can be missing.
-    numbers_ = pa.array(values)
-    return pa.FixedSizeListArray.from_arrays(numbers_, type=_fixed_width_type(numbers_.type, width))
-
-
-@cache
-def _fixed_width_type(item: pa.DataType, width: int) -> pa.DataType:
-    return pa.list_(pa.field("item", item, nullable=False), width)
+def _offsets(lengths: Sequence[int]) -> bytes:
+    return np.fromiter(accumulate(lengths, initial=0), np.int32, len(lengths) + 1).tobytes()

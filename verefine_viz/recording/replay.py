@@ -71,7 +71,7 @@ def completed(recorded: Recorded, folder: Path) -> Path:
     file = RrdFile(target)
     if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
         file.send(property_chunks(recorded.properties))
-    file.send(Piece(chunk.to_record_batch()) for chunk in chunks)
+    file.send(Piece.of(chunk) for chunk in chunks)
     if missing:
         file.send(drawing.draw(missing))
     file.close(blueprint_messages(recorded.layout, has_maps))

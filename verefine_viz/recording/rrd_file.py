@@ -1,25 +1,14 @@
-"""Recordings as files: what is sent is in the file when the call returns; the blueprint follows at the end.
-
-The messages of a recording and of a blueprint follow one another in any order, so a blueprint that was made once is
-copied into every file that needs it. There is no footer (an index of the chunks): rerun reads files without one from
-beginning to end.
-"""
+"""Recordings as files: what is sent is in the file when the call returns; the blueprint follows at the end."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable
 from pathlib import Path
 from uuid import uuid4
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.piece import Piece, Store
-
-HEAD = b"RRF2"
-_HEAD_SIZE = 12
-_MESSAGE = struct.Struct("<QQ")
-_END = 0
-"""Kind of the message that holds the footer."""
+from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.rrd_messages import Store
 
 
 class RrdFile:
@@ -70,20 +59,3 @@ class RrdFile:
             self._error = f"cannot write the recording {self._path}: {error.strerror}"
             self._file.close()
             raise InputError(self._error) from None
-
-
-def messages(content: bytes) -> bytes:
-    """All messages of an .rrd file but its footer.
-
-    Raises:
-        ValueError: it is no such file.
-    """
-    if not content.startswith(HEAD):
-        raise ValueError("not an .rrd file")
-    at = _HEAD_SIZE
-    while at + _MESSAGE.size <= len(content):
-        kind, length = _MESSAGE.unpack_from(content, at)
-        if kind == _END:
-            break
-        at += _MESSAGE.size + length
-    return content[_HEAD_SIZE:at]

@@ -84,7 +84,7 @@ class Tree:
             columns.texts(of.descriptor_labels(), labels),
             columns.vectors(of.descriptor_positions(), positions, 2),
             columns.numbers(of.descriptor_colors(), colors, np.uint32),
-            columns.Column(rr.GraphEdges.descriptor_edges(), _pairs(edges)),
+            columns.of_arrow(rr.GraphEdges.descriptor_edges(), _pairs(edges)),
         ]
         yield columns.rows_of(entities.TREE, iterations, parts)
 

@@ -1,0 +1,102 @@
+"""What an .rrd file is made of: a head, then messages, each its kind and length and then a protobuf.
+
+That of a chunk (``ArrowMsg``) names the recording and holds an Arrow IPC stream, packed with LZ4. The messages of a
+recording and of a blueprint follow one another in any order. The last one is a footer (an index of the chunks); rerun
+reads files without one from beginning to end. What is not about the layout of files is asked of rerun itself.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+
+import rerun as rr
+
+from verefine_viz.recording.entities import APPLICATION
+from verefine_viz.recording.piece import Piece
+
+HEAD = b"RRF2"
+_HEAD_SIZE = 12
+_MESSAGE = struct.Struct("<QQ")
+_END, _BEGIN, _CHUNK = 0, 1, 2
+"""Kinds of messages; the end is the footer."""
+_LZ4, _ARROW_IPC = 2, 1
+
+
+class Store:
+    """Which recording messages belong to."""
+
+    def __init__(self, recording_id: str) -> None:
+        """
+        Args:
+            recording_id: 32 characters.
+        """
+        application = b"\x0a" + _sized(APPLICATION.encode())
+        store = b"\x08\x01\x12" + _sized(recording_id.encode()) + b"\x1a" + _sized(application)
+        self._id = b"\x0a" + _sized(store)
+        self._recording_id = recording_id
+
+    def begin(self) -> bytes:
+        """How its file begins."""
+        return _beginning().replace(_NO_ID.encode(), self._recording_id.encode())
+
+    def message(self, piece: Piece) -> bytes:
+        """A chunk of it."""
+        packed = piece.packed
+        first, second = piece.chunk_id
+        body = b"".join(
+            (
+                self._id,
+                b"\x10%c\x18%b\x20%c\x2a" % (_LZ4, _varint(piece.size), _ARROW_IPC),
+                _varint(len(packed)),
+                packed,
+                _CHUNK_ID.pack(0x32, 18, 0x09, first, 0x11, second, 0x38, piece.is_static),
+            )
+        )
+        return _MESSAGE.pack(_CHUNK, len(body)) + body
+
+
+def messages(content: bytes) -> bytes:
+    """All messages of an .rrd file but its footer.
+
+    Raises:
+        ValueError: it is no such file.
+    """
+    if not content.startswith(HEAD):
+        raise ValueError("not an .rrd file")
+    at = _HEAD_SIZE
+    while at + _MESSAGE.size <= len(content):
+        kind, length = _MESSAGE.unpack_from(content, at)
+        if kind == _END:
+            break
+        at += _MESSAGE.size + length
+    return content[_HEAD_SIZE:at]
+
+
+_CHUNK_ID = struct.Struct("<BBBQBQBB")
+_NO_ID = "0" * 32
+
+
+@cache
+def _beginning() -> bytes:
+    """Head and first message of a recording called ``_NO_ID``, by rerun."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=_NO_ID, send_properties=False)
+    content = stream.binary_stream().read() or b""
+    stream.disconnect()
+    kind, length = _MESSAGE.unpack_from(content, _HEAD_SIZE)
+    if kind != _BEGIN:
+        raise RuntimeError("rerun begins its files in another way than this version expects")
+    return content[: _HEAD_SIZE + _MESSAGE.size + length]
+
+
+def _sized(content: bytes) -> bytes:
+    return _varint(len(content)) + content
+
+
+def _varint(number: int) -> bytes:
+    out = bytearray()
+    while number > 127:
+        out.append(number & 127 | 128)
+        number >>= 7
+    out.append(number)
+    return bytes(out)
