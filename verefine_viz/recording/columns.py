@@ -23,7 +23,17 @@ from verefine_viz.recording.arrow_batch import Form, parts
 from verefine_viz.recording.entities import TIMELINE
 from verefine_viz.recording.piece import Piece, new_ids
 
-Rows: TypeAlias = Sequence[ArrayLike] | NDArray[Any]
+
+@dataclass(frozen=True, eq=False)
+class Ragged:
+    """Rows of different lengths, one after another."""
+
+    lengths: Sequence[int]
+    values: NDArray[Any]
+    """(sum of lengths, …)."""
+
+
+Rows: TypeAlias = Sequence[ArrayLike] | NDArray[Any] | Ragged
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,6 +288,8 @@ def _vector_type(item: pa.DataType, width: int) -> pa.DataType:
 
 def _flat(rows: Rows, dtype: Any, width: int) -> tuple[Sequence[int], NDArray[Any]]:
     """How many elements of ``width`` numbers each row has, and all numbers one after another."""
+    if isinstance(rows, Ragged):
+        return rows.lengths, np.ascontiguousarray(rows.values, dtype).ravel()
     if isinstance(rows, np.ndarray):
         n = rows[0].size // width if len(rows) else 0
         return (n,) * len(rows), np.ascontiguousarray(rows, dtype).ravel()

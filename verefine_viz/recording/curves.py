@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from itertools import accumulate
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
@@ -99,33 +101,42 @@ def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Piece]:
 
 
 def _fit(rows: Sequence[Row]) -> Float:
-    out = np.full((len(rows), len(FIT)), np.nan)
-    for k, row in enumerate(rows):
-        for j, (stage, column) in enumerate(FIT):
-            if stage in row.stages:
-                out[k, j] = row.scores[row.stages.index(stage), column]
-    return out
+    firsts, scores = _firsts(rows), np.concatenate([_NOT_JUDGED, *(r.scores for r in rows)])
+    return np.stack([scores[_places(rows, firsts, stage)][:, column] for stage, column in FIT], axis=1)
 
 
 def _physics(rows: Sequence[Row]) -> Float:
     """(n, 6) moved [mm] and turned [°] by simulation and by refiner, contacts, deepest penetration [mm]."""
-    out = np.full((len(rows), 6), np.nan)
-    current = np.array([r.Ts_cam_obj[0] for r in rows])
-    simulated = np.array([_pose_or(r, "simulated", r.Ts_cam_obj[0]) for r in rows])
-    mixed = np.array([_pose_or(r, "mixed", r.Ts_cam_obj[0]) for r in rows])
-    refined = np.array([_pose_or(r, "refined", m) for r, m in zip(rows, mixed, strict=True)])
-    for start, end, at in ((current, simulated, 0), (mixed, refined, 2)):
+    firsts, poses = _firsts(rows), np.concatenate([_NO_POSE, *(r.Ts_cam_obj for r in rows)])
+    simulated, mixed, refined = (_places(rows, firsts, stage) for stage in ("simulated", "mixed", "refined"))
+    current = np.array(firsts)
+    simulated, mixed = np.where(simulated, simulated, current), np.where(mixed, mixed, current)
+    refined = np.where(refined, refined, mixed)
+    out = np.empty((len(rows), 6))
+    for start, end, at in ((poses[current], poses[simulated], 0), (poses[mixed], poses[refined], 2)):
         out[:, at] = 1e3 * np.linalg.norm(end[:, :3, 3] - start[:, :3, 3], axis=1)
         cosine = (np.einsum("nij,nij->n", start[:, :3, :3], end[:, :3, :3]) - 1) / 2
         out[:, at + 1] = np.degrees(np.arccos(cosine.clip(-1, 1)))
     out[:, 4] = [len(r.contacts) for r in rows]
-    out[:, 5] = [1e3 * max(float(r.contacts[:, 6].max(initial=0.0)), 0.0) for r in rows]
+    out[:, 5] = [1e3 * max(r.contacts[:, 6].tolist(), default=0.0) for r in rows]
+    np.maximum(out[:, 5], 0.0, out=out[:, 5])
     return out
 
 
-def _pose_or(row: Row, stage: str, otherwise: Float) -> Float:
-    pose = row.pose(stage)
-    return otherwise if pose is None else pose
+def _firsts(rows: Sequence[Row]) -> list[int]:
+    """Where the first stage of each row is among those of all rows one after another, from 1."""
+    return list(accumulate((len(r.stages) for r in rows[:-1]), initial=1))
+
+
+def _places(rows: Sequence[Row], firsts: Sequence[int], stage: str) -> NDArray[np.intp]:
+    """The same for a stage by its name; 0 in rows without it."""
+    found = [k + r.stages.index(stage) if stage in r.stages else 0 for r, k in zip(rows, firsts, strict=True)]
+    return np.array(found, np.intp)
+
+
+_NOT_JUDGED = np.full((1, 3), np.nan)
+_NO_POSE = np.zeros((1, 4, 4))
+"""What stands at place 0."""
 
 
 def _darker(color: RGB) -> RGB:

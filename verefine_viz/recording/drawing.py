@@ -9,14 +9,13 @@ from functools import lru_cache
 import numpy as np
 import rerun as rr
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
 from verefine_viz.recording import columns, curves, entities
 from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.poses import Poses
-from verefine_viz.recording.row import Row
+from verefine_viz.recording.row import NO_CONTACTS, NO_PATH, Row
 from verefine_viz.recording.scene_curves import scene_curves, scene_styles, start_best
 from verefine_viz.recording.tree import Tree
 from verefine_viz.recording.wording import describe
@@ -107,30 +106,29 @@ def _object_styles(branch_name: str) -> tuple[Piece, ...]:
 
 def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iterator[Piece]:
     """Contacts and way of the simulation; nothing from an iteration of ``turns`` on."""
-    shown = {r.index: (r.contacts, r.path[:, :3, 3]) for r in rows if len(r.path)}
-    shown |= {k: (_NO_CONTACTS, _NO_PATH) for k in turns}
+    shown = {r.index: (r.contacts, r.path) for r in rows if len(r.path)}
+    shown |= {k: (NO_CONTACTS, NO_PATH) for k in turns}
     if not shown:
         return
     root, iterations = f"{entities.OBJECTS}/{branch.name}", sorted(shown)
-    contacts = [shown[k][0] for k in iterations]
+    # All at once: most iterations have a handful of contacts.
+    lengths = [len(shown[k][0]) for k in iterations]
+    contacts = np.concatenate([shown[k][0] for k in iterations])
+    # Light touches stay visible: an arrow is at least 10 mm long.
+    vectors = contacts[:, 3:6] * np.maximum(ARROW_M_PER_N * contacts[:, 7:8], 0.01)
     arrow = rr.Arrows3D
     parts = [
-        columns.vectors(arrow.descriptor_origins(), [c[:, :3] for c in contacts], 3),
-        # Light touches stay visible: an arrow is at least 10 mm long.
-        columns.vectors(
-            arrow.descriptor_vectors(), [c[:, 3:6] * np.maximum(ARROW_M_PER_N * c[:, 7:8], 0.01) for c in contacts], 3
-        ),
+        columns.vectors(arrow.descriptor_origins(), columns.Ragged(lengths, contacts[:, :3]), 3),
+        columns.vectors(arrow.descriptor_vectors(), columns.Ragged(lengths, vectors), 3),
     ]
-    if any((c[:, 8] >= 0).any() for c in contacts):
-        colors = [np.where(c[:, 8] >= 0, COLLISION_COLOR, CONTACT_COLOR) for c in contacts]
+    hits = contacts[:, 8] >= 0
+    if hits.any():
+        colors = columns.Ragged(lengths, np.where(hits, COLLISION_COLOR, CONTACT_COLOR))
         parts.append(columns.numbers(arrow.descriptor_colors(), colors, np.uint32))
     yield columns.rows_of(f"{root}/contacts", iterations, parts)
-    lines = [columns.strips(rr.LineStrips3D.descriptor_strips(), [shown[k][1] for k in iterations])]
-    yield columns.rows_of(f"{root}/path", iterations, lines)
-
-
-_NO_CONTACTS: Float = np.zeros((0, 9))
-_NO_PATH: Float = np.zeros((0, 3))
+    paths = [shown[k][1] for k in iterations]
+    ways = columns.Ragged([len(path) for path in paths], np.concatenate(paths)[:, :3, 3])
+    yield columns.rows_of(f"{root}/path", iterations, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
 
 
 def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:

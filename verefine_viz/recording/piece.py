@@ -9,12 +9,14 @@ from __future__ import annotations
 import itertools
 import random
 import time
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from rerun.chunk import Chunk
+
+from verefine_viz.recording.rrd_messages import chunk_body
 
 _MOST_ROWS = 1 << 24
 _IDS = itertools.count(random.getrandbits(62), _MOST_ROWS)
@@ -31,9 +33,8 @@ class Piece:
             is_static: whether it has no time.
             stream: as an Arrow IPC stream of one batch.
         """
-        self.chunk_id = chunk_id
-        self.is_static = is_static
-        self.size = len(stream)
+        self._chunk_id = chunk_id
+        self._is_static = is_static
         self._stream = stream
 
     @staticmethod
@@ -47,9 +48,9 @@ class Piece:
         return Piece((int(name[:16], 16), int(name[16:], 16)), chunk.is_static, sink.getvalue().to_pybytes())
 
     @cached_property
-    def packed(self) -> bytes:
-        """The stream as it lies in files."""
-        return _lz4().compress(self._stream, asbytes=True)
+    def body(self) -> bytes:
+        """Its message in a file, without the recording that it belongs to."""
+        return chunk_body(self._chunk_id, self._is_static, self._stream)
 
     @property
     def chunks(self) -> list[Chunk]:
@@ -67,8 +68,3 @@ def new_ids(n: int) -> tuple[tuple[int, int], bytes]:
     ids = np.empty((n, 2), ">u8")
     ids[:, 0], ids[:, 1] = now, np.arange(first + 1, first + 1 + n, dtype=np.uint64)
     return (now, first), ids.tobytes()
-
-
-@cache
-def _lz4() -> pa.Codec:
-    return pa.Codec("lz4_raw")

@@ -94,10 +94,21 @@ def _nothing(branch_name: str, stages: tuple[str, ...]) -> Piece:
 
 
 def _transforms(branch_name: str, moves: Moves) -> Piece:
-    frames = {stage: [entities.stage_frame(branch_name, stage)] for stage in {stage for _, stage, _ in moves}}
     parts = [
-        *columns.transforms([T for _, _, T in moves]),
-        columns.texts(rr.Transform3D.descriptor_child_frame(), [frames[stage] for _, stage, _ in moves]),
-        columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * len(moves)),
+        *columns.transforms(np.concatenate([T for _, _, T in moves]).reshape(-1, 4, 4)),
+        _children(branch_name, tuple([stage for _, stage, _ in moves])),
+        _parents(len(moves)),
     ]
     return columns.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", [k for k, _, _ in moves], parts)
+
+
+@lru_cache(maxsize=256)
+def _children(branch_name: str, stages: tuple[str, ...]) -> columns.Column:
+    """Frames that move, mostly the same ones in the same order."""
+    frames = [[entities.stage_frame(branch_name, stage)] for stage in stages]
+    return columns.texts(rr.Transform3D.descriptor_child_frame(), frames)
+
+
+@lru_cache(maxsize=256)
+def _parents(n: int) -> columns.Column:
+    return columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * n)

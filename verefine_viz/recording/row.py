@@ -14,6 +14,8 @@ from verefine_viz.recording.scene_parts import ALONE, SceneParts
 
 NOT_JUDGED = (np.nan, np.nan, np.nan)
 NO_PIXELS = (-1,) * 7
+NO_PATH = np.zeros((0, 4, 4), np.float32)
+NO_CONTACTS = np.zeros((0, 9), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +106,7 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
         T_best=poses[-1],
         best_score=values[-1],
         best_pixels=pixels[-1],
-        path=_NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
+        path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
         contacts=_contacts(path.contacts[-1] if path is not None and path.contacts else None),
         choice=_NO_CHOICE
         if choice is None
@@ -118,9 +120,7 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
     )
 
 
-_NO_PATH = np.zeros((0, 4, 4), np.float32)
 _NO_CHOICE = np.zeros((4, 0))
-_NO_CONTACTS = np.zeros((0, 9), np.float32)
 
 
 def _parts(iteration: Iteration) -> SceneParts:
@@ -140,7 +140,7 @@ def _pixels(score: PoseScore | None) -> tuple[int, ...]:
 
 def _contacts(contacts: Contacts | None) -> NDArray[np.float32]:
     if contacts is None or len(contacts.depths_m) == 0:
-        return _NO_CONTACTS
+        return NO_CONTACTS
     columns = (
         contacts.points_cam,
         contacts.normals_cam,

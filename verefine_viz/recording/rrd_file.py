@@ -32,7 +32,7 @@ class RrdFile:
         Raises:
             InputError: the disk does not take them, or did not take what came before.
         """
-        self._write(b"".join(map(self._store.message, pieces)))
+        self._write(self._store.messages(piece.body for piece in pieces))
 
     def flush(self) -> None:
         """Nothing waits here."""

@@ -8,12 +8,13 @@ reads files without one from beginning to end. What is not about the layout of f
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from functools import cache
 
+import pyarrow as pa
 import rerun as rr
 
 from verefine_viz.recording.entities import APPLICATION
-from verefine_viz.recording.piece import Piece
 
 HEAD = b"RRF2"
 _HEAD_SIZE = 12
@@ -40,20 +41,31 @@ class Store:
         """How its file begins."""
         return _beginning().replace(_NO_ID.encode(), self._recording_id.encode())
 
-    def message(self, piece: Piece) -> bytes:
-        """A chunk of it."""
-        packed = piece.packed
-        first, second = piece.chunk_id
-        body = b"".join(
-            (
-                self._id,
-                b"\x10%c\x18%b\x20%c\x2a" % (_LZ4, _varint(piece.size), _ARROW_IPC),
-                _varint(len(packed)),
-                packed,
-                _CHUNK_ID.pack(0x32, 18, 0x09, first, 0x11, second, 0x38, piece.is_static),
-            )
+    def messages(self, bodies: Iterable[bytes]) -> bytes:
+        """Chunks of it, each as :func:`chunk_body` has it."""
+        own = self._id
+        parts: list[bytes] = []
+        for body in bodies:
+            parts += (_MESSAGE.pack(_CHUNK, len(own) + len(body)), own, body)
+        return b"".join(parts)
+
+
+def chunk_body(chunk_id: tuple[int, int], is_static: bool, stream: bytes) -> bytes:
+    """The message of a chunk without the recording that it belongs to.
+
+    Args:
+        chunk_id: both halves.
+        is_static: whether it has no time.
+        stream: the chunk as an Arrow IPC stream.
+    """
+    packed = _lz4().compress(stream, asbytes=True)
+    return b"".join(
+        (
+            b"\x10%c\x18%b\x20%c\x2a%b" % (_LZ4, _varint(len(stream)), _ARROW_IPC, _varint(len(packed))),
+            packed,
+            _CHUNK_ID.pack(0x32, 18, 0x09, chunk_id[0], 0x11, chunk_id[1], 0x38, is_static),
         )
-        return _MESSAGE.pack(_CHUNK, len(body)) + body
+    )
 
 
 def messages(content: bytes) -> bytes:
@@ -75,6 +87,11 @@ def messages(content: bytes) -> bytes:
 
 _CHUNK_ID = struct.Struct("<BBBQBQBB")
 _NO_ID = "0" * 32
+
+
+@cache
+def _lz4() -> pa.Codec:
+    return pa.Codec("lz4_raw")
 
 
 @cache
