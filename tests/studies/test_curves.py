@@ -57,6 +57,15 @@ def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
     assert verdict.word == "too close to tell"
 
 
+@pytest.mark.parametrize(("n", "word"), [(1, "too few to tell"), (5, "too few to tell"), (6, "holds")])
+def test_a_handful_of_pairs_shows_nothing_even_if_all_gain(n: int, word: str) -> None:
+    outcomes = [_outcome("A", 0.0, k, 0.5 + 0.05 * (k + 1)) for k in range(n)]
+    outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(n)]
+    (verdict,) = verdicts(_panel(), points(outcomes))
+    assert verdict.low > 0
+    assert verdict.word == word
+
+
 def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -> None:
     gains = np.random.default_rng(1).normal(0.02, 0.05, 8)
     once = [_outcome("A", 0.0, k, 0.5 + float(g)) for k, g in enumerate(gains)]

@@ -13,6 +13,9 @@ from verefine_viz.studies.study import Claim, Panel, Study
 
 RESAMPLES = 2000
 """Draws of the bootstrap."""
+FEWEST = 6
+"""Pairs that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap of them
+would then be sure."""
 
 Points = Mapping[tuple[str, str, float], Sequence[Outcome]]
 """Outcomes by panel, curve and x."""
@@ -41,12 +44,16 @@ class Verdict:
     low: float
     high: float
     """95 % interval, paired: the bootstrap draws objects in a frame under one seed, each with all of its x."""
+    n_pairs: int
+    """What it draws from."""
 
     @property
     def word(self) -> str:
-        """holds, does not hold, too close to tell, or the same."""
+        """holds, does not hold, too close to tell, too few to tell, or the same."""
         if self.low == self.high == 0:
             return "the same"
+        if self.n_pairs < FEWEST:
+            return "too few to tell"
         if self.low > 0:
             return "holds"
         return "does not hold" if self.high < 0 else "too close to tell"
@@ -84,7 +91,7 @@ def verdicts(panel: Panel, found: Points) -> list[Verdict]:
         if gains:
             # Errors of one object under one seed have the same direction at every x: they are drawn together.
             pairs = np.array([sum(of_case) / len(of_case) for of_case in gains.values()])
-            tested.append(Verdict(claim, float(pairs.mean()), *band(pairs)))
+            tested.append(Verdict(claim, float(pairs.mean()), *band(pairs), len(pairs)))
     return tested
 
 
