@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from verefine_viz.batch.bar import counted_bar
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
@@ -57,22 +57,20 @@ def run_one(
     if wanted.keep_pools and name == "tables":
         n_seeds = 1  # nothing is drawn
     study = wanted.study()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        bar = progress.add_task(f"study {name}", total=None)
+    with counted_bar(f"study {name}") as tell:
         outcomes = run_study(
             wanted,
             sessions,
             n_seeds,
             workers,
             out / f"{name}.journal.jsonl",
-            lambda done, total: progress.update(bar, completed=done, total=total),
+            lambda done, total: tell(f"study {name}", done, total),
         )
     found = points(outcomes)
     write_csv(study, found, out / f"{name}.csv")
     write_objects(outcomes, out / f"{name}_objects.csv")
-    notes = missing_rows(sessions.values()) if name == "tables" else ()
-    notes = ("Rows of the paper that are not here:", *notes) if notes else ()
+    missing = missing_rows(sessions.values()) if name == "tables" else ()
+    notes = ("Rows of the paper that are not here:", *missing) if missing else ()
     png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds), notes), out, name)
     _say(study, found, notes, (png, svg))
     return 0
