@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
+import os
 from pathlib import Path
 
+import psutil
 import pytest
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.studies.command import run_one
+from verefine_viz.studies.journal import Journal
 from verefine_viz.studies.registry import STUDIES, Wanted
 from verefine_viz.studies.runner import run_study
 from verefine_viz.studies.solve import Outcome
@@ -50,6 +54,18 @@ def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> 
     path.write_text(json.dumps({"wanted": {"name": "ablation"}}) + "\n")
     with pytest.raises(InputError, match="belongs to a study with other settings"):
         _run(path)
+
+
+def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(file: int, content: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / "x.jsonl"
+    with monkeypatch.context() as patched, pytest.raises(InputError, match=r"cannot write .*x\.jsonl: No space left"):
+        patched.setattr(os, "write", full)
+        Journal(path, {})
+    assert path.read_bytes() == b""
+    assert str(path) not in [file.path for file in psutil.Process().open_files()]
 
 
 def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

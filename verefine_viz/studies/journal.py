@@ -35,19 +35,20 @@ class Journal:
             whole = [line for line in lines if line.endswith(b"\n")]
             if whole and json.loads(whole[0]) != about:
                 raise InputError(f"{path} belongs to a study with other settings; choose another --out, or delete it")
-            for line in whole[1:]:
-                outcomes = [Outcome.model_validate(row) for row in json.loads(line)["outcomes"]]
-                self.done[Unit(**json.loads(line)["unit"])] = outcomes
-            kept = sum(map(len, whole))
+            for entry in map(json.loads, whole[1:]):
+                self.done[Unit(**entry["unit"])] = [Outcome.model_validate(row) for row in entry["outcomes"]]
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
-            os.truncate(self._file, kept)  # what was cut off in the middle of a line is solved again
-            os.lseek(self._file, kept, os.SEEK_SET)
-            if not whole:
-                self._write(about)
+            self._cut(sum(map(len, whole)))  # what was cut off in the middle of a line is solved again
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError, ValidationError):
             raise InputError(f"{path} is no journal of a study; choose another --out, or delete it") from None
+        if not whole:
+            try:
+                self._write(about)
+            except InputError:
+                self.close()
+                raise
 
     def add(self, unit: Unit, outcomes: list[Outcome]) -> None:
         """It is with the operating system when this returns.
@@ -71,12 +72,17 @@ class Journal:
         Raises:
             InputError: the disk does not take the line; none of it stays.
         """
-        line, begin = json.dumps(content, separators=(",", ":")).encode() + b"\n", os.lseek(self._file, 0, os.SEEK_CUR)
+        line = json.dumps(content, separators=(",", ":")).encode() + b"\n"
+        begin = os.lseek(self._file, 0, os.SEEK_CUR)
         try:
             # A disk that is nearly full takes a part, and refuses when it is asked again.
             while line:
                 line = line[os.write(self._file, line) :]
         except OSError as error:
-            os.truncate(self._file, begin)
-            os.lseek(self._file, begin, os.SEEK_SET)
+            self._cut(begin)
             raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
+
+    def _cut(self, n_bytes: int) -> None:
+        """Leaves the first bytes, and goes on behind them."""
+        os.truncate(self._file, n_bytes)
+        os.lseek(self._file, n_bytes, os.SEEK_SET)
