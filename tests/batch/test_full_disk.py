@@ -10,6 +10,7 @@ import os
 import resource
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ import pytest
 
 from bench.kills import without_times
 from tests.batch import answering
+from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, command, run_batch, start_batch
 from tests.batch.outputs import journal, stop_in_the_middle
@@ -46,6 +48,16 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
     return line.removeprefix("verefine-viz: ")
 
 
+@pytest.fixture(scope="module")
+def answered(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a batch by workers that have an answer for every frame."""
+    out = tmp_path_factory.mktemp("answered") / "out"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(pool, "work", answering.work)
+        assert cli.main(["batch", str(session), "--workers", "1", "--out", str(out)]) == 0
+    return out
+
+
 @pytest.mark.parametrize(
     ("n_bytes", "refused"),
     [
@@ -57,22 +69,20 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
     ],
 )
 def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
-    n_bytes: int, refused: str, session: Path, tmp_path: Path,
+    n_bytes: int, refused: str, session: Path, answered: Path, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.setattr(pool, "work", answering.work)
-    batch = ["batch", str(session), "--workers", "1", "--out"]
-    assert cli.main([*batch, str(tmp_path / "whole")]) == 0
-    capsys.readouterr()
     out = tmp_path / "out"
+    batch = ["batch", str(session), "--workers", "1", "--out", str(out)]
     with file_limit(n_bytes):
-        assert cli.main([*batch, str(out)]) == 2
+        assert cli.main(batch) == 2
     assert said(capsys) == f"cannot write {out / refused}: File too large"
     assert not list(out.rglob("*.part"))
     n_done = len(journal(out))
-    assert cli.main([*batch, str(out)]) == 0
+    assert cli.main(batch) == 0
     assert (f"({n_done} done before)" in capsys.readouterr().out) == (n_done > 0)
-    assert without_times(out) == without_times(tmp_path / "whole")
+    assert without_times(out) == without_times(answered)
 
 
 def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
@@ -116,21 +126,33 @@ def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, w
 def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tests.batch.test_runner import Made as Answering
-    from tests.batch.test_runner import MadePlace, solved
-
     monkeypatch.setattr(runner, "check", lambda session: ("0/0", "0/1", "0/2"))
-    refused = Answering(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
+    refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
     with pytest.raises(InputError) as caught:
-        run_here(Session(), tmp_path, MadePlace(made=refused))
+        run_here(Session(), tmp_path, AtOncePlace(made=refused))
     assert str(caught.value) == (
         f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
         "what is done is kept: make room and repeat the command"
     )
     assert journal(tmp_path) == ["000000_000000.json"]
-    outcome = run_here(Session(), tmp_path, MadePlace(made=Answering()))
+    outcome = run_here(Session(), tmp_path, AtOncePlace(made=AtOnce()))
     assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
+
+
+def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuses() -> str:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "gettempdir", refuses)
+    monkeypatch.setattr(runner, "check", lambda session: ("0/0",))
+    monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
+    refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()))
+    with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):
+        run_here(Session(), tmp_path, AtOncePlace(made=refused))
+    assert journal(tmp_path) == []
 
 
 def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,54 +4,17 @@ from __future__ import annotations
 
 import json
 import tracemalloc
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from verefine_viz.batch import runner
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, read_frames_csv
-from verefine_viz.batch.runner import Place, Progress, run_batch
-from verefine_viz.batch.tasks import TaskName, Workers
+from verefine_viz.batch.rows import FrameResult, read_frames_csv
+from verefine_viz.batch.runner import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import read_results
-
-POSE = tuple(float(k % 5 == 0) for k in range(16))
-
-
-def solved(frame: str) -> FrameResult:
-    im_id = int(frame.partition("/")[2])
-    row = ObjectRow(scene_id=0, im_id=im_id, status="ok", score=0.5, events="arm_switched 3; score_fell 1" * 10)
-    estimate = Estimate(obj_id=1, score=0.5, T_cam_obj=POSE)
-    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,), estimates=(estimate,) * 5)
-
-
-@dataclass
-class Made:
-    """Workers that answer at once."""
-
-    answer: Callable[[str], FrameResult | None] = solved
-    needs: str = ""
-    warning: str = ""
-    is_closed: bool = False
-
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
-        return map(self.answer, frames)
-
-    def close(self) -> None:
-        self.is_closed = True
-
-
-@dataclass(frozen=True)
-class MadePlace(Place):
-    """Where they are."""
-
-    made: Made = field(default_factory=Made)
-
-    def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
-        return self.made
 
 
 def frames(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
@@ -70,7 +33,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monk
 
     tracemalloc.start()
     try:
-        run_batch(Session(), tmp_path / "out", MadePlace(), look)
+        run_batch(Session(), tmp_path / "out", AtOncePlace(), look)
     finally:
         tracemalloc.stop()
     # A single result is about 5 kB of Python objects; 1100 of them would be 5 MB.
@@ -82,9 +45,9 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = frames(9, monkeypatch)
-    backwards = Made()
+    backwards = AtOnce()
     backwards.solve = lambda frames: map(solved, reversed(list(frames)))  # type: ignore[method-assign]
-    outcome = run_batch(Session(), tmp_path, MadePlace(made=backwards))
+    outcome = run_batch(Session(), tmp_path, AtOncePlace(made=backwards))
     assert backwards.is_closed
     assert outcome.totals["frames_done"] == len(names)
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))
@@ -102,16 +65,16 @@ def test_what_is_done_when_it_ends_early_is_there(
             raise end
         return None if frame == "0/2" else solved(frame)
 
-    made = Made(answer)
+    made = AtOnce(answer)
     with pytest.raises(end if isinstance(end, type) else type(end)):
-        run_batch(Session(), tmp_path, MadePlace(made=made))
+        run_batch(Session(), tmp_path, AtOncePlace(made=made))
     assert made.is_closed
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1, 3]
     run = json.loads((tmp_path / "run.json").read_text())
     assert (run["status"], run["totals"]["frames"], run["totals"]["frames_done"]) == ("stopped", 9, 3)
     # Nobody holds the folder any more, and only the rest is asked for.
     asked: list[str] = []
-    again = Made(lambda frame: asked.append(frame) or solved(frame))
-    assert run_batch(Session(), tmp_path, MadePlace(made=again)).n_resumed == 3
+    again = AtOnce(lambda frame: asked.append(frame) or solved(frame))
+    assert run_batch(Session(), tmp_path, AtOncePlace(made=again)).n_resumed == 3
     assert asked == [f"0/{k}" for k in (2, 4, 5, 6, 7, 8)]
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))

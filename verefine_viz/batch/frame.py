@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 import traceback
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from verefine_viz.batch.causes import with_causes
+from verefine_viz.batch.room import temporary_folder
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.atomic import NO_ROOM
@@ -50,7 +50,7 @@ def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Fra
         log.parent.mkdir(parents=True, exist_ok=True)
         log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     if isinstance(error, OSError) and error.errno in NO_ROOM and error.filename is None:
-        disks = f"the disk of {out} or that of temporary files, {tempfile.gettempdir()}"
+        disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
         return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
     where = f" (see errors/{log.name})" if log.is_file() else ""
     return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)

@@ -1,10 +1,9 @@
-"""How much memory processes have taken, and how much room there is."""
+"""How much memory processes have taken, and how much there is."""
 
 from __future__ import annotations
 
 import os
 import resource
-import shutil
 import sys
 from pathlib import Path
 
@@ -47,11 +46,6 @@ def machine_bytes() -> int:
         except (OSError, ValueError):
             continue  # Not there, or "max".
     return total
-
-
-def free_bytes(folder: Path) -> int:
-    """Room on the disk of a folder for this user."""
-    return shutil.disk_usage(folder).free
 
 
 def gigabytes(n_bytes: float) -> str:

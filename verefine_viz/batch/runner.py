@@ -5,7 +5,6 @@ Results are kept on the disk only: the parent's memory does not depend on how ma
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
@@ -20,7 +19,8 @@ import verefine_viz
 from verefine_viz.batch.folder import RUN_FILE, RunFolder
 from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
-from verefine_viz.batch.memory import free_bytes, gigabytes, own_peak_bytes
+from verefine_viz.batch.memory import gigabytes, own_peak_bytes
+from verefine_viz.batch.room import free_bytes, temporary_folder
 from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
 from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.batch.totals import Counts, Totals
@@ -199,7 +199,7 @@ class _Batch:
             InputError: a disk is full. A frame that failed for that alone is not noted as failed.
         """
         if result.failed:
-            for folder in (self.folder.path, Path(tempfile.gettempdir())):
+            for folder in (self.folder.path, temporary_folder()):
                 if free_bytes(folder) < NEEDED_BYTES:
                     raise InputError(
                         f"the disk of {folder} is full: frame {result.frame} failed, {result.objects[0].message}; "

@@ -1,0 +1,47 @@
+"""Workers that answer at once: for the loop of a batch, which does not look into answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.batch.answering import POSE
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
+from verefine_viz.batch.runner import Place
+from verefine_viz.batch.tasks import TaskName, Workers
+from verefine_viz.core.settings import Session
+
+
+def solved(frame: str) -> FrameResult:
+    """One object with five estimates."""
+    im_id = int(frame.partition("/")[2])
+    row = ObjectRow(scene_id=0, im_id=im_id, status="ok", score=0.5, events="arm_switched 3; score_fell 1" * 10)
+    estimate = Estimate(obj_id=1, score=0.5, T_cam_obj=POSE)
+    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,), estimates=(estimate,) * 5)
+
+
+@dataclass
+class AtOnce:
+    """The workers."""
+
+    answer: Callable[[str], FrameResult | None] = solved
+    needs: str = ""
+    warning: str = ""
+    is_closed: bool = False
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+        return map(self.answer, frames)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+@dataclass(frozen=True)
+class AtOncePlace(Place):
+    """Where they are."""
+
+    made: AtOnce = field(default_factory=AtOnce)
+
+    def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
+        return self.made
