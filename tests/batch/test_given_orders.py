@@ -69,6 +69,7 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, desk: Desk)
         ("{", "orders.json is not JSON"),
         ([[2, 5]], "expected orders by frame"),
         ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),
+        ({"07/1": [[2]]}, "orders.json: frame '07/1' is called '7/1'; rename it"),
     ],
 )
 def test_an_order_file_that_cannot_be_used(content: object, words: str, desk: Desk) -> None:
@@ -82,3 +83,9 @@ def test_orders_that_can_be_meant(desk: Desk) -> None:
     # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
     path = orders(desk.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
     assert check(load_session(desk.session(order_file=path), {"scene": {"objects": (5,)}})) == FRAMES
+
+
+def test_of_several_mistakes_the_first_frame_s_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    desk = Desk(tmp_path, make_frames(tmp_path / "data", 8), capsys)
+    path = orders(tmp_path, {f"7/{k}": [[90 + k]] for k in reversed(range(1, 8))})
+    assert "frame '7/1': unknown object 91" in desk.refused(order_file=path)

@@ -8,7 +8,7 @@ from pathlib import Path
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.observation.given_order import Entries, checked, read_orders
-from verefine_viz.scenes.frames import parse_frame
+from verefine_viz.scenes.frames import frame_name, parse_frame
 from verefine_viz.scenes.models import ModelLibrary
 
 
@@ -31,11 +31,14 @@ def check_orders(session: Session, frames: Sequence[str]) -> None:
     orders = read_orders(Path(settings.order_file))
     for frame in orders:
         try:
-            parse_frame(frame)
+            known_as = frame_name(parse_frame(frame))
         except SettingsError as error:
             raise SettingsError(f"order file {settings.order_file}: {error}") from None
-    for frame in orders.keys() & set(frames):
-        _check(orders[frame], f"order file {settings.order_file}, frame {frame!r}", known)
+        if frame != known_as:
+            raise SettingsError(f"order file {settings.order_file}: frame {frame!r} is called {known_as!r}; rename it")
+    for frame in frames:
+        if frame in orders:
+            _check(orders[frame], f"order file {settings.order_file}, frame {frame!r}", known)
 
 
 def _check(entries: Entries, where: str, known: Collection[int] | None) -> None:
