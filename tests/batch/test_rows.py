@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,9 +21,12 @@ from verefine_viz.batch.rows import (
     read_frames_csv,
     write_frames_csv,
 )
-from verefine_viz.batch.summary import MUCH, frame_result
-from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.batch.summary import MUCH, frame_result, worst_iteration
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 
@@ -36,11 +44,13 @@ rows = st.builds(
 )
 
 
-def solved(problem: Problem, method: str = "rir") -> tuple[Run, FrameResult]:
-    made = make_method(MethodSettings(name=method, iterations=3), FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
-    run = Run(made, problem)
+def solved(
+    problem: Problem, method: str = "rir", refiner: FakeRefiner | None = None, session: Session | None = None
+) -> tuple[Run, FrameResult]:
+    chosen = MethodSettings(name=method, iterations=3)
+    run = Run(make_method(chosen, FakeSimulator(), refiner or FakeRefiner(), FakeVerifier(), 3), problem)
     run.finish()
-    return run, frame_result(run, Session())
+    return run, frame_result(run, session or Session())
 
 
 @given(st.lists(rows, max_size=3), finite)
@@ -108,8 +118,6 @@ def test_the_estimates_are_the_best_poses() -> None:
 
 
 def test_the_worst_iteration_is_the_one_that_lost_most() -> None:
-    from verefine_viz.evaluation.errors import pose_errors
-
     problem = box_problem(n_hypotheses=3)
     run, result = solved(problem)
     (target,) = problem.targets
@@ -123,6 +131,37 @@ def test_the_worst_iteration_is_the_one_that_lost_most() -> None:
     worst = max(growth, key=lambda k: growth[k])
     expected = worst if growth[worst] > MUCH * target.model.diameter_m * 1e3 else result.objects[0].best_iteration
     assert result.objects[0].worst_iteration == expected
+
+
+@dataclass(frozen=True)
+class Straying(FakeRefiner):
+    """Moves the object 50 mm aside in its second call."""
+
+    calls: Iterator[int] = field(default_factory=lambda: count(1))
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        T = super().refine(target, T_cam_obj, fixed)
+        return transform(np.eye(3), [0.05, 0, 0]) @ T if next(self.calls) == 2 else T
+
+
+def test_an_iteration_that_loses_much_is_named_by_its_error_or_its_score() -> None:
+    run, result = solved(box_problem(), "pir", Straying())
+    (row,), (target,), (best,) = result.objects, run.problem.targets, run.final_state.best
+    assert row.worst_iteration == 2
+    assert row.best_iteration != 2
+    assert best is not None
+    blind = replace(target, instance=replace(target.instance, T_cam_obj_gt=None))
+    assert worst_iteration(blind, best, run.iterations) == 2
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_plane_that_is_missing_is_said_where_physics_was_asked_for(enabled: bool) -> None:
+    problem = box_problem(n_instances=2)
+    seen = replace(problem.observation, support=None, support_note="no plane was found")
+    _, result = solved(replace(problem, observation=seen), session=Session(physics=PhysicsSettings(enabled=enabled)))
+    said = ("no physics: no plane was found",) if enabled else ()
+    assert result.notes == said
+    assert {row.message for row in result.objects} == set(said or [""])
 
 
 def test_an_empty_pool_is_no_answer_and_no_failure() -> None:

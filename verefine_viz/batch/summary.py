@@ -25,10 +25,11 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def frame_result(run: Run, session: Session) -> FrameResult:
     """What a finished run of ``session`` says about its frame."""
     problem, state = run.problem, run.final_state
-    made_by = {"method": session.method.name, "seed": session.hypotheses.seed}
+    no_physics = _no_physics(problem, session)
+    common = {"method": session.method.name, "seed": session.hypotheses.seed, "message": no_physics}
     rows = tuple(
         object_row(
-            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], made_by
+            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], common
         )
         for target in problem.targets
     )
@@ -41,21 +42,25 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
     )
-    seen, notes = problem.observation, problem.notes
-    if session.physics.enabled and seen.support is None:
-        notes = (*notes, f"no physics: {seen.support_note}")
+    notes = (*problem.notes, no_physics) if no_physics else problem.notes
     return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=notes)
 
 
+def _no_physics(problem: Problem, session: Session) -> str:
+    """Why objects were not simulated although they should have been; empty where they were."""
+    seen = problem.observation
+    return f"no physics: {seen.support_note}" if session.physics.enabled and seen.support is None else ""
+
+
 def object_row(
-    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], made_by: Mapping[str, Any]
+    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], common: Mapping[str, Any]
 ) -> ObjectRow:
-    """One object's row of frames.csv; ``made_by``: its fields ``method`` and ``seed``."""
+    """One object's row of frames.csv; ``common``: its fields ``method``, ``seed`` and ``message``."""
     instance, model = target.instance, target.model
     index = next(i for i, t in enumerate(problem.targets) if t is target)
     best, initial = state.best[index], state.initial[index]
     known: dict[str, Any] = {
-        **made_by,
+        **common,
         "scene_id": problem.scene_id,
         "im_id": problem.im_id,
         "instance_id": instance.instance_id,
@@ -67,7 +72,7 @@ def object_row(
         "n_hypotheses": len(instance.hypotheses),
     }
     if best is None or initial is None:
-        return ObjectRow(**known, status="no_answer", message="no hypothesis to start from")
+        return ObjectRow(**known | {"status": "no_answer", "message": "no hypothesis to start from"})
     return ObjectRow(
         **known,
         status="ok",
@@ -80,7 +85,6 @@ def object_row(
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
-        message="" if problem.observation.support else f"no physics: {problem.observation.support_note}",
     )
 
 
@@ -107,10 +111,10 @@ def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration])
     T_gt = target.instance.T_cam_obj_gt
 
     @cache
-    def error_mm(T_cam_obj: bytes) -> float:
-        """An iteration starts where an earlier one ended: half of the poses come twice."""
+    def error_mm(pose: bytes) -> float:
+        """Of a T_cam_obj. An iteration starts where an earlier one ended: half of the poses come twice."""
         assert T_gt is not None
-        return add_s_mm(target.model, np.frombuffer(T_cam_obj).reshape(4, 4), T_gt)
+        return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), T_gt)
 
     worst, most = best.iteration, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
     for iteration in iterations:
