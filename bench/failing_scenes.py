@@ -6,7 +6,6 @@ Everything that is not broken on purpose is as it should be.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -27,9 +26,9 @@ from bench.made_up_frames import (
     small_carton,
     standing,
 )
+from bench.wrong_input import leaning
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
-from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.diagnosis.causes import Cause
@@ -132,12 +131,7 @@ def tilted_plane(rng: np.random.Generator) -> Broken:
     thing = Thing(m, T, near(T, rng, 1, 8, 8))
     tilt, up_m, heading = rng.uniform(25, 40), rng.uniform(0.0, 0.03), rng.uniform(0, 2 * np.pi)
 
-    def spoil(support: Support) -> Support:
-        R = axis_angle(level(heading), np.deg2rad(tilt))
-        # The world of the simulation is turned about a point below the objects and raised.
-        return replace(support, T_world_cam=transform(R, [0, 0, -up_m]) @ support.T_world_cam)
-
-    problem = frame_of([thing], rng, spoil_support=spoil)
+    problem = frame_of([thing], rng, spoil_support=lambda support: leaning(support, level(heading), tilt, -up_m))
     return broken_by(Cause.PLANE, problem, session_of("pir", 4, physics={"steps": 20}))
 
 

@@ -9,18 +9,17 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from bench.made_up_frames import SETTINGS, Broken, level
+from bench.wrong_input import leaning, seen_through
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.problem import Problem
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.studies.disturb import without_depth
 
 
 def lost_depth(broken: Broken, rng: np.random.Generator) -> Broken:
     """A tenth to a quarter of the object has no depth, on one side."""
     mask = broken.problem.target(broken.instance_id).instance.mask
-    return _changed(broken, without_depth(broken.problem, _one_side(mask, rng.uniform(0.1, 0.25), rng)))
+    lost = _one_side(mask, rng.uniform(0.1, 0.25), rng)
+    return replace(broken, problem=without_depth(broken.problem, lost))
 
 
 def loose_mask(broken: Broken, rng: np.random.Generator) -> Broken:
@@ -28,11 +27,9 @@ def loose_mask(broken: Broken, rng: np.random.Generator) -> Broken:
     instance = broken.problem.target(broken.instance_id).instance
     wide = np.asarray(binary_dilation(instance.mask, iterations=2), dtype=bool)
     mask = wide if rng.random() < 0.5 else instance.mask & ~_one_side(instance.mask, 0.1, rng)
-    observation = broken.problem.observation
-    cloud = segment_cloud(observation.depth_m, observation.camera, mask, SETTINGS.cloud_points, SETTINGS.seed)
-    spoilt = replace(instance, mask=mask, points_cam=cloud)
-    others = tuple(spoilt if i.instance_id == broken.instance_id else i for i in broken.problem.instances)
-    return _changed(broken, replace(broken.problem, instances=others))
+    spoilt = seen_through(mask, instance, broken.problem.observation, SETTINGS.cloud_points)
+    instances = tuple(spoilt if i is instance else i for i in broken.problem.instances)
+    return replace(broken, problem=replace(broken.problem, instances=instances))
 
 
 def leaning_plane(broken: Broken, rng: np.random.Generator) -> Broken:
@@ -40,10 +37,9 @@ def leaning_plane(broken: Broken, rng: np.random.Generator) -> Broken:
     observation = broken.problem.observation
     if observation.support is None:
         return broken
-    turn = axis_angle(level(rng.uniform(0, 2 * np.pi)), np.deg2rad(rng.uniform(4, 8)))
-    wrong = transform(turn, [0, 0, rng.uniform(-0.005, 0.005)]) @ observation.support.T_world_cam
-    support = replace(observation.support, T_world_cam=wrong)
-    return _changed(broken, replace(broken.problem, observation=replace(observation, support=support)))
+    heading, angle_deg, down_m = rng.uniform(0, 2 * np.pi), rng.uniform(4, 8), rng.uniform(-0.005, 0.005)
+    support = leaning(observation.support, level(heading), angle_deg, down_m)
+    return replace(broken, problem=replace(broken.problem, observation=replace(observation, support=support)))
 
 
 def short_budget(broken: Broken, rng: np.random.Generator) -> Broken:
@@ -68,10 +64,6 @@ def with_second(broken: Broken, seed: int) -> tuple[Broken, Cause]:
     kinds = [cause for cause in SECOND if cause != broken.cause]
     kind = kinds[rng.integers(len(kinds))]
     return SECOND[kind](broken, rng), kind
-
-
-def _changed(broken: Broken, problem: Problem) -> Broken:
-    return replace(broken, problem=problem)
 
 
 def _one_side(mask: Mask, part: float, rng: np.random.Generator) -> Mask:

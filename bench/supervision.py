@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from verefine_viz.core.geometry import axis_angle, transform
+from bench.wrong_input import leaning, seen_through
 from verefine_viz.core.problem import Problem
-from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.curves import band
@@ -40,23 +39,20 @@ class Condition:
     """What SIR may keep of a simulated pose: all of it, or its rotation only."""
 
 
-def tilted(problem: Problem, angle_deg: float = 20.0) -> Problem:
-    """The same with a support plane that is turned about a point below the objects."""
+def tilted(problem: Problem) -> Problem:
+    """The same with a support plane that leans by 20°."""
     support = problem.observation.support
     assert support is not None
-    turn = transform(axis_angle([1, 0, 0], np.deg2rad(angle_deg)), [0, 0, 0])
-    wrong = replace(support, T_world_cam=turn @ support.T_world_cam)
+    wrong = leaning(support, np.array([1.0, 0, 0]), 20.0)
     return replace(problem, observation=replace(problem.observation, support=wrong))
 
 
-def leaking(problem: Problem, wide_px: int = 12) -> Problem:
-    """The same with masks that take in what lies around the objects, which draws the refiner away."""
-    seen = problem.observation
-    instances = []
-    for i in problem.instances:
-        mask = np.asarray(binary_dilation(i.mask, iterations=wide_px), dtype=bool)
-        cloud = segment_cloud(seen.depth_m, seen.camera, mask, len(i.points_cam), 0)
-        instances.append(replace(i, mask=mask, points_cam=cloud))
+def leaking(problem: Problem) -> Problem:
+    """The same with masks that take in 12 px of what lies around the objects, which draws the refiner away."""
+    instances = (
+        seen_through(binary_dilation(i.mask, iterations=12), i, problem.observation, len(i.points_cam))
+        for i in problem.instances
+    )
     return replace(problem, instances=tuple(instances))
 
 
@@ -117,9 +113,11 @@ def main() -> int:
     parser.add_argument("conditions", nargs="*", help="words that the names of the wanted ones begin with")
     parser.add_argument("--seeds", type=int, default=3)
     args = parser.parse_args()
-    for condition in CONDITIONS:
-        if not args.conditions or condition.name.startswith(tuple(args.conditions)):
-            print(measured(condition, args.seeds), flush=True)
+    wanted = [c for c in CONDITIONS if not args.conditions or c.name.startswith(tuple(args.conditions))]
+    if not wanted:
+        parser.error(f"no condition begins so; there are: {'; '.join(c.name for c in CONDITIONS)}")
+    for condition in wanted:
+        print(measured(condition, args.seeds), flush=True)
     return 0
 
 
