@@ -22,7 +22,7 @@ from verefine_viz.batch.tasks import TaskName
 def run_jobs(
     jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool = False, task: TaskName = "explain"
 ) -> int:
-    """Runs one job after the other, by the same workers; the exit code: 0, or 1 where frames failed.
+    """Runs one job after the other, on this machine by the same workers; the exit code: 0, or 1 where frames failed.
 
     Raises:
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.

@@ -6,16 +6,17 @@ import os
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 from verefine_viz.core.settings import Session
+
+if TYPE_CHECKING:  # It imports numpy and numba, which must wait.
+    from verefine_viz.batch.tasks import TaskName
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def work(
-    channel: connection.Connection, session: Session, out: Path, task: Literal["solve", "explain", "estimate"]
-) -> None:
+def work(channel: connection.Connection, session: Session, out: Path, task: TaskName) -> None:
     """The process's main: receives frames or another (session, out), sends results, until the channel closes."""
     # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
