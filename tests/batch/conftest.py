@@ -11,7 +11,7 @@ from tests.batch.frames import make_frames, run_batch, write_session
 N_FRAMES = 6
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its session file."""
     return write_session(
@@ -20,7 +20,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its folder, from one worker process of this machine."""
     out = tmp_path_factory.mktemp("whole") / "out"

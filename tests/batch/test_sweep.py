@@ -45,7 +45,7 @@ def test_a_run_of_a_sweep_has_the_bits_of_a_single_run(swept: Path, session: Pat
     assert without_times(swept / "rir-0") != without_times(swept / "rir-1")
 
 
-def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path, made: Made) -> None:
+def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path) -> None:
     before = {path: without_times(path) for path in sorted(swept.iterdir())}
     for lost in ("rir-0/frames/000007_000001.json", "pir-1/frames/000007_000002.json"):
         (swept / lost).unlink()
