@@ -14,11 +14,10 @@ from verefine_viz.evaluation.errors import add_s_mm
 
 
 class AgainstTruth:
-    """Judges iterations one after another; remembers the best pose, which seldom changes."""
+    """Judges iterations one after another; remembers each object's best pose, which seldom changes."""
 
     def __init__(self) -> None:
-        self._best: Best | None = None
-        self._best_mm = float("nan")
+        self._best: dict[int, tuple[Best, float]] = {}
 
     def errors(self, target: Target, iteration: Iteration) -> Float:
         """What ``Row.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
@@ -26,10 +25,12 @@ class AgainstTruth:
         if T_gt is None:
             return _UNKNOWN
         best, T_kept = iteration.best, iteration.accepted_stage.T_cam_obj
-        if self._best is not best:
-            self._best, self._best_mm = best, add_s_mm(target.model, best.T_cam_obj, T_gt)
+        known, best_mm = self._best.get(iteration.instance_id, (None, 0.0))
+        if known is not best:
+            best_mm = add_s_mm(target.model, best.T_cam_obj, T_gt)
+            self._best[iteration.instance_id] = best, best_mm
         rotation_deg, translation_m = _turn_and_shift(T_kept, T_gt, target.model.symmetries)
-        return np.array([rotation_deg, 1e3 * translation_m, self._best_mm])
+        return np.array([rotation_deg, 1e3 * translation_m, best_mm])
 
 
 _UNKNOWN = np.full(3, np.nan)

@@ -4,12 +4,14 @@ The recording itself is made in large pieces, beside the run. Iterations reach t
 opens a recording whose writer was killed has them all. The journal is removed when the recording is complete.
 
 It begins with what the recording is about (JSON). An entry is its length and its CRC-32 (4 bytes each, little-endian),
-then the counts of what follows, then the arrays, then the texts as JSON.
+then integers (what it is about, how many stages, arms, path poses, contacts, and ids, poses and numbers of
+:class:`Flat`; pixels; ids), numbers, arrays, and the texts as JSON.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import struct
 import zlib
@@ -19,19 +21,19 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.row import Row
-from verefine_viz.recording.scene_parts import Flat, flat_of, parts_of
+from verefine_viz.core.records import Iteration
+from verefine_viz.recording.row import Row, last_contacts, parts_of, pixels_of, values_of
+from verefine_viz.recording.scene_parts import Flat, flat_of
+from verefine_viz.recording.scene_parts import parts_of as scene_parts
 
-MAGIC = b"VRFJ2\n"
+MAGIC = b"VRFJ3\n"
 _FRAME = struct.Struct("<II")
-_COUNTS = struct.Struct("<14q")
-"""index, instance, object, arm, its iteration, arm and iteration of the best; then how many stages, arms, path poses,
-contacts, and how many ids, poses and numbers of :class:`Flat`."""
 
 
 class Journal:
-    """Appends rows; each is with the operating system when :meth:`append` returns."""
+    """Appends iterations; each is with the operating system when :meth:`append` returns."""
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
         """
@@ -43,12 +45,16 @@ class Journal:
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         self._write(MAGIC + _framed(json.dumps(about).encode()))
 
-    def append(self, row: Row) -> None:
+    def append(self, iteration: Iteration, errors: Float) -> None:
         """
+        Args:
+            iteration: what happened.
+            errors: what ``Row.errors`` says.
+
         Raises:
             InputError: the disk does not take it.
         """
-        self._write(encode(row))
+        self._write(encode(iteration, errors))
 
     def close(self) -> None:
         """Later calls do nothing."""
@@ -65,31 +71,57 @@ class Journal:
             raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
 
 
-def encode(row: Row) -> bytes:
-    """One entry."""
-    flat = flat_of(row.parts)
-    counts = _COUNTS.pack(
-        row.index,
-        row.instance_id,
-        row.obj_id,
-        row.arm,
-        row.arm_iteration,
-        row.best_arm,
-        row.best_iteration,
-        len(row.stages),
-        row.choice.shape[1],
-        len(row.path),
-        len(row.contacts),
+def encode(iteration: Iteration, errors: Float) -> bytes:
+    """One entry, of which the same comes back as from :func:`row_of`.
+
+    The run waits for this, so everything goes as it is, one after another; rows are made where they are drawn.
+    """
+    i, stages, best, path, choice = iteration, iteration.stages, iteration.best, iteration.path, iteration.choice
+    contacts = last_contacts(iteration)
+    flat = flat_of(parts_of(iteration))
+    numbers: list[float] = []
+    pixels: list[int] = []
+    for score in (*[s.score for s in stages], best.score):
+        numbers += values_of(score)
+        pixels += pixels_of(score)
+    numbers += [s.ms for s in stages]
+    numbers.append(i.score_ms)
+    arrays = [s.T_cam_obj for s in stages]
+    arrays += (best.T_cam_obj, errors)
+    if path is not None:
+        arrays.append(path.Ts_cam_obj)
+    if contacts is not None:
+        arrays += (contacts.points_cam, contacts.normals_cam, contacts.depths_m, contacts.forces_n)
+    if choice is not None:
+        arrays += (choice.plays, choice.mean, choice.exploration, choice.ucb)
+    arrays += flat.poses
+    counts = (
+        len(stages),
+        0 if choice is None else len(choice.plays),
+        0 if path is None else len(path.Ts_cam_obj),
+        0 if contacts is None else len(contacts.depths_m),
         len(flat.ids),
         len(flat.poses),
         len(flat.numbers),
     )
-    texts = (row.stages, row.accepted, row.best_stage, row.reason, row.event_kinds, row.event_texts, flat.texts)
-    arrays = [getattr(row, name).tobytes() for name, _, _ in _ARRAYS]
-    if flat.ids:
-        arrays += [np.array(flat.ids, "<i8").tobytes(), *(T.tobytes() for T in flat.poses)]
-        arrays.append(np.array(flat.numbers, "<f8").tobytes())
-    return _framed(b"".join((counts, *arrays, _to_json(texts).encode())))
+    texts = (
+        [s.name for s in stages],
+        i.accepted,
+        best.stage,
+        "" if choice is None else choice.reason,
+        [e.kind for e in i.events],
+        [e.text for e in i.events],
+        flat.texts,
+    )
+    ids = (i.index, i.instance_id, i.obj_id, i.arm, i.arm_iteration, best.arm, best.iteration)
+    integers = (*ids, *counts, *pixels, *flat.ids)
+    numbers += flat.numbers
+    body = [struct.pack(f"<{len(integers)}q{len(numbers)}d", *integers, *numbers)]
+    body += [array.tobytes() for array in arrays]
+    if contacts is not None:
+        body.append(contacts.others.tobytes())
+    body.append(_to_json(texts).encode())
+    return _framed(b"".join(body))
 
 
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
@@ -121,24 +153,25 @@ def _whole_entries(content: bytes) -> list[bytes]:
 
 
 def _decode(body: bytes) -> Row:
-    index, instance_id, obj_id, arm, arm_iteration, best_arm, best_iteration, *sizes = _COUNTS.unpack_from(body)
-    n_stages, n_arms, n_path, n_contacts, n_ids, n_poses, n_numbers = sizes
-    known = {"n": n_stages, "n+1": n_stages + 1, "h": n_arms, "p": n_path, "k": n_contacts}
-    at = _COUNTS.size
+    at = 0
 
     def taken(dtype: str, *shape: int) -> Any:
         nonlocal at
-        count = int(np.prod(shape, dtype=int))
-        array = np.frombuffer(body, dtype, count, at).reshape(shape)
+        array = np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape)
         at += array.nbytes
         return array
 
-    arrays = {name: taken(dtype, *(known.get(str(s), s) for s in shape)) for name, dtype, shape in _ARRAYS}
-    flat = Flat()
-    if n_ids:
-        flat.ids = taken("<i8", n_ids).tolist()
-        flat.poses = list(taken("<f8", n_poses, 4, 4))
-        flat.numbers = taken("<f8", n_numbers).tolist()
+    index, instance_id, obj_id, arm, arm_iteration, best_arm, best_iteration, *sizes = taken("<i8", 14).tolist()
+    n, n_arms, n_path, n_contacts, n_ids, n_poses, n_numbers = sizes
+    pixels = taken("<i8", n + 1, 7)
+    flat = Flat(ids=taken("<i8", n_ids).tolist())
+    scores, ms = taken("<f8", n + 1, 3), taken("<f8", n + 1)
+    flat.numbers = taken("<f8", n_numbers).tolist()
+    poses, errors, path = taken("<f8", n + 1, 4, 4), taken("<f8", 3), taken("<f8", n_path, 4, 4)
+    columns = [taken("<f8", n_contacts, width) for width in (3, 3, 1, 1)]
+    choice = taken("<f8", 4, n_arms)
+    flat.poses = list(taken("<f8", n_poses, 4, 4))
+    columns.append(taken("<i8", n_contacts, 1))
     stages, accepted, best_stage, reason, kinds, texts, flat.texts = json.loads(body[at:])
     return Row(
         index=index,
@@ -148,29 +181,25 @@ def _decode(body: bytes) -> Row:
         arm_iteration=arm_iteration,
         stages=tuple(stages),
         accepted=accepted,
+        Ts_cam_obj=poses[:-1],
+        scores=scores[:-1],
+        pixels=pixels[:-1],
         best_arm=best_arm,
         best_iteration=best_iteration,
         best_stage=best_stage,
+        T_best=poses[-1],
+        best_score=scores[-1],
+        best_pixels=pixels[-1],
+        path=path.astype(np.float32),
+        contacts=np.concatenate(columns, axis=1).astype(np.float32),
+        choice=choice,
         reason=reason,
         event_kinds=tuple(kinds),
         event_texts=tuple(texts),
-        parts=parts_of(flat),
-        **arrays,
+        errors=errors,
+        ms=ms.astype(np.float32),
+        parts=scene_parts(flat),
     )
 
 
 _to_json = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False).encode
-_ARRAYS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
-    ("Ts_cam_obj", "<f8", ("n", 4, 4)),
-    ("scores", "<f8", ("n", 3)),
-    ("pixels", "<i8", ("n", 7)),
-    ("T_best", "<f8", (4, 4)),
-    ("best_score", "<f8", (3,)),
-    ("best_pixels", "<i8", (7,)),
-    ("path", "<f4", ("p", 4, 4)),
-    ("contacts", "<f4", ("k", 9)),
-    ("choice", "<f8", (4, "h")),
-    ("errors", "<f8", (3,)),
-    ("ms", "<f4", ("n+1",)),
-)
-"""Field of :class:`Row`, type, shape."""

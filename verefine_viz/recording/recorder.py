@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import RunState, Verifier
@@ -72,7 +73,7 @@ class Recorder:
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
-        self._pending: list[Row] = []
+        self._pending: list[tuple[Iteration, Float]] = []
         self._maps: tuple[int, Maps] | None = None
         self._truth = AgainstTruth()
 
@@ -111,11 +112,11 @@ class Recorder:
             InputError: the file cannot be written any more.
         """
         assert self._file is not None, "on_start comes first"
-        row = row_of(iteration, self._truth.errors(self._targets[iteration.instance_id], iteration))
-        self._journal.append(row)
-        self._pending.append(row)
+        errors = self._truth.errors(self._targets[iteration.instance_id], iteration)
+        self._journal.append(iteration, errors)
+        self._pending.append((iteration, errors))
         if self._verifier is not None:
-            for chunks in self._pictures(self._verifier, row):
+            for chunks in self._pictures(self._verifier, row_of(iteration, errors)):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
             self.draw_now()
@@ -123,7 +124,7 @@ class Recorder:
     def draw_now(self) -> None:
         """Draws the iterations that wait for their block."""
         if self._pending and self._file is not None:
-            self._file.send(self._drawing.draw(tuple(self._pending)))
+            self._file.send(self._drawing.draw([row_of(*pending) for pending in self._pending]))
             self._pending.clear()
 
     def flush(self) -> None:

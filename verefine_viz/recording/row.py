@@ -86,8 +86,8 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
     """The columns of a record, with the ``errors`` (3,) that :class:`Row` describes."""
     best, path, choice, stages = iteration.best, iteration.path, iteration.choice, iteration.stages
     # All at once: many small arrays are what costs.
-    values = np.array([*(_values(s.score) for s in stages), _values(best.score)], np.float64)
-    pixels = np.array([*(_pixels(s.score) for s in stages), _pixels(best.score)], np.int64)
+    values = np.array([*(values_of(s.score) for s in stages), values_of(best.score)], np.float64)
+    pixels = np.array([*(pixels_of(s.score) for s in stages), pixels_of(best.score)], np.int64)
     poses = np.concatenate([*(s.T_cam_obj for s in stages), best.T_cam_obj]).reshape(-1, 4, 4)
     return Row(
         index=iteration.index,
@@ -107,7 +107,7 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
         best_score=values[-1],
         best_pixels=pixels[-1],
         path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
-        contacts=_contacts(path.contacts[-1] if path is not None and path.contacts else None),
+        contacts=_contacts(last_contacts(iteration)),
         choice=_NO_CHOICE
         if choice is None
         else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
@@ -116,26 +116,35 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
         event_texts=tuple(e.text for e in iteration.events),
         errors=errors,
         ms=np.array([*(s.ms for s in stages), iteration.score_ms], np.float32),
-        parts=_parts(iteration),
+        parts=parts_of(iteration),
     )
 
 
 _NO_CHOICE = np.zeros((4, 0))
 
 
-def _parts(iteration: Iteration) -> SceneParts:
+def parts_of(iteration: Iteration) -> SceneParts:
+    """What it says about other objects and the scene."""
     i = iteration
     if not i.placed and i.scene_pass is None and i.scene is None and i.tree is None:
         return ALONE
     return SceneParts(i.placed, i.scene_pass, i.scene, i.tree)
 
 
-def _values(score: PoseScore | None) -> tuple[float, float, float]:
+def values_of(score: PoseScore | None) -> tuple[float, float, float]:
+    """A row of ``Row.scores``."""
     return NOT_JUDGED if score is None else (score.score, score.depth_fit, score.normal_fit)
 
 
-def _pixels(score: PoseScore | None) -> tuple[int, ...]:
+def pixels_of(score: PoseScore | None) -> tuple[int, ...]:
+    """A row of ``Row.pixels``."""
     return NO_PIXELS if score is None else (score.n_pixels, score.n_rendered, *score.counts)
+
+
+def last_contacts(iteration: Iteration) -> Contacts | None:
+    """The contacts at the end of its simulation."""
+    path = iteration.path
+    return path.contacts[-1] if path is not None and path.contacts else None
 
 
 def _contacts(contacts: Contacts | None) -> NDArray[np.float32]:
