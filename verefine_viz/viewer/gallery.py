@@ -112,8 +112,8 @@ class Gallery:
         """
         asked = order, dict(only)
         if self._shown[0] != asked:
-            passed = set(map(id, self.matching(only)))
-            self._shown = asked, tuple(entry for entry in self.sorted_by(order) if id(entry) in passed)
+            passed = set(self.matching(only))
+            self._shown = asked, tuple(entry for entry in self.sorted_by(order) if entry in passed)
         return self._shown[1]
 
     def matching(self, only: Mapping[str, str]) -> tuple[Entry, ...]:
