@@ -52,7 +52,7 @@ def passes_table(view: View, newest: int = 8) -> str:
             f"{p.record.incumbent_score:.3f}{' ★' if p.best_pass == p.number else ''}",
             f"{p.record.reward:.3f}",
         ]
-        rows.append(Row(cells, visit(view, view.iterations[p.iteration - 1]), marked=p.iteration == view.cursor))
+        rows.append(Row(cells, visit(view, view.at(p.iteration)), marked=p.iteration == view.cursor))
     head = [
         ("no.", "click to go to the iteration that closed it; cluster.pass"),
         ("pass", TERMS["pass score"]),

@@ -136,6 +136,10 @@ class View:
     sides: SidesView | None = None
     """The comparison with another run; None = this one is looked at alone."""
 
+    def at(self, index: int) -> Iteration:
+        """Iteration ``index``, from 1: every run numbers them without a gap, also where it was forked or read."""
+        return self.iterations[index - 1]
+
     @property
     def name(self) -> str:
         """The object in focus, for people."""

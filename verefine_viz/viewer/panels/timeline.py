@@ -46,12 +46,13 @@ def strip(view: View) -> str:
     parts = _cells(view, cell) if total <= MOST_CELLS else _runs(view, cell)
     parts += _objects(view, cell)
     parts += _passes(view, cell)
-    marks = [m for m in view.marks if is_shown(view, view.iterations[m.iteration - 1])]
+    marks = [m for m in view.marks if is_shown(view, view.at(m.iteration))]
     for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
         x = (mark.iteration - 0.5) * cell
-        draw = _star if mark.kind == "new_best_scene" else _triangle
-        to = visit(view, view.iterations[mark.iteration - 1])
-        parts.append(draw(x, mark.color, to, f"iteration {mark.iteration}: {mark.text}", mark.kind == "new_best"))
+        shape = _star(x) if mark.kind == "new_best_scene" else _triangle(x, small=mark.kind == "new_best")
+        title = text(f"iteration {mark.iteration}: {mark.text}")
+        to = carries(visit(view, view.at(mark.iteration)))
+        parts.append(f'<g {to}><polygon points="{shape}" fill="rgb{mark.color}"/><title>{title}</title></g>')
     x = view.cursor * cell - cell / 2 if view.cursor else 0
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
@@ -156,15 +157,10 @@ def _passes(view: View, cell: float) -> list[str]:
     return parts
 
 
-def _star(x: float, color: RGB, to: c.Command, title: str, small: bool) -> str:
-    points = " ".join(f"{x + dx:.1f},{6 + dy}" for dx, dy in ((0, -6), (4, 0), (0, 6), (-4, 0)))
-    return _mark(points, color, to, title)
+def _star(x: float) -> str:
+    return " ".join(f"{x + dx:.1f},{6 + dy}" for dx, dy in ((0, -6), (4, 0), (0, 6), (-4, 0)))
 
 
-def _triangle(x: float, color: RGB, to: c.Command, title: str, small: bool) -> str:
+def _triangle(x: float, small: bool) -> str:
     half, top = (3, 6) if small else (5.5, 1)
-    return _mark(f"{x - half:.1f},{top} {x + half:.1f},{top} {x:.1f},12", color, to, title)
-
-
-def _mark(points: str, color: RGB, to: c.Command, title: str) -> str:
-    return f'<g {carries(to)}><polygon points="{points}" fill="rgb{color}"/><title>{text(title)}</title></g>'
+    return f"{x - half:.1f},{top} {x + half:.1f},{top} {x:.1f},12"
