@@ -124,7 +124,7 @@ def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
     assert "ZeroDivisionError" in app.debugger.message
-    assert app.debugger.goal is None
+    assert app.debugger.running.goal is None
 
 
 def test_every_panel_has_something_to_say_everywhere(app: App) -> None:

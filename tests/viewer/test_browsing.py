@@ -87,6 +87,18 @@ def test_what_is_logged_leads_there_again(debugger: Debugger, several: Gallery) 
     assert not any(isinstance(command, c.OpenFailure) for command in debugger.log)
 
 
+def test_the_log_shows_what_was_shown_where_the_last_iteration_was_asked_for(
+    debugger: Debugger, several: Gallery
+) -> None:
+    total = 12
+    debugger.carry_out([c.OpenAt("0/2", total, "rir", 1)])
+    assert debugger.look.stage is not None
+    again = Debugger(several.session(several.worst.run), None, FakeTools, batch=several).carry_out(debugger.log)
+    assert again.look == debugger.look
+    debugger.carry_out([c.Restart(), c.RunTo(total)])
+    assert debugger.view().is_answer, "of this run no iteration was asked for"
+
+
 def test_a_run_that_was_left_is_opened_with_its_own_session_again(debugger: Debugger, several: Gallery) -> None:
     failure = several.opens(several.entries[1])
     debugger.carry_out([failure, c.Fork((("method.exploration", 0.0),), 0, run=True)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,11 @@ from tests.viewer.test_app import until
 from tests.viewer.tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.compare import computing
 
 
@@ -70,6 +73,36 @@ def test_a_branch_can_be_b_and_is_refused_when_there_is_none() -> None:
     assert d.view().sides is None, "a restart takes the branches away, and with them the comparison"
     with pytest.raises(InputError, match="there is no branch 1 to compare with; this frame has 1"):
         d.carry_out([s.CompareBranch(1)])
+
+
+class FewerStarts(FakeTools):
+    """As many first poses as the session says, in the order of the session."""
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        most = self.session.hypotheses.max_per_object or 3
+        instances = tuple(replace(i, hypotheses=i.hypotheses[:most]) for i in problem.instances)
+        return self.ordered(replace(problem, instances=instances))
+
+
+def test_b_with_other_first_poses_and_another_order_is_shown_as_it_is() -> None:
+    d = Debugger(SESSION, None, FewerStarts).carry_out([TWO])
+    changes = (("hypotheses.max_per_object", 1), ("dependency.order", (("#1", "#0"),)), ("method.name", "vf_breadth"))
+    view = d.carry_out([s.CompareRun(changes), s.SwapSides(), c.ShowScene()]).view()
+    problem = d.workspace.run.problem
+    assert view.problem is problem
+    assert [o.instance_id for o in view.scene.objects] == [1, 0]
+    assert all(o.target.instance is problem.target(o.instance_id).instance for o in view.scene.objects)
+
+
+def test_b_that_became_the_open_run_is_restarted_and_kept_with_its_own_settings() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), s.SwapSides()])
+    assert d.workspace.session.method.name == "sir"
+    assert d.carry_out([s.SwapSides()]).workspace.session.method.name == "rir"
+    d.carry_out([s.SwapSides(), c.Restart((("method.iterations", 3),)), c.RunUntil("end")])
+    assert d.view().session.method.name == "sir"
+    assert d.workspace.run.length == 6
+    assert d.carry_out([c.OpenFrame("0/1")]).view().session.method.name == "sir", "as all frames of the session"
 
 
 @pytest.mark.parametrize(

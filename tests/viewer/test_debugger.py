@@ -113,7 +113,7 @@ def test_run_stops_at_the_end_and_a_pause_keeps_what_was_made() -> None:
     d.apply(c.RunUntil("end"))
     d.tick()
     d.apply(c.TogglePause())
-    assert d.goal is None
+    assert d.running.goal is None
     assert d.workspace.run.length == 1
     d.carry_out([c.TogglePause()])
     assert d.workspace.run.is_done
@@ -138,6 +138,19 @@ def test_fork_with_changed_settings_shares_the_past() -> None:
     assert "exploration = 5.0" in second.name
 
 
+def test_a_fork_is_restarted_with_the_settings_it_shows() -> None:
+    d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 5.0),)), c.Restart((("score.tau_m", 0.01),))])
+    assert (d.workspace.session.method.exploration, d.workspace.session.score.tau_m) == (5.0, 0.01)
+    assert d.workspace.session.changes == ()
+
+
+def test_the_time_left_is_that_of_the_open_run() -> None:
+    d = debugger()
+    assert d.view().progress.remaining_s is None
+    assert (d.carry_out([c.Step()]).view().progress.remaining_s or 0.0) > 0.0
+    assert d.carry_out([c.OpenFrame("0/2")]).view().progress.remaining_s is None, "it may be far slower"
+
+
 def test_edited_pose_is_scored_and_continued_from() -> None:
     d = debugger().carry_out([c.Step(), c.SelectArm(1), c.EditPose()])
     T_gt = d.view().target.instance.T_cam_obj_gt
@@ -149,6 +162,7 @@ def test_edited_pose_is_scored_and_continued_from() -> None:
     d.carry_out([c.ForkFromPose()])
     assert d.workspace.run.state.objects[0].arms[1].current.stage == "edited"
     assert d.workspace.session.edits[0].hypothesis == 1
+    assert d.view().session.edits == d.workspace.session.edits
     d.carry_out([c.RunUntil("end")])
     assert d.workspace.run.final_state.best[0].score.score == pytest.approx(1.0)
 
@@ -185,9 +199,9 @@ def test_looking_does_not_stop_a_run() -> None:
     d.apply(c.RunUntil("end"))
     d.tick()
     d.apply(c.ColorCloud())
-    assert d.goal == "end"
+    assert d.running.goal == "end"
     d.apply(c.Seek(0))
-    assert d.goal is None
+    assert d.running.goal is None
 
 
 def test_saved_session_repeats_the_run(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.replay import verify
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
 
@@ -89,6 +90,13 @@ def test_of_a_fork_from_before_a_change_keeps_the_change(debugger: Debugger) -> 
     recorded = read_recording(exported(debugger))
     assert [(k.after_iteration, k.settings) for k in recorded.session.changes] == [(1, {"physics": {"steps": 7}})]
     assert verify(recorded.path) is None
+
+
+def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
+    debugger.carry_out([c.RunUntil("end"), s.CompareRun((("method.name", "sir"),)), s.SwapSides()])
+    path = exported(debugger)
+    assert read_recording(path).session.method.name == "sir"
+    assert verify(path) is None
 
 
 def test_of_other_first_poses(tmp_path: Path) -> None:

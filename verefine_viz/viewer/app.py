@@ -155,7 +155,7 @@ class App:
                 self._carry_out(command)
             except Exception as error:  # The page must live on: what went wrong is shown.
                 self._animation = self._later = None
-                self.debugger.goal = None
+                self.debugger.running.pause()
                 self.debugger.comparing.pause()
                 self.debugger.message = str(error)
                 if not isinstance(error, VerefineError):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.session.engine import Run
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.gallery import PAGE, Entry, Gallery
 from verefine_viz.viewer.gallery_commands import OpenAt, OpenFailure, OpenPoint
@@ -29,7 +30,7 @@ class Browsing:
         self.gallery, self._workspace = gallery, workspace
         self._run = gallery.worst.run if gallery is not None else ""
         self._last: Entry | None = None
-        self._asked: int | None = None
+        self._asked: tuple[Run, int] | None = None
 
     def resolved(self, command: Command, look: Look) -> Command:
         """The opening that a command about the gallery stands for; any other command as it is.
@@ -68,17 +69,17 @@ class Browsing:
         gallery = self.gallery
         if command.run and (gallery is None or command.run not in gallery.runs):
             raise InputError(unknown("run", command.run, gallery.runs if gallery else ()))
-        run, self._asked = command.run or self._run, command.iteration
+        run = command.run or self._run
         if gallery is None or self._workspace.tools.session == gallery.session(run):
             self._workspace.open_frame(command.frame)
         else:
             self._workspace.open(gallery.session(run), None, command.frame)
-        if gallery is None:
-            return
-        self._run = run
-        if self._workspace.work.sides is None:
-            self._workspace.work.index = 0
-        self._last = gallery.entry(run, command.frame, command.instance)
+        if gallery is not None:
+            self._run = run
+            if self._workspace.work.sides is None:
+                self._workspace.work.index = 0
+            self._last = gallery.entry(run, command.frame, command.instance)
+        self._asked = self._workspace.run, command.iteration
 
     def look(self, look: Look, command: OpenAt) -> Look:
         """``look`` with the object in focus, at the iteration, and on the gallery's page that holds it."""
@@ -86,14 +87,14 @@ class Browsing:
         look = replace(look, focus=command.instance if command.instance in ids else None)
         shown = self.gallery.shown(look.batch_order, look.batch_only) if self.gallery else ()
         look = replace(look, batch_page=shown.index(self._last) // PAGE) if self._last in shown else look
-        return self.reached(look, self._workspace.run.cursor)
+        return replace(look, stage=self.stage_asked_for(self._workspace.run.cursor))
 
-    def reached(self, look: Look, iteration: int) -> Look:
-        """``look`` at the iteration that was asked for itself, also where the end of the run would show its answer."""
+    def stage_asked_for(self, iteration: int) -> str | None:
+        """What shows the iteration that was asked for itself where the end of the run would show its answer."""
         run = self._workspace.run
-        if iteration != self._asked or not run.at_end or run.iteration is None:
-            return look
-        return replace(look, stage=run.iteration.stages[-1].name)
+        if self._asked != (run, iteration) or not run.at_end or run.iteration is None:
+            return None
+        return run.iteration.stages[-1].name
 
     def entry(self, instance_id: int) -> Entry | None:
         """What the batch says about an object of the open frame; None where something else is open."""

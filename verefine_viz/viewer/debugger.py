@@ -5,11 +5,9 @@ The page is one way to drive it; a list of commands is another, with the same re
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -18,7 +16,6 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import BreakpointSettings, Session
-from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
@@ -30,6 +27,7 @@ from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
 from verefine_viz.viewer.reordering import as_restart
+from verefine_viz.viewer.running import OVER, Running
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
@@ -69,8 +67,6 @@ class Debugger:
         self.workspace = Workspace(session, path, make_tools, plausibility, tell, overlap)
         self.demos = demos
         self.look = Look()
-        self.goal: c.Goal | int | None = None
-        """What is being run to; a number is a length of the timeline."""
         self.message = ""
         self.kept: tuple[Path, ...] = ()
         self.log: list[c.Command] = []
@@ -79,7 +75,7 @@ class Debugger:
         self._list_sessions = sessions
         self.sessions = sessions()
         self.browsing = Browsing(batch, self.workspace)
-        self._seconds: deque[float] = deque(maxlen=20)
+        self.running = Running(self)
         self.comparing = Comparing(self)
 
     # Driving it
@@ -96,15 +92,15 @@ class Debugger:
         self.comparing.before(command)
         if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
             if not _may_wait(command):
-                self.pause()
+                self.running.pause()
             self._do(command)
             self.log.extend(_as_done(command, self.workspace.run.cursor))
             return
         if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and was_busy):
-            self.pause()
+            self.running.pause()
             return
-        self.pause()
-        self._run_on(command)
+        self.running.pause()
+        self.running.begin(command)
 
     def carry_out(self, commands: Iterable[c.Command]) -> Debugger:
         """Every command in order, each to its end."""
@@ -115,40 +111,21 @@ class Debugger:
         return self
 
     def tick(self) -> Iteration | None:
-        """One iteration of the run that is on, or None if it came to its end."""
-        run = self.workspace.run
-        if self.goal is None:
-            self.comparing.tick()
-            return None
-        if run.is_done or (isinstance(self.goal, int) and run.length >= self.goal):
-            self.pause()
-            return None
-        run.seek(run.length)
-        began = perf_counter()
-        iteration = run.step()
-        self._seconds.append(perf_counter() - began)
-        self.look = self.look.moved()
-        self._stop_if_reached(iteration)
-        return iteration
+        """One iteration of the open run, or else of B; None where the open one has none to make."""
+        if self.running.goal is not None:
+            return self.running.tick()
+        self.comparing.tick()
+        return None
 
     @property
     def is_busy(self) -> bool:
         """Whether a run is on, be it A's or B's."""
-        return self.goal is not None or self.comparing.is_running
+        return self.running.goal is not None or self.comparing.is_running
 
-    def pause(self) -> None:
-        """Stops a run after the iteration at hand."""
-        if self.goal is not None:
-            self.goal = None
-            self.log.append(c.RunTo(self.workspace.run.length))
-
-    @property
-    def remaining_s(self) -> float | None:
-        """Estimated time to the end of the run [s]."""
-        if not self._seconds:
-            return None
-        run = self.workspace.run
-        return (run.n_iterations - run.length) * sum(self._seconds) / len(self._seconds)
+    def seek(self, cursor: int) -> None:
+        """Looks at an iteration of the history as a whole."""
+        self.workspace.run.seek(cursor)
+        self.look = self.look.moved()
 
     def view(self, deep: bool = True) -> View:
         """What is to be seen now; without score maps and plausibility if not ``deep``."""
@@ -159,7 +136,7 @@ class Debugger:
     def _do(self, command: c.Command) -> None:
         if self.comparing.do(command):
             return
-        command = as_restart(command, self.workspace.work.problem, self.workspace.tools.session.dependency)
+        command = as_restart(command, self.workspace.work.problem, self.workspace.branch.tools.session.dependency)
         look = asked(looking.changed(self.look, command), command, self.workspace.run, self.look)
         if look is not None:
             self._check(look)
@@ -171,14 +148,14 @@ class Debugger:
             case c.StepStage():
                 self._step_stage()
             case c.Back():
-                self._seek(max(self.workspace.run.cursor - 1, 0))
+                self.seek(max(self.workspace.run.cursor - 1, 0))
             case c.Seek(cursor):
-                self._seek(min(max(cursor, 0), self.workspace.run.length))
+                self.seek(min(max(cursor, 0), self.workspace.run.length))
             case c.SeekStage(cursor, stage):
-                self._seek(cursor)
+                self.seek(cursor)
                 self.look = replace(self.look, stage=stage)
             case c.SeekEnd():
-                self._seek(self.workspace.run.length)
+                self.seek(self.workspace.run.length)
             case c.SeekEvent(direction):
                 self._seek_event(direction)
             case c.Restart(changes):
@@ -191,7 +168,7 @@ class Debugger:
                 self.browsing.enter(command)
                 run = self.workspace.run
                 run.seek(min(max(iteration, 0), run.length))
-                self.goal = iteration if iteration > run.length and not run.is_done else None
+                self.running.goal = iteration if iteration > run.length and not run.is_done else None
                 self.look = self.browsing.look(self.look.afresh(), command)
             case c.OpenDemo(name):
                 self._open_demo(name)
@@ -205,7 +182,7 @@ class Debugger:
                 at = self.workspace.run.cursor if cursor is None else cursor
                 self.workspace.fork(at, changes)
                 self.look = self.look.moved()
-                self.goal = "end" if run else None
+                self.running.goal = "end" if run else None
             case c.ForkFromPose():
                 self._fork_from_pose()
             case c.ShowBranch(index):
@@ -232,15 +209,10 @@ class Debugger:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
 
     def _step(self) -> None:
-        run = self.workspace.run
-        if run.at_end:
-            self.message = "The run is over. Restart it, or fork it with other settings."
-            return
-        began, length = perf_counter(), run.length
-        run.step()
-        if run.length > length:
-            self._seconds.append(perf_counter() - began)
-        self.look = self.look.moved()
+        if self.workspace.run.at_end:
+            self.message = OVER
+        else:
+            self.running.step()
 
     def _step_stage(self) -> None:
         iteration = self.workspace.run.iteration
@@ -256,10 +228,6 @@ class Debugger:
         else:
             self._step()
 
-    def _seek(self, cursor: int) -> None:
-        self.workspace.run.seek(cursor)
-        self.look = self.look.moved()
-
     def _seek_event(self, direction: int) -> None:
         cursor = self.workspace.run.cursor
         places = jumps(self.workspace.branch.marks(self.look.focus))
@@ -267,41 +235,7 @@ class Debugger:
         if not ahead:
             self.message = "No further mark there." if direction > 0 else "No earlier mark."
             return
-        self._seek(min(ahead) if direction > 0 else max(ahead))
-
-    def _run_on(self, command: c.Command) -> None:
-        run = self.workspace.run
-        if isinstance(command, c.RunTo):
-            self.goal = command.length
-            return
-        goal: c.Goal = command.goal if isinstance(command, c.RunUntil) else "end"
-        if goal == "event":
-            ahead = [k for k in jumps(self.workspace.branch.marks()) if k > run.cursor]
-            if ahead:
-                self._seek(ahead[0])
-                self.log.append(c.Seek(ahead[0]))
-                return
-        if run.is_done:
-            self._seek(run.length)
-            self.log.append(c.SeekEnd())
-            self.message = "The run is over. Restart it, or fork it with other settings."
-            return
-        self.goal = goal
-
-    def _stop_if_reached(self, iteration: Iteration) -> None:
-        if isinstance(self.goal, int):
-            if self.workspace.run.length >= self.goal:
-                self.look = self.browsing.reached(self.look, self.goal)
-                self.pause()
-            return
-        reasons = hits(self.workspace.breakpoints, self.workspace.work.problem, iteration)
-        if reasons:
-            self.message = f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}"
-            self.pause()
-        elif self.goal == "event" and jumps(
-            [m for m in self.workspace.branch.marks() if m.iteration == iteration.index]
-        ):
-            self.pause()
+        self.seek(min(ahead) if direction > 0 else max(ahead))
 
     def _reset_look(self) -> None:
         self.look = self.look.afresh()

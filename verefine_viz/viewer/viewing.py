@@ -51,9 +51,9 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
-    running = debugger.goal is not None
+    running = debugger.running.goal is not None
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
-    progress = Progress(run.length, run.n_iterations, running, debugger.remaining_s)
+    progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
     if look.whole_scene and len(scene.objects) > 1:
         map_target = scene_target(work.problem)
         first = _first_poses(branch) if answer else None
@@ -63,7 +63,9 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         a = _side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep)
         b = _side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep)
     return View(
-        session=branch.tools.session.model_copy(update={"breakpoints": space.breakpoints}),
+        session=branch.tools.session.model_copy(
+            update={"breakpoints": space.breakpoints, "edits": space.session.edits}
+        ),
         session_path=space.path,
         frames=space.frames,
         frame=space.frame,
@@ -71,7 +73,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         sessions=debugger.sessions,
         batch=debugger.browsing.gallery,
         entry=debugger.browsing.entry(target.instance.instance_id),
-        problem=run.problem,
+        problem=work.problem,
         branches=tuple(_summary(b) for b in work.branches),
         branch=work.index,
         cursor=run.cursor,

@@ -47,6 +47,8 @@ class Branch:
     name: str
     run: Run
     tools: Tools
+    start: Session
+    """The settings it began with."""
     changes: tuple[Change, ...]
     """Settings changed on the way, as a session file keeps them."""
     judge: Judge
@@ -70,7 +72,6 @@ class Branch:
 class FrameWork:
     """A frame with its runs."""
 
-    problem: Problem
     branches: list[Branch]
     index: int = 0
     sides: Sides | None = None
@@ -79,6 +80,11 @@ class FrameWork:
     @property
     def branch(self) -> Branch:
         return self.branches[self.index]
+
+    @property
+    def problem(self) -> Problem:
+        """What the open branch solves; others of the frame may have other first poses, or another order."""
+        return self.branch.run.problem
 
 
 class Workspace:
@@ -143,19 +149,22 @@ class Workspace:
     @property
     def session(self) -> Session:
         """What a session file has to say to repeat the run that is open."""
-        moved = self.tools.session.edits if self.branch.recording else self.run.edits
-        edits = {"edits": moved, "changes": self.branch.changes, "breakpoints": self.breakpoints}
-        return self.tools.session.model_copy(update=edits)
+        branch = self.branch
+        moved = branch.start.edits if branch.recording else branch.run.edits
+        return branch.start.model_copy(
+            update={"edits": moved, "changes": branch.changes, "breakpoints": self.breakpoints}
+        )
 
     def restart(self, changes: Changes) -> None:
-        """Back to before iteration 1, with settings changed if any; other branches go.
+        """Back to before iteration 1, with the settings of the open branch, changed if any; other branches go.
 
         New first poses (``hypotheses.*``) open the session anew, without poses moved and settings changed on the way.
         """
+        old = self.branch.tools
         pool = nested(changes).pop("hypotheses", None)
         if pool:
             rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
-            tools = self.tools.restarted(nested(rest)) if rest else self.tools
+            tools = old.restarted(nested(rest)) if rest else old
             try:
                 hypotheses = HypothesesSettings.model_validate(tools.session.hypotheses.model_dump() | pool)
             except ValueError:
@@ -163,10 +172,10 @@ class Workspace:
             update = {"hypotheses": hypotheses, "edits": (), "changes": (), "breakpoints": self.breakpoints}
             self.open(tools.session.model_copy(update=update), self.path, self.frame)
             return
-        tools = self.tools.restarted(nested(changes)) if changes else self.tools
+        tools = old.restarted(nested(changes)) if changes else old
         problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
         work = self._begin(tools, problem)
-        if changes:  # The other frames were run with other settings.
+        if tools is not self.tools:  # The other frames were run with other settings.
             self._works = {}
         self.tools, self._works[self.frame] = tools, work
 
@@ -193,7 +202,8 @@ class Workspace:
             run = run.fork(0, None, edit) if edit is not None else run
         else:
             run = old.run.fork(cursor, tools.method if new else None, edit)
-        self.work.branches.append(Branch(_name(cursor, changes, edit), run, tools, kept, self._judge(tools)))
+        name = _name(cursor, changes, edit)
+        self.work.branches.append(Branch(name, run, tools, old.start, kept, self._judge(tools)))
         self.work.index = len(self.work.branches) - 1
 
     def open_recording(self, path: Path) -> None:
@@ -208,15 +218,15 @@ class Workspace:
         branch = self.recorded_branch(recorded, tools, tools.problem(recorded.frame))
         self.tools, self.path, self.frames = tools, None, (recorded.frame,)
         self.breakpoints = session.breakpoints
-        self.frame, self._works = recorded.frame, {recorded.frame: FrameWork(branch.run.problem, [branch])}
+        self.frame, self._works = recorded.frame, {recorded.frame: FrameWork([branch])}
 
     def recorded_branch(self, recorded: Recorded, tools: Tools, problem: Problem) -> Branch:
         """A recording as a branch."""
         # Rerun takes a second to load, and most sessions never read a recording.
         from verefine_viz.recording.playback import played
 
-        run, path = played(recorded, problem), recorded.path
-        return Branch(path.name, run, tools, tools.session.changes, self._judge(tools), path)
+        run, path, session = played(recorded, problem), recorded.path, tools.session
+        return Branch(path.name, run, tools, session, session.changes, self._judge(tools), path)
 
     def tools_of(self, session: Session) -> Tools:
         """What runs a session's method."""
@@ -225,12 +235,12 @@ class Workspace:
     def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
         self._tell(preparing(problem, tools.session))
-        return Branch(name, tools.run(problem), tools, tools.session.changes, self._judge(tools))
+        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._judge(tools))
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
-        return FrameWork(problem, [self.new_branch("first run", tools, problem)])
+        return FrameWork([self.new_branch("first run", tools, problem)])
 
     def _judge(self, tools: Tools) -> Judge:
         return Judge(tools, self._plausibility, self._overlap)
