@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.geometry import apply
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.scene_now import labels_of
 from verefine_viz.viewer.scene_words import ALONE, method_name
 
@@ -32,13 +33,18 @@ def carried(view: View) -> tuple[Carried, ...]:
     method = view.session.method.name
     if method not in ALONE or method == "refine" or not view.session.physics.enabled:
         return ()
-    labels = labels_of(view.problem)
+    return _carried(view.problem)
+
+
+@lru_cache(maxsize=4)
+def _carried(problem: Problem) -> tuple[Carried, ...]:
+    labels = labels_of(problem)
     on: dict[int, list[str]] = {}
-    for edge in view.problem.dependencies.edges if view.problem.dependencies else ():
+    for edge in problem.dependencies.edges if problem.dependencies else ():
         if edge.kind == "support" and edge.state != "cut" and edge.first in labels and edge.second in labels:
             on.setdefault(edge.second, []).append(labels[edge.first])
     found = []
-    for target in view.problem.targets:
+    for target in problem.targets:
         own = target.instance.instance_id
         height_m = height_above_plane_m(target)
         if own in on:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
+from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.view import View
 
 PLANE_SHARE = 0.5
@@ -85,7 +86,7 @@ def _far_start(view: View) -> list[Finding]:
     _, j, errors = min(known, key=lambda k: k[0])
     best = view.poses.get("best")
     found = [best.errors if best is not None else None, *(errors for _, _, errors in view.error_series[-1:])]
-    arrived = any(e is not None and e.relative < 0.1 for e in found)
+    arrived = any(is_correct(e) for e in found)
     if errors.relative < FAR or arrived:
         return []
     off = (
@@ -106,7 +107,7 @@ def _alone(view: View) -> list[Finding]:
         return []
     command = c.Restart((("method.name", "vf_breadth"),))
     answers = [view.scene.object(one.instance_id).errors for one in carried(view)]
-    arrived = view.is_answer and all(e is not None and e.relative < 0.1 for e in answers)
+    arrived = view.is_answer and all(is_correct(e) for e in answers)
     return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
 
 
@@ -134,7 +135,7 @@ def _starved(view: View) -> list[Finding]:
     error, j = min(known)
     fair = len(view.own_iterations) / len(pulls)
     best = view.poses["best"]
-    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or best.errors.relative < 0.1:
+    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
         return []
     if _prefers_wrong(view):
         return []  # More turns would not have helped it.
@@ -156,7 +157,7 @@ def _wrong_score(view: View) -> list[Finding]:
     best, truth = view.poses.get("best"), view.truth
     if not _is_over(view) or best is None or truth is None or truth.score is None:
         return []
-    if best.errors is None or best.score is None or best.errors.relative < 0.1:
+    if best.errors is None or best.score is None or is_correct(best.errors):
         return []
     wrong, true = best.score, truth.score
     how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
@@ -135,9 +137,14 @@ def are_near(one: Placed, other: Placed) -> bool:
 
 
 def _sphere(placed: Placed) -> tuple[Float, float]:
-    low, high = placed.model.points.min(axis=0), placed.model.points.max(axis=0)
-    centre = placed.T_cam_obj[:3, :3] @ ((low + high) / 2) + placed.T_cam_obj[:3, 3]
-    return centre, float(np.linalg.norm(high - low)) / 2
+    centre_obj, radius_m = _sphere_of(placed.model)
+    return placed.T_cam_obj[:3, :3] @ centre_obj + placed.T_cam_obj[:3, 3], radius_m
+
+
+@lru_cache(maxsize=64)
+def _sphere_of(model: ObjectModel) -> tuple[Float, float]:
+    low, high = model.points.min(axis=0), model.points.max(axis=0)
+    return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
 
 
 def _key(kind: str, target: Target, T_cam_obj: Float) -> Key:

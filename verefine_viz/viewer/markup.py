@@ -135,7 +135,6 @@ STYLE = """<style>
 .vz img{image-rendering:pixelated;display:block;width:100%}
 .vz img[data-cmd]{cursor:crosshair}
 .vz .cut{display:inline-block;max-width:104px;overflow:hidden;text-overflow:ellipsis;vertical-align:bottom}
-.vz .map{position:relative}
 .vz .cb{height:7px;border-radius:2px;margin-top:3px}
 .vz .ticks{display:flex;justify-content:space-between;font-size:10px;opacity:.8;line-height:1.2}
 .vz.strip table{table-layout:fixed;margin:0}

@@ -12,6 +12,7 @@ from verefine_viz.core.colormaps import Image
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.records import Contacts
 from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_of
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.maps import map_image
@@ -125,6 +126,7 @@ class SceneView:
         self._add_camera(view)
         self._add_ground(view)
         self._contacts = None
+        self._contacts_shown: Contacts | None = None
         self._balance = scene.add_line_segments(
             "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
@@ -255,6 +257,10 @@ class SceneView:
             if self._contacts is not None:
                 self._contacts.visible = False
             return
+        if contacts is self._contacts_shown and self._contacts is not None:
+            self._contacts.visible = True
+            return
+        self._contacts_shown = contacts
         length = 0.35 * view.target.model.diameter_m
         ends = np.stack([contacts.points_cam - length * contacts.normals_cam, contacts.points_cam], axis=1)
         deep = contacts.depths_m > 0.001

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.scene_now import ClosedPass, SceneNow, labels_of
 from verefine_viz.viewer.tree import tree_of
 
@@ -41,7 +42,7 @@ def scene_outcome(scene: SceneNow) -> str:
     known = [o for o in answered if o.errors is not None]
     said = f"Run finished: {len(answered)} of {len(scene.objects)} objects have a pose"
     if known:
-        wrong = [o.label for o in known if o.errors is not None and o.errors.relative >= 0.1]
+        wrong = [o.label for o in known if not is_correct(o.errors)]
         said += f", {len(known) - len(wrong)} of {len(known)} within 10 % of their diameter"
         said += f" (not {', '.join(wrong[:3])}{', …' if len(wrong) > 3 else ''})" if wrong else ""
     return f"{said}."

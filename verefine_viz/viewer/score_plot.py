@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from verefine_viz.batch.misled import misled
+from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.gallery import ALL, Entry, Gallery
 from verefine_viz.viewer.gallery_commands import OpenPoint
 from verefine_viz.viewer.markup import carries, text
@@ -16,7 +17,6 @@ LEFT, RIGHT, TOP, BOTTOM = 26, 6, 5, 26
 """Room for labels."""
 SMALLEST, LARGEST = 0.003, 2.0
 """Ends of the axis of errors, as a share of the diameter; what lies beyond is drawn at the end."""
-CORRECT = 0.1
 REACH_PX = 14.0
 """A click further away than this from any point is about none."""
 _TICKS = (0.01, 0.03, 0.1, 0.3, 1.0)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
@@ -128,7 +129,7 @@ class Painter:
         return self._sources[place]
 
 
-def _drawn(target: Target, poses: dict) -> str:
+def _drawn(target: Target, poses: Mapping[str, Float]) -> str:
     window = window_around(target, list(poses.values()))
     camera = window.camera(target.observation.camera, WIDTH_PX)
     image = background(target, window, WIDTH_PX)

@@ -6,6 +6,7 @@ import viser
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.carrying import alone_hint, carried
+from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.scene_words import TERMS, overlap_sentence, standing_sentence
@@ -99,7 +100,7 @@ def _scene_row(view: View) -> Row:
 
 
 def _scene_error(view: View) -> str:
-    known = [o.errors.relative < 0.1 for o in view.scene.objects if o.errors is not None]
+    known = [is_correct(o.errors) for o in view.scene.objects if o.errors is not None]
     return f'<span title="so many are within 10 % of their diameter">{sum(known)}/{len(known)} ✓</span>'
 
 
@@ -111,7 +112,7 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         order = f"{o.cluster}.{1 + sum(p.cluster == o.cluster and p.order < o.order for p in view.scene.objects)}"
     label, tip = PHASES[o.phase]
     error = "" if o.errors is None else f"{o.errors.add_s_mm:.1f}"
-    if o.errors is not None and o.errors.relative < 0.1:
+    if is_correct(o.errors):
         error = f"<b>{error}</b>"
     cells = [
         f"{order}",
