@@ -52,6 +52,13 @@ def test_an_iteration_is_told_in_the_order_it_happened() -> None:
     assert places == sorted(places)
 
 
+def test_what_nobody_judged_is_called_so() -> None:
+    said = words.headline(after(c.Step(), name="pir"))
+    assert said.endswith(f"Refined kept: PIR keeps it {words.UNJUDGED}.")
+    assert words.UNJUDGED not in words.headline(after(c.Step(), name="sir"))
+    assert words.UNJUDGED not in words.headline(after(c.Step(), name="refine")), "there was nothing to choose from"
+
+
 def test_the_end_names_the_answer_and_its_error() -> None:
     said = words.headline(after(c.RunUntil("end")))
     assert "Run finished: best " in said

@@ -10,9 +10,12 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.scene_words import (
+    TERMS,
     found_by,
+    method_name,
     pass_closed,
     place_in_run,
     refiner_name,
@@ -21,6 +24,12 @@ from verefine_viz.viewer.scene_words import (
 )
 from verefine_viz.viewer.view import View
 
+UNJUDGED = "without judging"
+HINTS = TERMS | {
+    UNJUDGED: "As the paper defines it (Sec. III-A): the next iteration goes on from what this one ended with, "
+    "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose."
+}
+"""What the headline's words mean."""
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
@@ -129,7 +138,15 @@ def _iteration_sentence(view: View, iteration: Iteration) -> str:
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
     if before is not None and after is not None and before.score - after.score >= FALL:
         end += f", although it scores less than before ({before.score:.2f})"
+    if _is_unjudged(iteration):
+        end += f": {method_name(view.session.method.name)} keeps it {UNJUDGED}"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
+
+
+def _is_unjudged(iteration: Iteration) -> bool:
+    """Whether there were two poses to choose from, and nobody chose."""
+    both = iteration.stage("simulated") is not None and iteration.stage("refined") is not None
+    return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)
 
 
 def _what_it_did(view: View, iteration: Iteration, before: Stage, stage: Stage) -> str:
@@ -173,7 +190,7 @@ def _answer(view: View) -> str:
     """The answer of the object in focus."""
     if view.state is None:
         return "no hypothesis, so no pose."
-    best = next(o.answer for o in view.scene.objects if o.instance_id == view.target.instance.instance_id)
+    best = view.scene.object(view.target.instance.instance_id).answer
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
     said = f"best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"
@@ -257,7 +274,7 @@ def truth(view: View) -> str:
     best = view.poses.get("best")
     if best is None or best.errors is None or best.score is None or view.truth.score is None:
         return f"{view.name} has no pose to measure."
-    verdict = "correct" if best.errors.relative < 0.1 else "wrong"
+    verdict = "correct" if is_correct(best.errors) else "wrong"
     said = (
         f"The best pose so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."

@@ -8,11 +8,10 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
 from verefine_viz.viewer.markup import STYLE, hinted, link, sentence, text, warning
-from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
-from verefine_viz.viewer.words import headline, remaining
+from verefine_viz.viewer.words import HINTS, headline, remaining
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),
@@ -58,7 +57,7 @@ class RunPanel:
         """Everything in place."""
         found = findings(view)
         said = "".join(_box(f) for f in found if f.on_top)
-        said += hinted(headline(view), TERMS) + event_lines(view) + of_the_end(view)
+        said += hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
         if view.message:
             said = warning(view.message) + said
         self._words.show(said)
