@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.index import BatchIndex, Order, is_batch_folder, read_batch, run_folders
+from verefine_viz.batch.index import BatchIndex, FoundRuns, Order, find_runs, is_batch_folder, read_batch, run_folders
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
@@ -83,3 +83,36 @@ def test_several_runs_in_a_folder_are_found_by_name(
     assert run_folders(index.folder) == (index.folder,)
     with pytest.raises(InputError, match="no folder of a batch"):
         run_folders(several / "notes")
+
+
+def test_runs_further_down_are_taken_where_they_lie_together(
+    index: BatchIndex, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    top = tmp_path_factory.mktemp("top")
+    for name in ("sir", "rir"):
+        shutil.copytree(index.folder, top / "may" / "sweep" / name)
+    (top / "again").symlink_to(top)
+    found = find_runs(top)
+    assert found.runs == (top / "may/sweep/rir", top / "may/sweep/sir")
+    assert found.note == f"The runs in {top / 'may/sweep'} (2 runs)."
+    assert find_runs(top / "may" / "sweep").note == ""
+
+
+def test_runs_further_down_are_never_left_out_silently(
+    index: BatchIndex, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    top = tmp_path_factory.mktemp("top")
+    for name in ("a/sir", "b/rir", "b/sir"):
+        shutil.copytree(index.folder, top / name)
+    with pytest.raises(InputError, match=r"several folders in it do; name one of them: .*a \(1 run\), .*b \(2 runs\)$"):
+        find_runs(top)
+    shutil.copytree(index.folder, top / "refine")
+    found = find_runs(top)
+    assert found.runs == (top / "refine",)
+    listed = f"{top / 'a'} (1 run), {top / 'b'} (2 runs)"
+    assert found.note == f"Runs further down are left out; to look at them, name their folder: {listed}."
+
+
+def test_what_lies_in_a_run_is_no_run_of_its_own(index: BatchIndex) -> None:
+    shutil.copytree(index.folder, index.folder / "recordings" / "copy", ignore=lambda *_: ["recordings"])
+    assert find_runs(index.folder) == FoundRuns((index.folder,), "")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +19,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame"]
+LEVELS = 3
+"""How far below a folder runs are looked for."""
 ORDERS: tuple[Order, ...] = ("error", "score", "misleading", "cause", "object", "frame")
 
 
@@ -63,22 +65,69 @@ class BatchIndex:
 
 
 def is_batch_folder(path: Path) -> bool:
-    """Whether ``path`` is what a batch leaves behind."""
-    return (path / RUN_FILE).is_file()
+    """Whether ``path`` is what a batch leaves behind; a folder that cannot be looked into is not."""
+    try:
+        return (path / RUN_FILE).is_file()
+    except OSError:
+        return False
+
+
+@dataclass(frozen=True)
+class FoundRuns:
+    """What a folder holds."""
+
+    runs: tuple[Path, ...]
+    """The batch folders that are meant, by name."""
+    note: str
+    """Where they lie if that is not ``folder`` itself, or that others lie further down; empty if nothing is to say."""
+
+
+def find_runs(folder: Path) -> FoundRuns:
+    """The batch folders in ``folder``: itself, or what ``batch`` with several sessions left in it; where none lies
+    directly in it, those of the one folder further down that holds any.
+
+    Raises:
+        InputError: there is none, or several folders further down hold some.
+    """
+    if is_batch_folder(folder):
+        return FoundRuns((folder,), "")
+    below = _runs_below(folder, LEVELS)
+    here = below.pop(folder, ())
+    listed = ", ".join(f"{path} ({_counted(runs)})" for path, runs in below.items())
+    if here:
+        left_out = f"Runs further down are left out; to look at them, name their folder: {listed}." if below else ""
+        return FoundRuns(here, left_out)
+    if len(below) > 1:
+        raise InputError(f"{folder} holds no run itself, and several folders in it do; name one of them: {listed}")
+    if not below:
+        raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
+    ((place, runs),) = below.items()
+    return FoundRuns(runs, f"The runs in {place} ({_counted(runs)}).")
 
 
 def run_folders(folder: Path) -> tuple[Path, ...]:
-    """The batch folders in ``folder``: itself, or what ``batch`` with several sessions left in it, by name.
+    """The runs that :func:`find_runs` finds."""
+    return find_runs(folder).runs
 
-    Raises:
-        InputError: there is none.
-    """
-    if is_batch_folder(folder):
-        return (folder,)
-    found = tuple(sorted(path for path in folder.iterdir() if is_batch_folder(path))) if folder.is_dir() else ()
-    if not found:
-        raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
+
+def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:
+    """Folders that hold runs, by name, and their runs; what lies in a run is its own."""
+    try:
+        folders = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    except OSError:
+        return {}
+    runs = tuple(path for path in folders if is_batch_folder(path))
+    found = {folder: runs} if runs else {}
+    if levels:
+        for path in folders:
+            # A link could lead back.
+            if path not in runs and not path.is_symlink():
+                found |= _runs_below(path, levels - 1)
     return found
+
+
+def _counted(runs: Sequence[Path]) -> str:
+    return f"{len(runs)} run{'s' * (len(runs) != 1)}"
 
 
 def read_batch(folder: Path) -> BatchIndex:

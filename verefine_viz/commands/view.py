@@ -43,8 +43,11 @@ class View:
             assert self.session is not None
             session = _recorded_session(self.session)
         elif self.session is not None and self.session.is_dir():
+            from verefine_viz.batch.index import find_runs
             from verefine_viz.viewer.gallery import read_gallery
 
+            if note := find_runs(self.session).note:
+                print(note, file=sys.stderr)
             batch = read_gallery(self.session, overrides)
             session = batch.session(batch.worst.run)
         else:
