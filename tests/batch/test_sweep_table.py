@@ -1,0 +1,82 @@
+"""The table after a sweep: what its numbers are, and that the report has the same ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from tests.report.runs import row, write_run
+from verefine_viz.batch.jobs import Job
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.runner import Outcome
+from verefine_viz.batch.sweep_table import sweep_row, sweep_table
+from verefine_viz.report.comparison import compare
+from verefine_viz.report.frame_recalls import FrameRecalls
+from verefine_viz.report.groups import load_groups
+from verefine_viz.session.files import resolve
+
+NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None, "ms_total": 0.0}
+
+
+def rows_of(seed: int, worse: float) -> list[ObjectRow]:
+    """Frames with one to three objects, one of them without an answer, and one frame that failed as a whole."""
+    rng = np.random.default_rng(seed)
+    known = [
+        row(f, i, add_s_mm=round(worse * rng.gamma(1, 6), 3), score=rng.random(), ms_total=round(100 * rng.random(), 3))
+        for f in range(1, 6 + seed)
+        for i in range(1 + f % 3)
+    ]
+    return [*known, row(1, 7, **NO_ANSWER), ObjectRow(scene_id=1, im_id=99, status="failed", message="no depth")]
+
+
+def runs(folder: Path) -> dict[str, list[Path]]:
+    found: dict[str, list[Path]] = {}
+    for method, worse in (("rir", 1.0), ("pir", 2.0)):
+        for seed in range(3):
+            settings = {"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}}
+            run = write_run(folder / f"{method}-{seed}", rows_of(seed, worse), settings)
+            found.setdefault(method, []).append(run)
+    return found
+
+
+def test_the_report_has_the_same_numbers(tmp_path: Path) -> None:
+    folders = runs(tmp_path)
+    groups = load_groups([path for mine in folders.values() for path in mine]).groups
+    for line in compare(groups, FrameRecalls()).lines:
+        mine = sweep_row(run.rows for run in line.group.runs)
+        theirs = [line.recall, line.median_mm, line.score, line.ms_per_frame]
+        assert [mine.recall, mine.median_mm, mine.score, mine.ms_per_frame] == pytest.approx(
+            [spread.value for spread in theirs if spread is not None]
+        )
+        assert mine.n_runs == len(line.group.runs)
+
+
+def test_objects_of_all_runs_count_the_same() -> None:
+    """A run of few objects weighs less: neither medians nor recalls of runs are averaged."""
+    few, many = [row(1, add_s_mm=50.0, score=0.1)], [row(k, add_s_mm=float(k), score=0.9) for k in range(1, 10)]
+    found = sweep_row([few, many])
+    assert (found.recall, found.ends, found.median_mm) == (0.9, (0.0, 1.0), 5.5)
+    assert found.score == pytest.approx(0.82)
+    assert found.ms_per_frame == 40.0
+
+
+def test_the_best_comes_first(tmp_path: Path) -> None:
+    outcomes = [
+        (Job(resolve({}), path, method), Outcome(path, {}, (), 0, 1.0, ""))
+        for method, paths in reversed(runs(tmp_path).items())
+        for path in paths
+    ]
+    console = Console(width=120, record=True, file=None)
+    with console.capture() as said:
+        console.print(sweep_table(outcomes))
+    head, *lines = [line.split() for line in said.get().splitlines()]
+    assert head[:4] == ["runs", "of", "seeds", "right"]
+    assert [line[:2] for line in lines] == [["rir", "3"], ["pir", "3"]]
+
+
+def test_of_nothing_nothing_is_said() -> None:
+    found = sweep_row([[ObjectRow(scene_id=1, im_id=1, status="failed", message="no depth")]])
+    assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5
