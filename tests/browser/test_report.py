@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
+from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.test_group_page import sweep
 from verefine_viz.batch.index import run_folders
 from verefine_viz.report.command import write_group_report, write_report
 
 pytestmark = pytest.mark.browser
-GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
 
 
 def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:
@@ -64,9 +64,13 @@ def test_the_report_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Pat
     page.locator("table[aria-label=objects] th", has_text="object").click()
     assert sorted([falling, names.all_inner_texts()]) == [sorted(falling), sorted(falling, reverse=True)]
 
-    assert [h.inner_text() for h in page.locator(".failure h3").all()] == ["object 1", "object 2"]
+    assert [h.inner_text() for h in page.locator(".failure h3").all()] == ["object 2", "object 1"]
     page.locator("#cause").select_option("score")
     assert [h.inner_text() for h in page.locator(".failure h3").all() if h.is_visible()] == ["object 2"]
+    # A link to a card that the filter hides brings it back.
+    page.locator("table[aria-label='got better'] a").click()
+    assert [h.inner_text() for h in page.locator(".failure h3").all() if h.is_visible()] == ["object 2", "object 1"]
+    assert page.locator(".failure:target h3").inner_text() == "object 1"
 
     before = page.evaluate("getComputedStyle(document.body).backgroundColor")
     page.locator("#theme").click()

@@ -18,7 +18,7 @@ from verefine_viz.report.group_words import counted, headline, title
 from verefine_viz.report.groups import Group
 from verefine_viz.report.loaded import Loaded
 from verefine_viz.report.numbers import recall_curve
-from verefine_viz.report.objects import hardest, heat
+from verefine_viz.report.objects import by_frame, hardest, heat
 from verefine_viz.report.outcomes import axes_of, outcomes_of
 from verefine_viz.session.files import resolve
 
@@ -55,7 +55,7 @@ def test_the_best_group_comes_first_and_the_others_are_measured_against_it() -> 
     said = headline(found)
     assert said.startswith("rir gets 95.0 % of the objects right (95 %: ")
     assert "the best, 45.0 points more than pir (95 %: " in said
-    assert (title(found), counted(found)) == ("2 methods compared", "2 groups, 2 runs, 20 frames")
+    assert (title(found), counted(found)) == ("2 methods compared: rir and pir", "2 groups, 2 runs, 20 frames")
 
 
 def test_a_difference_within_the_noise_is_said_to_be_one() -> None:
@@ -144,18 +144,21 @@ def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:
         group(name, *((always, other) if name != "rir" else (row(1, 0), other) for other in sometimes))
         for name in ("pir", "sir", "rir")
     ]
-    (hard,) = hardest(groups)
+    (hard,) = hardest(by_frame(groups).values())
     assert (hard.frame, hard.row.instance_id, hard.wrong_groups) == ("1/1", 0, 2)
     assert (hard.best[0], hard.cause, hard.total.n) == ("rir", "pool", 9)
 
 
 def test_the_gallery_takes_as_many_of_each_group_and_an_object_once() -> None:
     worse = frames(4, (0, 1)), (row(0, add_s_mm=60.0), *frames(4, (2,))[1:])
+    worse = tuple(
+        tuple(r.model_copy(update={"cause": "pool"}) if r.add_s_mm != 2.0 else r for r in mine) for mine in worse
+    )
     found = group_gallery([group("pir", *worse), group("rir", frames(4, (3,)))], 4, lambda done, of: None)
     assert [(card.pick.group, card.row.im_id, card.row.add_s_mm) for card in found.failures] == [
         ("pir", 0, 60.0),
         ("pir", 1, 40.0),
         ("rir", 3, 40.0),
     ]
-    assert found.failures[0].pick.remark == "pir-1 (seed 1) · wrong in 2 of 2 runs"
+    assert found.failures[0].pick.remark == "pir-1 (seed 1) · wrong in 2 of 2 runs: no good hypothesis in the pool 2"
     assert found.n_more == 2

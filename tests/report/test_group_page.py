@@ -8,12 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.report.pages import GONE, figures, fill_cards, without_plotly
 from tests.report.runs import row, write_run
-from tests.report.test_page import GONE, figures, without_plotly
 from verefine_viz import cli
-from verefine_viz.report import gallery
-from verefine_viz.report.gallery import Curve
-from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 
 
 def sweep(folder: Path, methods: tuple[str, ...], n_seeds: int, n_frames: int, n_objects: int = 1) -> Path:
@@ -92,13 +89,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
 
 
 def test_a_large_sweep_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(0)
-    # Noise is what compresses worst: no frame can make larger pictures.
-    noise = [data_uri(rng.integers(0, 256, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)) for _ in range(2)]
-    ks = tuple(range(1, 251))
-    curve = Curve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
-    monkeypatch.setattr(gallery, "_pictures", lambda *_: Pictures(noise[0], noise[1]))
-    monkeypatch.setattr(gallery, "_curves", lambda *_: dict.fromkeys(range(6), curve))
+    fill_cards(monkeypatch)
     folder = sweep(tmp_path / "runs", ("rir", "sir", "pir"), 2, 1000, 4)
     assert cli.main(["report", str(folder)]) == 0
     assert (folder / "report.html").stat().st_size < 30e6

@@ -44,7 +44,7 @@ def test_groups_are_named_by_what_differs_the_method_first(tmp_path: Path) -> No
     ]
     groups = load_groups(folders)
     assert names(groups) == {"rir · icp.stop max_iterations": ["a"], "rir · icp.stop published": ["b"], "sir": ["c"]}
-    assert differing(groups.groups) == {
+    assert differing([group.session for group in groups.groups]) == {
         "method.name": ("rir", "rir", "sir"),
         "icp.stop": ("max_iterations", "published", "published"),
     }

@@ -2,47 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.report.pages import GONE, figures, fill_cards, without_plotly
 from tests.report.runs import row, write_run
 from verefine_viz import cli
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.report import gallery
 from verefine_viz.report.command import write_report
-from verefine_viz.report.gallery import Curve
-from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.session.files import resolve
 
 NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve."
-GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
-
-
-def figures(html: str) -> dict[str, dict[str, Any]]:
-    """Every chart's JSON by id."""
-    found = re.findall(r'<script type="application/json" id="figure-([\w-]+)">(.*?)</script>', html, re.DOTALL)
-    return {name: json.loads(text) for name, text in found}
-
-
-def without_plotly(html: str) -> str:
-    return re.sub(r"<script>/\*.*?</script>", "", html, count=1, flags=re.DOTALL)
 
 
 def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(0)
-    # Noise is what compresses worst: no frame can make larger pictures.
-    noise = [data_uri(rng.integers(0, 256, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)) for _ in range(4)]
-    ks = tuple(range(1, 251))
-    curve = Curve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
-    monkeypatch.setattr(gallery, "_pictures", lambda *_: Pictures(noise[0], noise[1]))
-    monkeypatch.setattr(gallery, "_curves", lambda *_: dict.fromkeys(range(6), curve))
-    errors = rng.gamma(1.0, 8.0, (1000, 6))
+    fill_cards(monkeypatch)
+    errors = np.random.default_rng(0).gamma(1.0, 8.0, (1000, 6))
     rows = [row(k, i, add_s_mm=float(errors[k, i]), score=0.5 + 0.01 * i) for k in range(1000) for i in range(6)]
     other = [row(k, i, add_s_mm=float(errors[-k, i]), score=0.4 + 0.01 * i) for k in range(1000) for i in range(6)]
     a, b = write_run(tmp_path / "a", rows, GONE), write_run(tmp_path / "b", other, GONE)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
-from verefine_viz.report.words import signed, tone
+from verefine_viz.report.loaded import Loaded
+from verefine_viz.report.words import session_title, signed, title, tone
+from verefine_viz.session.files import resolve
 
 
 @pytest.mark.parametrize(
@@ -30,3 +36,38 @@ def test_what_shows_as_zero_has_no_colour(value: float, digits: int) -> None:
 
 def test_names_break_between_words_and_not_in_numbers() -> None:
     assert breakable("icp.stop max_iterations 0.7 <b>") == "icp.<wbr>stop max_<wbr>iterations 0.7 &lt;b&gt;"
+
+
+def run(folder: str = "run", label: str = "", **settings: Any) -> Loaded:
+    return Loaded(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), {}, ()))
+
+
+def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None:
+    assert title(run(method={"name": "pir"}, scene={"source": "bop", "dataset": "/data/ycbv"})) == "pir on ycbv/test"
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "said"),
+    [
+        ({"method": {"name": "pir"}}, {"method": {"name": "rir"}}, "pir (A) against rir (B)"),
+        ({}, {"method": {"exploration": 0.2}}, "rir: method.exploration 0.7 (A) against method.exploration 0.2 (B)"),
+        ({}, {"preset": "published"}, "rir: recommended (A) against published (B)"),
+        ({}, {"method": {"seed": 3}}, "rir: seed 0 (A) against seeds 0, 3 (B)"),
+        ({}, {"title": "Another"}, "rir: before (A) against after (B)"),
+    ],
+)
+def test_two_runs_are_called_by_what_differs(a: dict[str, Any], b: dict[str, Any], said: str) -> None:
+    assert title(run("before", "A", **a), run("after", "B", **b)) == said
+
+
+def test_a_title_is_that_of_all_sessions_or_of_none() -> None:
+    assert session_title([run(), run()]) == "One of many"
+    assert session_title([run(), run(title="Another")]) == ""
+
+
+@given(st.integers(0, 10**6))
+def test_counts_have_ticks_at_whole_numbers_and_not_too_many(most: int) -> None:
+    step = whole_step(most)
+    assert step >= 1
+    assert most / step <= 6
+    assert step == 1 or most / step > 2

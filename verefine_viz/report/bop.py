@@ -57,7 +57,7 @@ def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] 
 
 
 def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
-    """The ground truth of a run's data, and what is asked for in ``frames``.
+    """The ground truth of a run's data, and what is asked for in each of ``frames``: nothing, where nothing is seen.
 
     Raises:
         VerefineError: the data cannot be read.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import count
 
 import numpy as np
 import plotly.graph_objects as go
@@ -12,7 +13,7 @@ from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report.difference import SAME, Difference
 from verefine_viz.report.gallery import Curve
-from verefine_viz.report.loaded import Loaded, frame_of, relative_error
+from verefine_viz.report.loaded import Loaded
 from verefine_viz.report.numbers import THRESHOLDS, recall_curve, stage_times
 
 MOST_POINTS = 4000
@@ -68,13 +69,13 @@ def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
 def score_figure(run: Loaded) -> go.Figure:
     """Score over error, a point per object: a score that tells the truth falls from left to right."""
     figure = new_figure("error [% of the diameter]", "score")
-    rows = _some([r for r in run.objects if r.score is not None and relative_error(r) is not None])
+    rows = _some([r for r in run.objects if r.score is not None and r.relative_error is not None])
     for is_right, name, symbol in ((True, "right", "circle"), (False, "wrong", "x")):
         mine = [r for r in rows if r.is_correct is is_right]
         figure.add_scatter(
             x=[_percent(r) for r in mine],
             y=[round(r.score or 0.0, 4) for r in mine],
-            text=[f"{r.name} in {frame_of(r)}" for r in mine],
+            text=[f"{r.name} in {r.frame}" for r in mine],
             name=name,
             mode="markers",
             marker={"color": css(RIGHT if is_right else WRONG), "symbol": symbol, "size": 7, "opacity": 0.75},
@@ -133,7 +134,8 @@ def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
     figure.update_layout(barmode="group", height=110 + (26 + 14 * (len(runs) - 1)) * max(len(causes), 1))
     figure.update_layout(showlegend=len(runs) > 1)
     figure.update_yaxes(autorange="reversed", automargin=True)
-    figure.update_xaxes(rangemode="tozero", tickformat="d")
+    most = max((n for mine in counts.values() for n in mine.values()), default=0)
+    figure.update_xaxes(rangemode="tozero", tickformat="d", tick0=0, dtick=whole_step(most))
     return figure
 
 
@@ -225,6 +227,11 @@ def cause_counts(rows: Sequence[ObjectRow]) -> dict[str, int]:
     return counts
 
 
+def whole_step(most: int) -> int:
+    """The distance of ticks of whole numbers up to ``most``: 1, 2, 5, 10, … for at most six of them beyond 0."""
+    return next(step for step in (s * 10**k for k in count() for s in (1, 2, 5)) if 6 * step >= most)
+
+
 def new_figure(x: str, y: str, height: int = 340) -> go.Figure:
     """An empty chart with these titles of its axes."""
     axis = {"zeroline": False, "ticks": "outside", "ticklen": 4}
@@ -251,7 +258,7 @@ def _percent_axis(update: object) -> None:
 
 
 def _percent(row: ObjectRow) -> float:
-    return round(max(100 * (relative_error(row) or 0.0), SMALLEST_PERCENT), 3)
+    return round(max(100 * (row.relative_error or 0.0), SMALLEST_PERCENT), 3)
 
 
 def rounded(values: np.ndarray, digits: int) -> list[float]:

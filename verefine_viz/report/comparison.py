@@ -46,7 +46,7 @@ class Line:
     translation_mm: Spread | None
     score: Spread | None
     ms_per_frame: Spread | None
-    """Computing time of the method for a frame, median: the first frame of a worker may compile."""
+    """Computing time of the iterations for all objects of a frame, median: the first frame of a worker may compile."""
     calls: Spread | None
     """Refiner calls for an object."""
     curve: Curve | None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.report.loaded import Loaded, frame_of, key, relative_error
+from verefine_viz.report.loaded import Loaded, error_or_infinite, key
 
 SAME = 0.005
 """Errors that differ by less than this share of the diameter count as the same."""
@@ -24,16 +24,16 @@ class Change:
 
     @property
     def frame(self) -> str:
-        return frame_of(self.a)
+        return self.a.frame
 
     @property
     def error_a(self) -> float:
         """As a share of the diameter; infinite without an answer."""
-        return _error(self.a)
+        return error_or_infinite(self.a)
 
     @property
     def error_b(self) -> float:
-        return _error(self.b)
+        return error_or_infinite(self.b)
 
     @property
     def by(self) -> float:
@@ -113,8 +113,3 @@ def _order(change: Change) -> tuple[float, str]:
 def _frame_order(frame: FrameChange) -> tuple[float, str]:
     by = frame.mean_b - frame.mean_a
     return 0.0 if math.isnan(by) else by, frame.frame
-
-
-def _error(row: ObjectRow) -> float:
-    error = relative_error(row)
-    return math.inf if error is None else error

@@ -51,26 +51,30 @@ def frame_recalls(
     """
     if not any(run.with_truth for run in runs):
         return FrameRecalls(note="BOP scores need ground truth, which this data does not have.")
-    frames = tuple(dict.fromkeys(frame for run in runs for frame in run.frames))
+    having: dict[str, list[Loaded]] = {}
+    for run in runs:
+        for frame in run.frames:
+            having.setdefault(frame, []).append(run)
     found: dict[tuple[Path, str], tuple[int, float]] = {}
     try:
-        truth, targets = asked(runs[0], frames)
+        truth, targets = asked(runs[0], tuple(having))
         # Threads share the models: they are read before.
         for obj_id in sorted({i for counts in targets.counts.values() for i in counts}):
             truth.model(obj_id)
 
         def solve(frame: str) -> dict[tuple[Path, str], tuple[int, float]]:
             image = frame_ids(frame)
-            there = [run for run in runs if frame in run.frames]
-            tables = [pose_table(run.method, list(result_rows(run, (frame,)))) for run in there]
+            tables = [pose_table(run.method, list(result_rows(run, (frame,)))) for run in having[frame]]
             alone = Targets(targets.name, {image: targets.counts[image]}, targets.task)
             recalls = [scores.recalls for scores in bop_scores(tables, truth, alone, "localization")]
-            return {(run.folder, frame): (r.n_targets, r.ar) for run, r in zip(there, recalls, strict=True) if r}
+            return {
+                (run.folder, frame): (r.n_targets, r.ar) for run, r in zip(having[frame], recalls, strict=True) if r
+            }
 
         with ThreadPoolExecutor(workers) as pool:
-            for done, part in enumerate(pool.map(solve, frames), start=1):
+            for done, part in enumerate(pool.map(solve, having), start=1):
                 found |= part
-                tell(done, len(frames))
+                tell(done, len(having))
     except VerefineError as error:
         return FrameRecalls(note=f"No BOP scores: {error}.")
     return FrameRecalls(found, f"BOP scores over {targets.name}.")

@@ -12,7 +12,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.row import Row
-from verefine_viz.report.loaded import Loaded, frame_of
+from verefine_viz.report.loaded import Key, Loaded, key
 from verefine_viz.report.pictures import Pictures, pictures
 from verefine_viz.scenes.source import SceneSource, open_scene
 
@@ -41,9 +41,22 @@ class Pick:
     other: Loaded | None = None
     """Another run to show beside it."""
     group: str = ""
-    """Of runs, where several groups are compared."""
+    """Of runs, where several groups are compared; who is wrong, where two runs are."""
     remark: str = ""
     """What else to say about it."""
+
+    @property
+    def place(self) -> tuple[str, Key]:
+        """What no two cards have in common: group and object."""
+        return self.group, key(self.row)
+
+    @property
+    def badness(self) -> float:
+        """What is worst comes first: no answer, then the error; without ground truth the lowest score."""
+        if self.row.status != "ok":
+            return math.inf
+        error = self.row.relative_error
+        return error if error is not None else -(self.row.score or 0.0)
 
 
 @dataclass(frozen=True)
@@ -60,6 +73,11 @@ class Failure:
     def row(self) -> ObjectRow:
         return self.pick.row
 
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Why it failed; in the other run too, if it is wrong there."""
+        return tuple(dict.fromkeys(row.cause for row in (self.row, self.other) if row is not None and row.cause))
+
 
 @dataclass(frozen=True)
 class Gallery:
@@ -72,16 +90,15 @@ class Gallery:
     """What is missing, and why."""
 
 
-def gallery(run: Loaded, other: Loaded | None, most: int, tell: Callable[[int, int], None]) -> Gallery:
+def gallery(run: Loaded, most: int, tell: Callable[[int, int], None]) -> Gallery:
     """The failures of a run, worst first.
 
     Args:
         run: whose failures.
-        other: another run to show beside it.
         most: how many are shown.
-        tell: told how many frames are done, and how many there are.
+        tell: told how many cards are done, and how many there are.
     """
-    return gallery_of([Pick(run, row, other) for row in run.failures[:most]], len(run.failures), tell)
+    return gallery_of([Pick(run, row) for row in run.failures[:most]], len(run.failures), tell)
 
 
 def gallery_of(picks: Sequence[Pick], n_failures: int, tell: Callable[[int, int], None]) -> Gallery:
@@ -94,11 +111,11 @@ def gallery_of(picks: Sequence[Pick], n_failures: int, tell: Callable[[int, int]
     """
     found: dict[int, Failure] = {}
     notes: list[str] = []
-    frames = list(dict.fromkeys(frame_of(pick.row) for pick in picks))
+    frames = list(dict.fromkeys(pick.row.frame for pick in picks))
     source = _Source(picks[0].run, frames, notes) if picks else None
     for frame in frames:
         problem = source.problem(frame) if source else None
-        mine = [(k, pick) for k, pick in enumerate(picks) if frame_of(pick.row) == frame]
+        mine = [(k, pick) for k, pick in enumerate(picks) if pick.row.frame == frame]
         runs = {id(pick.run): pick for _, pick in mine}
         answers = {i: _answers(pick, frame) for i, pick in runs.items()}
         curves = {i: _curves(pick.run, frame, notes) for i, pick in runs.items()}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report.gallery import Gallery, Pick, gallery_of
-from verefine_viz.report.groups import Group, seeds_of
-from verefine_viz.report.loaded import Key, Loaded, key, relative_error
+from verefine_viz.report.groups import Group, seed_words
+from verefine_viz.report.loaded import Key, Loaded, key
 
 
 def group_gallery(groups: Sequence[Group], most: int, tell: Callable[[int, int], None]) -> Gallery:
@@ -19,7 +22,7 @@ def group_gallery(groups: Sequence[Group], most: int, tell: Callable[[int, int],
     """
     shares = [most // len(groups) + (k < most % len(groups)) for k in range(len(groups))]
     picks = [pick for group, share in zip(groups, shares, strict=True) for pick in _picks(group, share)]
-    picks.sort(key=lambda pick: -_error(pick))
+    picks.sort(key=lambda pick: -pick.badness)
     n_failures = sum(len(run.failures) for group in groups for run in group.runs)
     return gallery_of(picks, n_failures, tell)
 
@@ -29,24 +32,19 @@ def _picks(group: Group, most: int) -> list[Pick]:
     for run in group.runs:
         for row in run.failures:
             failed.setdefault(key(row), []).append(Pick(run, row, group=group.name, remark=_remark(run)))
-    worst = [max(mine, key=_error) for mine in failed.values()]
-    worst.sort(key=lambda pick: -_error(pick))
-    n_runs = len(group.runs)
-    return [
-        Pick(p.run, p.row, group=p.group, remark=f"{p.remark} · wrong in {len(failed[key(p.row)])} of {n_runs} runs")
-        for p in worst[:most]
-    ]
+    worst = [max(mine, key=lambda pick: pick.badness) for mine in failed.values()]
+    worst.sort(key=lambda pick: -pick.badness)
+    return [replace(p, remark=f"{p.remark} · {_often(failed[key(p.row)], len(group.runs))}") for p in worst[:most]]
+
+
+def _often(failed: Sequence[Pick], n_runs: int) -> str:
+    """``wrong in 12 of 20 runs: best hypothesis starved 9, collider too coarse 3``."""
+    said = f"wrong in {len(failed)} of {n_runs} runs"
+    causes = Counter(pick.row.cause for pick in failed if pick.row.cause).most_common()
+    if len(failed) < 2 or not causes:
+        return said
+    return f"{said}: {', '.join(f'{cause_title(cause)} {n}' for cause, n in causes)}"
 
 
 def _remark(run: Loaded) -> str:
-    of_poses, of_method = seeds_of(run)
-    seeds = f"seed {of_poses}" if of_poses == of_method else f"seeds {of_poses}, {of_method}"
-    return f"{run.folder.name} ({seeds})"
-
-
-def _error(pick: Pick) -> float:
-    """What is worst comes first: no answer, then the error; without ground truth the lowest score."""
-    if pick.row.status != "ok":
-        return float("inf")
-    error = relative_error(pick.row)
-    return error if error is not None else -(pick.row.score or 0.0)
+    return f"{run.folder.name} ({seed_words(run)})"

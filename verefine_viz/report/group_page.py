@@ -12,7 +12,7 @@ from verefine_viz.report.gallery import Gallery
 from verefine_viz.report.groups import Groups, differing
 from verefine_viz.report.html import figure_json, filled, gallery_context
 from verefine_viz.report.loaded import data_set
-from verefine_viz.report.objects import MOST_HARD, Share, hardest, heat
+from verefine_viz.report.objects import MOST_HARD, Share, by_frame, hardest, heat
 from verefine_viz.report.spread import Spread
 from verefine_viz.session.files import session_toml
 
@@ -61,8 +61,8 @@ COLUMNS = (
     Column("rotation [°]", "mean rotation error", lambda line: line.rotation_deg, 1, 1, False),
     Column("transl. [mm]", "mean translation error", lambda line: line.translation_mm, 1, 1, False),
     Column("score", "mean score of the answers", lambda line: line.score, 1, 2, None),
-    Column("ms a frame", "the method's computing time for a frame, all objects; median", lambda line: line.ms_per_frame,
-           1, 0, False),
+    Column("ms a frame", "computing time of the iterations for all objects of a frame; median",
+           lambda line: line.ms_per_frame, 1, 0, False),
     Column("refiner calls", "for one object, mean", lambda line: line.calls, 1, 1, None),
 )  # fmt: skip
 
@@ -76,11 +76,13 @@ def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, 
     lines, runs = found.lines, groups.runs
     columns = [column for column in COLUMNS if any(column.get(line) for line in lines)]
     shades = group_charts.colors(lines)
-    hard = hardest(found.groups)
+    objects = by_frame(found.groups)
+    hard = hardest(objects.values())
     has_truth = found.has_truth
     return {
         "title": group_words.title(found),
-        "data_set": data_set(runs[0]),
+        "data_set": data_set(runs[0]) if len(lines) > 1 else "",
+        "session_title": words.session_title(runs),
         "counted": group_words.counted(found),
         "headline": group_words.headline(found),
         "explanation": group_words.explanation(found),
@@ -99,10 +101,15 @@ def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, 
         "heat_color": heat_color,
         "hard": hard[:MOST_HARD],
         "n_hard": len(hard),
-        "differing": differing(found.groups),
+        "differing": differing([line.group.session for line in lines]),
         "settings": [(line.name, session_toml(line.group.session)) for line in lines],
         "run": runs[0].index.run,
-        **gallery_context(failures, has_truth, runs[0].index.session.score.tau_m),
+        **gallery_context(
+            failures,
+            has_truth,
+            runs[0].index.session.score.tau_m,
+            by_object={place: mine.by_group for place, mine in objects.items()} if len(lines) > 1 else None,
+        ),
         "failures_sentence": group_words.failures_sentence(found, failures),
         "both": False,
     }

@@ -9,6 +9,7 @@ from itertools import accumulate
 from verefine_viz.report import words
 from verefine_viz.report.comparison import Comparison, Line
 from verefine_viz.report.gallery import Gallery
+from verefine_viz.report.groups import seeds_of
 from verefine_viz.report.spread import Spread
 from verefine_viz.report.words import percent, signed
 
@@ -52,11 +53,19 @@ def explanation(found: Comparison) -> str:
 
 
 def title(found: Comparison) -> str:
-    """What is compared."""
-    n, by_method = len(found.lines), all(line.name == line.group.method for line in found.lines)
+    """What is compared, whatever the sessions are called."""
+    groups, n = found.groups, len(found.lines)
     if n == 1:
-        return found.lines[0].group.session.title or found.lines[0].name
-    return f"{n} {'methods' if by_method else 'groups'} compared"
+        first = groups[0].runs[0]
+        n_seeds = len({seeds_of(run) for run in groups[0].runs})
+        return f"{words.title(first)}, {n_seeds} seed{'s' * (n_seeds != 1)}"
+    methods = {group.method for group in groups}
+    what = "groups"
+    if all(group.name == group.method for group in groups):
+        what = "methods"
+    elif len(methods) == 1:
+        what = f"settings of {groups[0].method}"
+    return f"{n} {what} compared: {names(found.lines)}"
 
 
 def failures_sentence(found: Comparison, failures: Gallery) -> str:

@@ -99,9 +99,20 @@ def seeds_of(run: Loaded) -> Seeds:
     return session.hypotheses.seed, session.method.seed
 
 
-def differing(groups: Sequence[Group]) -> dict[str, tuple[str, ...]]:
-    """Settings in which groups differ, and what each has."""
-    flat = [_settings(group.session) for group in groups]
+def seed_words(run: Loaded) -> str:
+    """``seed 3``; ``seeds 3, 4`` where hypotheses and method have different ones."""
+    of_poses, of_method = seeds_of(run)
+    return f"seed {of_poses}" if of_poses == of_method else f"seeds {of_poses}, {of_method}"
+
+
+def names(sessions: Sequence[Session]) -> list[str]:
+    """Short names by what differs among them, the method first; all different but for seeds."""
+    return _names([_settings(session) for session in sessions])
+
+
+def differing(sessions: Sequence[Session]) -> dict[str, tuple[str, ...]]:
+    """Settings in which sessions differ, and what each has."""
+    flat = [_settings(session) for session in sessions]
     return {field: tuple(_words(mine[field]) for mine in flat) for field in _differing(flat)}
 
 
@@ -109,8 +120,8 @@ def _grouped(runs: Sequence[Loaded]) -> tuple[Group, ...]:
     found: dict[str, list[Loaded]] = {}
     for run in runs:
         found.setdefault(json.dumps(_settings(run.index.session), default=str), []).append(run)
-    names = _names([_settings(mine[0].index.session) for mine in found.values()])
-    groups = [Group(name, tuple(sorted(mine, key=seeds_of))) for name, mine in zip(names, found.values(), strict=True)]
+    called = names([mine[0].index.session for mine in found.values()])
+    groups = [Group(name, tuple(sorted(mine, key=seeds_of))) for name, mine in zip(called, found.values(), strict=True)]
     return tuple(sorted(groups, key=lambda group: group.name))
 
 

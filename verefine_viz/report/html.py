@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.colormaps import difference_scale
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report import charts, words
-from verefine_viz.report.gallery import Gallery
-from verefine_viz.report.loaded import relative_error
+from verefine_viz.report.gallery import Failure, Gallery
+from verefine_viz.report.loaded import Key, key
+from verefine_viz.report.objects import Share
 from verefine_viz.report.pictures import color_of
 
 
@@ -34,7 +37,6 @@ def filled(template: str, context: Mapping[str, Any]) -> str:
         "signed": words.signed,
         "tone": words.tone,
         "cause": cause_title,
-        "share": relative_error,
         "breakable": breakable,
     }
     return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
@@ -61,24 +63,65 @@ def figure_json(figure: go.Figure) -> Markup:
     return Markup((figure.to_json() or "{}").replace("<", "\\u003c"))
 
 
-def gallery_context(failures: Gallery, has_truth: bool, tau_m: float, both: bool = False) -> dict[str, Any]:
-    """What gallery.html needs."""
+def gallery_context(
+    failures: Gallery,
+    has_truth: bool,
+    tau_m: float,
+    both: bool = False,
+    by_object: Mapping[Key, Mapping[str, Share]] | None = None,
+) -> dict[str, Any]:
+    """What gallery.html needs.
+
+    Args:
+        failures: the cards.
+        has_truth: whether anything can be right or wrong.
+        tau_m: depth tolerance of the score [m].
+        both: whether two runs are shown beside each other.
+        by_object: how often each group gets each object right, where groups are compared.
+    """
     cards, scale = failures.failures, difference_scale(tau_m)
+    anchors = {card.pick.place: f"card-{k}" for k, card in enumerate(cards, start=1)}
     return {
         "failures": failures,
         "failures_sentence": words.failures_sentence(len(cards), failures.n_more, has_truth),
-        "cards": [
-            (card, figure_json(charts.curve_figure(card.curve, card.row.worst_iteration)) if card.curve else None)
-            for card in cards
-        ],
+        "cards": [_card(card, anchors, (by_object or {}).get(key(card.row), {})) for card in cards],
+        "card_of": _card_of(anchors),
         "filter_groups": list(dict.fromkeys(card.pick.group for card in cards if card.pick.group)),
-        "filter_causes": sorted({card.row.cause for card in cards if card.row.cause}),
+        "filter_causes": sorted({cause for card in cards for cause in card.causes}),
         "filter_objects": sorted({card.row.name for card in cards if card.row.name}),
         "contours": _contours(both),
         "unknown_color": charts.css(CLASS_COLORS["unknown"]),
         "scale_gradient": scale.gradient(),
         "scale_ticks": [tick.replace("-", "−") for tick in scale.ticks],
     }
+
+
+@dataclass(frozen=True)
+class Card:
+    """One failure as gallery.html shows it."""
+
+    failure: Failure
+    anchor: str
+    """Its place on the page."""
+    curve: Markup | None
+    causes: tuple[str, ...]
+    """What the filter finds it by."""
+    elsewhere: tuple[tuple[str, Share, str | None], ...]
+    """Where groups are compared: how often each gets this object right, and where its card is, if it has one."""
+
+
+def _card(card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
+    curve = charts.curve_figure(card.curve, card.row.worst_iteration) if card.curve else None
+    elsewhere = tuple((name, share, anchors.get((name, key(card.row)))) for name, share in shares.items())
+    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, card.causes, elsewhere)
+
+
+def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:
+    """Where the page shows an object, in the card of its worst answer; None where it has no card."""
+    first: dict[Key, str] = {}
+    for (_, place), anchor in anchors.items():
+        first.setdefault(place, anchor)
+    return lambda row: first.get(key(row))
 
 
 def _contours(both: bool) -> list[tuple[str, str]]:

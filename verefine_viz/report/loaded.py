@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -45,7 +46,7 @@ class Loaded:
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """Each "scene/image", in the order of frames.csv."""
-        return tuple(dict.fromkeys(frame_of(row) for row in self.rows))
+        return tuple(dict.fromkeys(row.frame for row in self.rows))
 
     @cached_property
     def objects(self) -> tuple[ObjectRow, ...]:
@@ -125,16 +126,11 @@ def data_set(run: Loaded) -> str:
     return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else f"the built-in scene {scene.demo}"
 
 
-def frame_of(row: ObjectRow) -> str:
-    """``scene/image`` of a row."""
-    return row.frame
-
-
 def key(row: ObjectRow) -> Key:
     """What makes two rows be about the same object."""
     return row.scene_id, row.im_id, row.instance_id, row.obj_id
 
 
-def relative_error(row: ObjectRow) -> float | None:
-    """ADD(-S) of the answer as a share of the diameter; None where there is no answer or no ground truth."""
-    return row.relative_error
+def error_or_infinite(row: ObjectRow) -> float:
+    """ADD(-S) of the answer as a share of the diameter; infinite where there is no answer or no ground truth."""
+    return math.inf if row.relative_error is None else row.relative_error

@@ -11,7 +11,7 @@ from verefine_viz.batch.misled import misled
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.methods.registry import SEARCH
-from verefine_viz.report.loaded import Loaded, frame_of, relative_error
+from verefine_viz.report.loaded import Loaded, error_or_infinite
 
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
 """Of the recall curve: ADD(-S) as a share of the diameter."""
@@ -33,7 +33,7 @@ class Numbers:
     mean_mm: float | None
     median_score: float | None
     ms_per_frame: float | None
-    """Computing time of the method: hypotheses, iterations; without reading images and recording."""
+    """Computing time of the iterations for all objects of a frame, mean."""
     calls_per_object: float | None
     """Refiner calls; None for methods that do not call it once an iteration."""
     ar: float | None = None
@@ -69,7 +69,7 @@ def by_object(run: Loaded, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
 
 def recall_curve(rows: Iterable[ObjectRow]) -> Float:
     """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is found at no threshold."""
-    errors = np.array([_or_infinite(relative_error(row)) for row in rows])
+    errors = np.array([error_or_infinite(row) for row in rows])
     return (errors[:, None] < THRESHOLDS).mean(axis=0) if len(errors) else np.full(len(THRESHOLDS), np.nan)
 
 
@@ -86,7 +86,7 @@ def stage_times(run: Loaded) -> dict[str, float]:
 
     The iterations are split up into what the rows know about: refining, simulating, scoring.
     """
-    n = len({frame_of(row) for row in run.objects})
+    n = len({row.frame for row in run.objects})
     if not n:
         return {}
     stages: dict[str, float] = dict(run.index.run.get("totals", {}).get("mean_stages_ms_per_frame", {}))
@@ -106,10 +106,10 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Number
     truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
     errors = [row.add_s_mm for row in solved if row.add_s_mm is not None]
     scores = [row.score for row in solved if row.score is not None]
-    n_solved_frames = len({frame_of(row) for row in objects})
+    n_solved_frames = len({row.frame for row in objects})
     return Numbers(
-        n_frames=len({frame_of(row) for row in rows}),
-        n_failed_frames=len({frame_of(row) for row in rows if row.status == "failed"}),
+        n_frames=len({row.frame for row in rows}),
+        n_failed_frames=len({row.frame for row in rows if row.status == "failed"}),
         n_objects=len(objects),
         n_with_truth=len(truth),
         n_without_answer=sum(row.status == "no_answer" for row in objects),
@@ -128,7 +128,3 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Number
 def _most_frequent(rows: Sequence[ObjectRow]) -> str:
     causes = [row.cause for row in rows if row.cause]
     return max(sorted(set(causes)), key=causes.count) if causes else ""
-
-
-def _or_infinite(error: float | None) -> float:
-    return float("inf") if error is None else error

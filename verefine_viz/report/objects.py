@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.groups import Group
-from verefine_viz.report.loaded import Key, frame_of, key
+from verefine_viz.report.loaded import Key, key
 
 MOST_HARD = 40
 """Objects that are listed as hard."""
@@ -42,7 +42,7 @@ class HeatRow:
 
 
 @dataclass
-class Hard:
+class Instance:
     """One object of one frame over all groups and seeds."""
 
     row: ObjectRow
@@ -53,7 +53,7 @@ class Hard:
 
     @property
     def frame(self) -> str:
-        return frame_of(self.row)
+        return self.row.frame
 
     @property
     def wrong_groups(self) -> int:
@@ -85,16 +85,21 @@ def heat(groups: Sequence[Group]) -> tuple[HeatRow, ...]:
     return tuple(found[obj_id] for obj_id in sorted(found))
 
 
-def hardest(groups: Sequence[Group]) -> tuple[Hard, ...]:
-    """Objects that most groups get wrong with most seeds, the hardest first."""
-    found: dict[Key, Hard] = {}
+def by_frame(groups: Sequence[Group]) -> dict[Key, Instance]:
+    """Each object of each frame over all groups and seeds; only objects with ground truth."""
+    found: dict[Key, Instance] = {}
     for group in groups:
         for run in group.runs:
             for row in run.with_truth:
-                hard = found.setdefault(key(row), Hard(row, Share()))
+                hard = found.setdefault(key(row), Instance(row, Share()))
                 hard.total.add(row.is_correct is True)
                 hard.by_group.setdefault(group.name, Share()).add(row.is_correct is True)
                 if row.cause:
                     hard.causes[row.cause] += 1
-    most = [hard for hard in found.values() if 2 * hard.wrong_groups > len(hard.by_group)]
+    return found
+
+
+def hardest(objects: Iterable[Instance]) -> tuple[Instance, ...]:
+    """Those that most groups get wrong with most seeds, the hardest first."""
+    most = [hard for hard in objects if 2 * hard.wrong_groups > len(hard.by_group)]
     return tuple(sorted(most, key=lambda hard: (-hard.wrong_groups, hard.total.value or 0.0, key(hard.row))))

@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.methods.registry import SEARCH
 from verefine_viz.report.groups import Group, Seeds, seeds_of
-from verefine_viz.report.loaded import frame_of, relative_error
+from verefine_viz.report.loaded import error_or_infinite
 from verefine_viz.report.numbers import THRESHOLDS
 from verefine_viz.report.spread import FEWEST_SCENES, Cells
 
@@ -82,7 +81,7 @@ class Outcomes:
 
     @property
     def frame_times(self) -> tuple[Float, Index, Index]:
-        """The method's computing time for each frame and seed [ms], with its row and column of the cells."""
+        """Computing time of the iterations for each frame and seed [ms], with its row and column of the cells."""
         _, first, place = np.unique(np.stack([self.frame, self.seed]), axis=1, return_index=True, return_inverse=True)
         return np.bincount(place.ravel(), self.ms).astype(np.float64), self.unit[first], self.seed[first]
 
@@ -118,7 +117,7 @@ def axes_of(groups: Sequence[Group]) -> Axes:
 def outcomes_of(group: Group, axes: Axes) -> Outcomes:
     """The objects of a group; frames that failed as a whole are left out."""
     rows = group.objects
-    frames = [frame_of(row) for row in rows]
+    frames = [row.frame for row in rows]
     place = {frame: k for k, frame in enumerate(axes.frames)}
     solved = [row.status == "ok" for row in rows]
     calls = [row.n_iterations if ok and group.method != SEARCH else None for row, ok in zip(rows, solved, strict=True)]
@@ -129,7 +128,7 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
         np.array([place[frame] for frame in frames], np.intp),
         np.array([row.has_truth or row.add_s_mm is not None for row in rows], np.bool_),
         np.array([row.is_correct is True for row in rows], np.bool_),
-        np.array([_relative(row) for row in rows]),
+        np.array([error_or_infinite(row) for row in rows]),
         _known([row.add_s_mm if ok else None for row, ok in zip(rows, solved, strict=True)]),
         _known([row.rotation_deg for row in rows]),
         _known([row.translation_mm for row in rows]),
@@ -141,11 +140,6 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
 
 def _known(values: Sequence[float | None]) -> Float:
     return np.array([np.nan if value is None else value for value in values], np.float64)
-
-
-def _relative(row: ObjectRow) -> float:
-    error = relative_error(row)
-    return np.inf if error is None else error
 
 
 def _scene(frame: str) -> str:

@@ -9,8 +9,10 @@ from verefine_viz.report import charts, words
 from verefine_viz.report.bop import BopRecalls
 from verefine_viz.report.difference import Difference
 from verefine_viz.report.gallery import Gallery
+from verefine_viz.report.groups import differing
 from verefine_viz.report.html import figure_json, filled, gallery_context
 from verefine_viz.report.loaded import Loaded, data_set
+from verefine_viz.report.next_step import next_step
 from verefine_viz.report.numbers import Numbers, ObjectNumbers, by_object, numbers_of, stage_times
 from verefine_viz.session.files import session_toml
 
@@ -58,8 +60,11 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
     has_truth = any(run.with_truth for run in runs)
     has_causes = any(row.cause for run in runs for row in run.failures)
     return {
-        "title": f"{a.run.name} against {b.run.name}" if b else a.run.index.session.title or "Run",
-        "data_set": data_set(a.run),
+        "title": words.title(a.run, b.run if b else None),
+        "next_step": None if b else next_step(a.run),
+        "data_set": data_set(a.run) if b else "",
+        "session_title": words.session_title(runs),
+        "differing": differing([run.index.session for run in runs]) if b else {},
         "sides": sides,
         "both": b is not None,
         "has_truth": has_truth,
@@ -82,6 +87,7 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "change": figure_json(charts.change_figure(found)) if found else None,
         "most_rows": MOST_ROWS,
         **gallery_context(failures, has_truth, a.run.index.session.score.tau_m, both=b is not None),
+        **({"failures_sentence": words.pair_failures_sentence(failures, has_truth)} if b else {}),
         "settings": [(side.run.name, session_toml(side.run.index.session)) for side in sides],
     }
 
@@ -114,7 +120,7 @@ _HEADLINE = (
     ("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", 1, 1, "mm", -1),
     ("mean_mm", "mean ADD(-S)", "of the objects with an answer", 1, 1, "mm", -1),
     ("median_score", "median score", "of the answers", 1, 2, "", 1),
-    ("ms_per_frame", "method, a frame", "the method's computing time for a frame, all objects", 1, 0, "ms", -1),
+    ("ms_per_frame", "method, a frame", "the iterations of all objects of a frame, mean", 1, 0, "ms", -1),
     ("calls_per_object", "refiner calls", "for one object, mean", 1, 1, "", 0),
 )
 """Field, label, hint, factor, digits, unit, and whether more is better (1), worse (-1) or neither."""

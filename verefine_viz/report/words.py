@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 
 from verefine_viz.report.difference import Difference
-from verefine_viz.report.loaded import Loaded
+from verefine_viz.report.gallery import Gallery
+from verefine_viz.report.groups import names, seed_words
+from verefine_viz.report.loaded import Loaded, data_set
 from verefine_viz.report.numbers import Numbers, lies
 
 DASH = "–"
@@ -43,6 +47,25 @@ def tone(gain: float, digits: int = 1) -> str:
     if math.isnan(gain) or round(min(max(gain, -1e9), 1e9), digits) == 0:
         return ""
     return "good" if gain > 0 else "bad"
+
+
+def title(a: Loaded, b: Loaded | None = None) -> str:
+    """What the report is about, whatever the sessions are called: a run, or what differs between two."""
+    if b is None:
+        return f"{a.method} on {data_set(a)}"
+    of_a, of_b = names((a.index.session, b.index.session))
+    if of_a == of_b:
+        of_a, of_b = seed_words(a), seed_words(b)
+    if of_a == of_b:
+        of_a, of_b = a.folder.name, b.folder.name
+    both = f"{a.method}: " if a.method == b.method else ""
+    return f"{both}{of_a} (A) against {of_b} (B)"
+
+
+def session_title(runs: Sequence[Loaded]) -> str:
+    """The title of the runs' sessions; empty where they have different ones, or none."""
+    titles = {run.index.session.title for run in runs}
+    return titles.pop() if len(titles) == 1 else ""
 
 
 def headline(run: Loaded, n: Numbers) -> str:
@@ -91,6 +114,17 @@ def difference_sentence(found: Difference) -> str:
     )
     left = [f"{n} only in {side}" for n, side in ((found.only_a, "A"), (found.only_b, "B")) if n]
     return said + (f" Left out: objects {' and '.join(left)}." if left else "")
+
+
+def pair_failures_sentence(failures: Gallery, has_truth: bool) -> str:
+    """What the gallery of two compared runs shows."""
+    n_shown = len(failures.failures)
+    if not has_truth or not n_shown:
+        return failures_sentence(n_shown, failures.n_more, has_truth)
+    counts = Counter(card.pick.group for card in failures.failures)
+    listed = ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items(), reverse=True))
+    more = f"; {failures.n_more} more in the runs' frames.csv" if failures.n_more else ""
+    return f"{n_shown} object{'s' * (n_shown != 1)} that one run or both got wrong, worst first: {listed}{more}."
 
 
 def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:

@@ -68,13 +68,17 @@ for (const head of document.querySelectorAll("th.sort")) {
 
 // The gallery: filters and order.
 const cards = [...document.querySelectorAll(".failure")];
-const FILTERS = ["group", "cause", "object"];
+const FILTERS = {
+  group: (card, value) => card.dataset.group === value,
+  cause: (card, value) => card.dataset.causes.split("|").includes(value),
+  object: (card, value) => card.dataset.object === value,
+};
 const field = (id) => document.getElementById(id);
 function arrange() {
-  const wanted = FILTERS.map((name) => [name, field(name)?.value ?? ""]), by = field("order").value;
+  const wanted = Object.keys(FILTERS).map((name) => [name, field(name)?.value ?? ""]), by = field("order").value;
   let n = 0;
   for (const card of cards) {
-    card.hidden = wanted.some(([name, value]) => value && card.dataset[name] !== value);
+    card.hidden = wanted.some(([name, value]) => value && !FILTERS[name](card, value));
     n += !card.hidden;
   }
   const number = (card) => parseFloat(card.dataset[by]);
@@ -83,7 +87,15 @@ function arrange() {
   document.querySelector(".gallery").append(...sorted);
   field("shown").textContent = n === cards.length ? "" : n + " of " + cards.length + " shown";
 }
-if (cards.length) for (const id of [...FILTERS, "order"]) field(id)?.addEventListener("change", arrange);
+if (cards.length) for (const id of [...Object.keys(FILTERS), "order"]) field(id)?.addEventListener("change", arrange);
+
+// A link to a card that a filter hides shows all of them.
+document.addEventListener("click", (e) => {
+  const card = document.getElementById(e.target.closest?.("a[href^='#card-']")?.hash.slice(1));
+  if (!card?.hidden) return;
+  for (const name in FILTERS) if (field(name)) field(name).value = "";
+  arrange();
+});
 
 (async () => {
   for (const place of document.querySelectorAll(".chart")) {
