@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -25,11 +25,9 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def frame_result(run: Run, session: Session) -> FrameResult:
     """What a finished run of ``session`` says about its frame."""
     problem, state = run.problem, run.final_state
-    no_physics = _no_physics(problem, session)
-    common = {"method": session.method.name, "seed": session.hypotheses.seed, "message": no_physics}
     rows = tuple(
-        object_row(
-            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], common
+        _object_row(
+            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], session
         )
         for target in problem.targets
     )
@@ -42,6 +40,7 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
     )
+    no_physics = _no_physics(problem, session)
     notes = (*problem.notes, no_physics) if no_physics else problem.notes
     return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=notes)
 
@@ -52,15 +51,15 @@ def _no_physics(problem: Problem, session: Session) -> str:
     return f"no physics: {seen.support_note}" if session.physics.enabled and seen.support is None else ""
 
 
-def object_row(
-    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], common: Mapping[str, Any]
+def _object_row(
+    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], session: Session
 ) -> ObjectRow:
-    """One object's row of frames.csv; ``common``: its fields ``method``, ``seed`` and ``message``."""
     instance, model = target.instance, target.model
     index = next(i for i, t in enumerate(problem.targets) if t is target)
     best, initial = state.best[index], state.initial[index]
     known: dict[str, Any] = {
-        **common,
+        "method": session.method.name,
+        "seed": session.hypotheses.seed,
         "scene_id": problem.scene_id,
         "im_id": problem.im_id,
         "instance_id": instance.instance_id,
@@ -72,7 +71,7 @@ def object_row(
         "n_hypotheses": len(instance.hypotheses),
     }
     if best is None or initial is None:
-        return ObjectRow(**known | {"status": "no_answer", "message": "no hypothesis to start from"})
+        return ObjectRow(**known, status="no_answer", message="no hypothesis to start from")
     return ObjectRow(
         **known,
         status="ok",
@@ -85,6 +84,7 @@ def object_row(
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
+        message=_no_physics(problem, session),
     )
 
 
