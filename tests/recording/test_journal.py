@@ -12,12 +12,13 @@ from tests.fakes import box_problem
 from tests.methods.test_physim_mcts import method_of
 from tests.recording.runs import new_run, session
 from verefine_viz.core.compare import first_difference
+from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.journal import Journal, read_journal
 from verefine_viz.recording.row import row_of
 from verefine_viz.session.engine import Run
 
 
-@pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir", "phys_before", "vf_breadth", "vf_depth", "physim_mcts"])
+@pytest.mark.parametrize("name", [*METHOD_NAMES, "physim_mcts"])
 def test_entries_come_back_as_rows(tmp_path: Path, name: str) -> None:
     problem = box_problem(3, 2)
     run = Run(method_of(problem), problem) if name == "physim_mcts" else new_run(session(name, iterations=3), problem)

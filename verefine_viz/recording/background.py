@@ -11,6 +11,7 @@ from typing import Any
 import fast_simplification
 import numpy as np
 import rerun as rr
+from numba import njit
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -30,6 +31,8 @@ SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
 DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
+SUBSAMPLE = 16
+"""Every so many-th point tells where objects are."""
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
 GHOST_ALPHA = 35
@@ -53,7 +56,7 @@ def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
         yield from _object(target, entities.branch(target.instance, problem), own)
-    near_m = _typical_depth_m(observation)
+    near_m = _typical_depth_m(problem)
     yield _camera(observation.camera, near_m)
     yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
     if pictures:
@@ -114,22 +117,61 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
 
 
 def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
-    h, w = observation.camera.shape
     v0, v1, u0, u1 = _around_objects(observation.object_mask)
     step = max(1, math.ceil(math.sqrt((v1 - v0) * (u1 - u0) / n_points)))
-    sparse = max(SPARSE_PX, step)
-    parts = [
-        _points(observation, slice(v0, v1, step), slice(u0, u1, step), near_m),
-        _points(observation, slice(0, h, sparse), slice(0, w, sparse), near_m),
-    ]
-    points, colors = (np.concatenate(both) for both in zip(*parts, strict=True))
+    rgb = _NO_COLORS if observation.rgb is None else observation.rgb
+    # Far background would only shrink what matters when the view is fitted.
+    camera, far_m = observation.camera, np.float32(2.5 * near_m)
+    points, colors = _points(
+        observation.depth_m, rgb, camera.fx, camera.fy, camera.cx, camera.cy, far_m, (v0, v1, u0, u1), step
+    )
     cloud = rr.Points3D
     parts = [
-        columns.vectors(cloud.descriptor_positions(), [points], 3),
-        columns.numbers(cloud.descriptor_colors(), [columns.packed(colors)], np.uint32),
+        columns.vectors(cloud.descriptor_positions(), columns.Ragged([len(points)], points), 3),
+        columns.numbers(cloud.descriptor_colors(), columns.Ragged([len(points)], colors), np.uint32),
         columns.numbers(cloud.descriptor_radii(), [[0.0012]], np.float32),
     ]
     return columns.fixed_row(entities.CLOUD, parts)
+
+
+_NO_COLORS = np.zeros((0, 0, 3), np.uint8)
+
+
+@njit(cache=True)
+def _points(
+    depth_m: NDArray[np.float32],
+    rgb: NDArray[np.uint8],
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    far_m: np.float32,
+    window: tuple[int, int, int, int],
+    step: int,
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Points (n, 3) nearer than ``far_m``, and their colours (n,) as rerun keeps them.
+
+    Of every ``step``-th pixel of the window (rows, then columns), then of every ``SPARSE_PX``-th of the whole image.
+    """
+    h, w = depth_m.shape
+    v0, v1, u0, u1 = window
+    sparse = max(SPARSE_PX, step)
+    most = ((v1 - v0) // step + 1) * ((u1 - u0) // step + 1) + (h // sparse + 1) * (w // sparse + 1)
+    points, colors = np.empty((most, 3), np.float32), np.empty(most, np.uint32)
+    n = 0
+    for top, bottom, left, right, every in ((v0, v1, u0, u1, step), (0, h, 0, w, sparse)):
+        for v in range(top, bottom, every):
+            for u in range(left, right, every):
+                z = depth_m[v, u]
+                if not 0 < z < far_m:
+                    continue
+                points[n, 0] = np.float32((u - cx) / fx) * z
+                points[n, 1] = np.float32((v - cy) / fy) * z
+                points[n, 2] = z
+                r, g, b = (rgb[v, u, 0], rgb[v, u, 1], rgb[v, u, 2]) if rgb.size else (150, 150, 150)
+                colors[n] = r << 24 | g << 16 | b << 8 | 255
+                n += 1
+    return points[:n], colors[:n]
 
 
 def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
@@ -147,30 +189,13 @@ def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
     )
 
 
-def _points(
-    observation: Observation, rows: slice, across: slice, near_m: float
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Points (n, 3) of every so many-th pixel and their colours (n, 3)."""
-    camera, depth = observation.camera, observation.depth_m[rows, across]
-    # Far background would only shrink what matters when the view is fitted.
-    valid = (depth > 0) & (depth < 2.5 * near_m)
-    v, u = np.nonzero(valid)
-    z = depth[v, u]
-    x = ((np.arange(*across.indices(camera.width)) - camera.cx) / camera.fx).astype(np.float32)
-    y = ((np.arange(*rows.indices(camera.height)) - camera.cy) / camera.fy).astype(np.float32)
-    points = np.stack([x[u] * z, y[v] * z, z], axis=-1)
-    if observation.rgb is None:
-        return points, np.full(points.shape, 150, np.uint8)
-    return points, observation.rgb[rows, across][v, u]
-
-
 def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Piece]:
     support = problem.observation.support
     assert support is not None
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
     if not clouds:
         return
-    points = np.sort(np.concatenate([cloud[::16] for cloud in clouds]) @ T_world_cam[:3, :3].T, axis=0)
+    points = np.sort(np.concatenate([cloud[::SUBSAMPLE] for cloud in clouds]) @ T_world_cam[:3, :3].T, axis=0)
     # Masks leak: a few points far behind must not decide how much of the plane is drawn.
     tail = len(points) // 20
     extent = points[-1 - tail, :2] - points[tail, :2]
@@ -283,12 +308,10 @@ def png(image: NDArray[np.uint8] | NDArray[np.uint16], palette: bytes | None = N
     return buffer.getvalue()
 
 
-def _typical_depth_m(observation: Observation) -> float:
+def _typical_depth_m(problem: Problem) -> float:
     """Median depth of the objects, of everything where there is none, 1 m in a frame without depth."""
-    # Every fourth pixel is enough to tell.
-    depth, mask = observation.depth_m[::4, ::4], observation.object_mask[::4, ::4]
-    for part in (depth[mask], depth):
-        known = part[part > 0]
-        if len(known):
-            return float(np.median(known))
-    return 1.0
+    # A part is enough to tell.
+    clouds = [i.points_cam[::SUBSAMPLE, 2] for i in problem.instances if len(i.points_cam)]
+    depth = problem.observation.depth_m[::4, ::4]
+    known = np.concatenate(clouds) if clouds else depth[depth > 0]
+    return float(np.median(known)) if len(known) else 1.0
