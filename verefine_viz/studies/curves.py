@@ -13,6 +13,8 @@ from verefine_viz.studies.study import Claim, Panel, Study
 
 RESAMPLES = 2000
 """Draws of the bootstrap."""
+AT_ONCE = 1_000_000
+"""Values drawn together, which bounds memory."""
 FEWEST = 6
 """Pairs that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap of them
 would then be sure."""
@@ -135,10 +137,12 @@ def _case(o: Outcome) -> tuple[str, str, int, int]:
 
 
 def band(values: Float) -> tuple[float, float]:
-    """95 % interval of the mean by the bootstrap, the same at each call."""
+    """95 % interval of the mean by the bootstrap of N ``values`` (N,), the same at each call; NaN of nothing."""
     if not values.size:
         return float("nan"), float("nan")
     rng, n = np.random.default_rng(0), values.size
-    means = [values[rng.integers(n, size=n)].mean() for _ in range(RESAMPLES)]
+    block = max(1, AT_ONCE // n)
+    sizes = ((min(block, RESAMPLES - k), n) for k in range(0, RESAMPLES, block))
+    means = np.concatenate([values[rng.integers(n, size=size)].mean(axis=1) for size in sizes])
     low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)
