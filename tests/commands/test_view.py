@@ -59,6 +59,17 @@ def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_gi
     assert served["batch"].session("rir").method.exploration == 0.2
 
 
+def test_runs_that_are_left_out_are_told(
+    tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    batch_run(tmp_path / "rir", "rir", (5.0, 40.0))
+    (tmp_path / "old").mkdir()
+    batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
+    assert view([str(tmp_path)]) == 0
+    assert served["batch"].has_several_runs is False
+    assert f"to look at them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
+
+
 def test_a_folder_without_a_run_is_refused_in_one_line(
     tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

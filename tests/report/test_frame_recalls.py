@@ -15,7 +15,7 @@ from verefine_viz.report.outcomes import axes_of
 
 def test_a_frame_in_which_nothing_is_seen_asks_for_nothing(tmp_path: Path) -> None:
     made = make_frames(tmp_path / "data", 3)
-    made.edit("scene_gt_info.json", lambda info: [entry.update(visib_fract=0.05) for entry in info["1"]])
+    made.edit("scene_gt_info.json", lambda info: info.update({"1": [{"visib_fract": 0.05}] * 3}))
     session = {"scene": {"source": "bop", "dataset": str(made.root)}}
     rows = [row(im_id, 1, scene_id=SCENE_ID, obj_id=5) for im_id in range(3)]
     T_gt = made.problem.instances[1].T_cam_obj_gt

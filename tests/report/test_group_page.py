@@ -47,7 +47,7 @@ def test_a_folder_of_runs_is_compared(tmp_path: Path, capsys: pytest.CaptureFixt
     html = (folder / "report.html").read_text(encoding="utf-8")
     assert {"forest", "recall", "panels", "causes", "times"} <= figures(html).keys()
     plain = without_plotly(html)
-    assert "6 methods compared" in plain
+    assert "6 methods compared: rir, " in plain
     assert "pir-2: not finished (stopped)" in plain
     assert plain.count('<tr><td class="text name">') == 6
     assert '<select id="group">' in plain
@@ -70,12 +70,23 @@ def test_seeds_of_one_method_have_a_report_too(tmp_path: Path) -> None:
     plain = without_plotly((folder / "report.html").read_text(encoding="utf-8"))
     assert "against the best" not in plain
     assert "rir gets " in plain
+    assert "<h1>rir on all/test, 4 seeds</h1>" in plain
 
 
 def test_a_folder_with_one_run_gives_its_report(tmp_path: Path) -> None:
     folder = sweep(tmp_path / "runs", ("rir",), 1, 5)
     assert cli.main(["report", str(folder)]) == 0
     assert "rir got " in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_where_the_runs_lie_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sweep(tmp_path / "runs" / "may", ("rir", "sir"), 1, 5)
+    assert cli.main(["report", str(tmp_path / "runs")]) == 0
+    assert f"The runs in {tmp_path / 'runs/may'} (2 runs)." in capsys.readouterr().out
+    assert (tmp_path / "runs" / "report.html").is_file()
+    sweep(tmp_path / "runs" / "june", ("pir",), 1, 5)
+    assert cli.main(["report", str(tmp_path / "runs")]) == 2
+    assert f"name one of them: {tmp_path / 'runs/june'} (1 run), " in capsys.readouterr().err
 
 
 def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:

@@ -39,6 +39,9 @@ def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> Non
     assert "in the pool 3)" in found.said
     assert "(method.iterations)" in found.said
     assert found.begin.frame == "1/1"
+    assert "(next: no good hypothesis in the pool and simulation pushed it away 1 each)" in said(
+        "mask", "mask", "mask", "pool", "simulation"
+    )
 
 
 def test_a_tie_is_said_to_be_one() -> None:
@@ -56,7 +59,7 @@ def test_few_cases_are_said_to_be_few() -> None:
 
 def test_what_nobody_explained_is_not_counted_as_explained() -> None:
     assert "2 not explained" in said("pool", "", "pool", "", "pool")
-    assert said("", "").startswith("No cause is known of 2 wrong answers; begin with the worst,")
+    assert said("", "").startswith("No cause is known for 2 wrong answers; begin with the worst,")
 
 
 def test_what_the_answers_have_in_common_is_said_where_it_is_all_of_them() -> None:

@@ -46,6 +46,8 @@ def test_without_its_data_set_a_report_has_everything_but_pictures(
     assert "<img" not in html
     assert "rir got 1 of 2 objects right" in html
     assert "no good hypothesis in the pool" in html
+    assert "The only wrong answer of 2 has the cause “no good hypothesis in the pool”" in html
+    assert 'begin with <a href="#card-1">object 1 in frame 1/2</a>.' in html
     assert "All were far off." in html
     assert {"recall", "score-1", "times", "causes"} <= figures(html).keys()
 

@@ -28,7 +28,7 @@ ADVICE = {
     Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
-    Cause.POOL: "no setting of the method helps where no first pose is near, so better ones are needed ([hypotheses])",
+    Cause.POOL: "no first pose led to the truth, so more or better ones are needed ([hypotheses])",
 }
 """What to try, by cause."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
@@ -63,7 +63,7 @@ def next_step(run: Loaded) -> NextStep | None:
         return NextStep(f"Which answers are wrong is not known; begin with {worst},", wrong[0])
     counts = Counter(row.cause for row in wrong if row.cause).most_common()
     if not counts:
-        return NextStep(f"No cause is known of {_of(len(wrong))}; begin with the worst,", wrong[0])
+        return NextStep(f"No cause is known for {_of(len(wrong))}; begin with the worst,", wrong[0])
     most = counts[0][1]
     first = [cause for cause, n in counts if n == most]
     if len(first) > 1:
@@ -88,11 +88,18 @@ def _lead(run: Loaded, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, i
     if len(wrong) == 1:
         return f"The only wrong answer of {len(run.with_truth)} has the cause “{title}”"
     n_unknown = len(wrong) - sum(m for _, m in counts)
-    others = [f"next: {cause_title(counts[1][0])} {counts[1][1]}"] if len(counts) > 1 else []
+    others = [f"next: {_shown(counts[1:])}"] if len(counts) > 1 else []
     others += [f"{n_unknown} not explained"] if n_unknown else []
     others += ["few cases, which say little about other frames"] if len(wrong) < FEW else []
     said = f"{n} of {_of(len(wrong))} {'has' if n == 1 else 'have'} the cause “{title}”"
     return said + (f" ({'; '.join(others)})" if others else "")
+
+
+def _shown(counts: Sequence[tuple[str, int]]) -> str:
+    """``collider too coarse 2``; ``collider too coarse and refiner diverged 1 each``: the most frequent of these."""
+    n = counts[0][1]
+    titles = [cause_title(cause) for cause, m in counts if m == n]
+    return f"{' and '.join(titles)} {n}{' each' * (len(titles) > 1)}"
 
 
 def _in_common(rows: Sequence[ObjectRow]) -> str:

@@ -11,6 +11,7 @@ from verefine_viz.report.gallery import Gallery
 from verefine_viz.report.groups import names, seed_words
 from verefine_viz.report.loaded import Loaded, data_set
 from verefine_viz.report.numbers import Numbers, lies
+from verefine_viz.report.pair_gallery import BOTH, ONLY_A, ONLY_B
 
 DASH = "–"
 
@@ -122,7 +123,7 @@ def pair_failures_sentence(failures: Gallery, has_truth: bool) -> str:
     if not has_truth or not n_shown:
         return failures_sentence(n_shown, failures.n_more, has_truth)
     counts = Counter(card.pick.group for card in failures.failures)
-    listed = ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items(), reverse=True))
+    listed = ", ".join(f"{counts[kind]} {kind}" for kind in (ONLY_A, ONLY_B, BOTH) if counts[kind])
     more = f"; {failures.n_more} more in the runs' frames.csv" if failures.n_more else ""
     return f"{n_shown} object{'s' * (n_shown != 1)} that one run or both got wrong, worst first: {listed}{more}."
 
