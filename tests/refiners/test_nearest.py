@@ -4,7 +4,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from tests.fakes import box_problem
+from verefine_viz.core.settings import IcpSettings, TricpSettings
+from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.nearest import NearestIndex
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 
 
 def surface_cloud(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -56,3 +61,20 @@ def test_queries_at_the_points_themselves_find_them() -> None:
 def test_no_queries_no_answers() -> None:
     distance, index = NearestIndex.build(np.zeros((1, 3))).query(np.empty((0, 3)))
     assert distance.shape == index.shape == (0,)
+
+
+def test_a_model_s_index_is_built_once_whoever_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[int] = []
+    build = NearestIndex.build
+
+    def counted(cloud: np.ndarray) -> NearestIndex:
+        built.append(len(cloud))
+        return build(cloud)
+
+    monkeypatch.setattr(NearestIndex, "build", counted)
+    (target,) = box_problem().targets
+    T = target.instance.hypotheses[0].T_cam_obj
+    for refiner in (Icp(IcpSettings()), TrimmedIcp(TricpSettings())):
+        refiner.refine(target, T)
+    pose_errors(target.model, T, np.eye(4))
+    assert built == [len(target.model.points)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -13,7 +12,7 @@ from scipy.spatial import KDTree
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.refiners.nearest import NearestIndex
+from verefine_viz.refiners.nearest import model_index
 
 ROUNDED = 1e-6
 """How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
@@ -66,12 +65,7 @@ def adds_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     R = T_est[:3, :3]
     if np.abs(R.T @ R - np.eye(3)).max() > ROUNDED:
         return 1e3 * float(KDTree(apply(T_est, model.points)).query(apply(T_gt, model.points))[0].mean())
-    return 1e3 * float(_index(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
-
-
-@lru_cache(maxsize=64)
-def _index(model: ObjectModel) -> NearestIndex:
-    return NearestIndex.build(model.points)
+    return 1e3 * float(model_index(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
 
 
 @njit(cache=True)

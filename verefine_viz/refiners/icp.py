@@ -39,7 +39,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import IcpSettings
 from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop, refined_pose
-from verefine_viz.refiners.nearest import NearestIndex
+from verefine_viz.refiners.nearest import NearestIndex, model_index
 
 FINAL_GATE = 0.1
 """Largest distance of a match as a share of the source's largest extent: the published one."""
@@ -210,7 +210,7 @@ class Icp:
     def _target(self, model: ObjectModel) -> IcpTarget:
         ready = self._targets.get(model)
         if ready is None:
-            ready = self._targets[model] = IcpTarget.build(model.points, model.point_normals)
+            ready = self._targets[model] = IcpTarget(model_index(model), _writable(model.point_normals))
         return ready
 
 

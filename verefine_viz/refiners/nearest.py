@@ -7,6 +7,7 @@ no search, hardly a branch. Single-threaded; the answer depends on the query alo
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
 
 MAX_CELLS = 2**16
 """Most cubes: about 6 mm a side around an object of 200 mm."""
@@ -66,6 +68,12 @@ class NearestIndex(NamedTuple):
         found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
         nearest_of_all(np.array(points, dtype=np.float64, order="C"), np.inf, self, found, squared)
         return np.sqrt(squared), found
+
+
+@lru_cache(maxsize=64)
+def model_index(model: ObjectModel) -> NearestIndex:
+    """The index of a model's points, of which there must be one at least; built once, whoever asks."""
+    return NearestIndex.build(model.points)
 
 
 @njit(cache=True)

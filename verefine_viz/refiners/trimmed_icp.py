@@ -20,7 +20,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import TricpSettings
-from verefine_viz.refiners.nearest import NearestIndex
+from verefine_viz.refiners.nearest import NearestIndex, model_index
 from verefine_viz.refiners.trimmed_afar import Leaves
 from verefine_viz.refiners.trimmed_kernel import trimmed_loop, unexplained
 
@@ -123,5 +123,5 @@ class TrimmedIcp:
     def _target(self, model: ObjectModel) -> TrimmedTarget:
         ready = self._targets.get(model)
         if ready is None:
-            ready = self._targets[model] = TrimmedTarget.build(model.points)
+            ready = self._targets[model] = TrimmedTarget(model_index(model), Leaves.build(model.points))
         return ready
