@@ -27,7 +27,7 @@ class Cause(StrEnum):
 
 
 TITLES: dict[Cause, str] = {
-    Cause.SYMMETRIC: "symmetric, not wrong",
+    Cause.SYMMETRIC: "symmetry of the shape not declared",
     Cause.DEPTH: "depth missing or unregistered",
     Cause.MASK: "mask leaks or misses",
     Cause.NEIGHBOUR: "neighbour misplaced first",

@@ -34,7 +34,11 @@ BORDER_PX = 2
 
 
 def symmetric(case: Case) -> Finding | None:
-    """The object looks the same where the estimate is, and its model declares no such symmetry."""
+    """The object has the same shape where the estimate is, and its model declares no such symmetry.
+
+    The error that decides knows declared symmetries only, so that such an answer counts as wrong everywhere. Whether
+    it is wrong to a person is another question: colour, which may tell the sides apart, is not looked at.
+    """
     if case.answer is None:
         return None
     # A pose that looks the same has its surface where the true one has it: a cheap question first.
@@ -52,8 +56,8 @@ def symmetric(case: Case) -> Finding | None:
     turn_deg = float(np.rad2deg(angle_between(np.eye(3), S[:3, :3])))
     return Finding(
         Cause.SYMMETRIC,
-        f"The {case.name} looks the same when turned by {turn_deg:.0f}°, and its model declares no such symmetry: "
-        f"counted with it, the error is {error:.0%} of the diameter instead of {case.error:.0%}.",
+        f"The {case.name} has the same shape when turned by {turn_deg:.0f}°, but its model declares no such symmetry, "
+        f"so that the turn counts as an error: with it declared, {instead(error, case.error)}.",
         {"turn_deg": turn_deg, "error": case.error, "error_with_symmetry": error},
         True,
     )
