@@ -9,6 +9,7 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis.case import LAST_POSE, WHOLE_SCENE, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
+from verefine_viz.diagnosis.words import told_apart
 from verefine_viz.methods.registry import SEARCH
 from verefine_viz.rendering.explained import ExplainedPixels
 
@@ -30,7 +31,6 @@ def score(case: Case) -> Finding | None:
     right = max(scores, key=lambda s: s.score)
     if wrong.score < right.score:
         return None
-    blame = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
     evidence = {
         "score": wrong.score,
         "score_of_truth": right.score,
@@ -42,11 +42,7 @@ def score(case: Case) -> Finding | None:
         "normal_fit": wrong.normal_fit,
         "normal_fit_of_truth": right.normal_fit,
     }
-    text = (
-        f"The score prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: "
-        f"{wrong.score:.3f} against {right.score:.3f} for the truth, {_why(blame, wrong, right)}."
-    )
-    return Finding(Cause.SCORE, text, evidence, True)
+    return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right), evidence, True)
 
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
@@ -68,10 +64,14 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
     right_px = min(unexplained_px(T) for T in true_poses_of(case))
     if wrong_px > right_px:
         return None
+    pose = f"a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter"
+    if wrong_px < right_px:
+        text = f"The search's cost prefers {pose}: it leaves {wrong_px} pixels unexplained, the truth {right_px}."
+    else:
+        text = f"The search's cost does not tell {pose} from the truth: both leave {wrong_px} pixels unexplained."
     return Finding(
         Cause.SCORE,
-        f"The search's cost prefers a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter: it "
-        f"leaves {wrong_px} pixels unexplained, the truth {right_px}.",
+        text,
         {"unexplained_px": float(wrong_px), "unexplained_px_of_truth": float(right_px), "error": case.error},
         True,
     )
@@ -104,13 +104,35 @@ def _judged(case: Case, poses: Float) -> list[PoseScore]:
     return [found[k] for k in range(len(poses))]
 
 
-def _why(blame: dict[str, float], wrong: PoseScore, right: PoseScore) -> str:
-    """The pixels that did it."""
+def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore) -> str:
+    """The sentence about a score that prefers a wrong pose, or gives it as much as the truth.
+
+    Args:
+        name: of the object.
+        error: of the wrong pose, as a share of the diameter.
+        wrong: its score.
+        right: the truth's, which is not higher.
+    """
+    pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter"
+    of_wrong, of_truth = told_apart(wrong.score, right.score, 3)
+    if of_wrong == of_truth:
+        return f"The score gives {pose} as much as the truth: {of_truth}."
+    return f"The score prefers {pose}: {of_wrong} against {of_truth} for the truth{_why(wrong, right)}."
+
+
+def _why(wrong: PoseScore, right: PoseScore) -> str:
+    """What costs the truth its lead: the pixels that do it, else the fit; empty where neither tells."""
+    blame = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
     name = max(blame, key=lambda n: blame[n])
     if blame[name] > 0.01:
         what = {"missed": "missed (measured, and no model there)", "protruding": "protruding into free space"}[name]
         shares = f"{right.shares[name]:.0%} of the pixels count as {what}"
-        return f"in which {shares}, against {wrong.shares[name]:.0%} in the answer"
-    if wrong.depth_fit - right.depth_fit > wrong.normal_fit - right.normal_fit:
-        return f"whose depth fits less well ({right.depth_fit:.2f} against {wrong.depth_fit:.2f})"
-    return f"whose normals fit less well ({right.normal_fit:.2f} against {wrong.normal_fit:.2f})"
+        return f", in which {shares}, against {wrong.shares[name]:.0%} in the answer"
+    depth, normals = wrong.depth_fit - right.depth_fit, wrong.normal_fit - right.normal_fit
+    if depth > normals:
+        what, fits = "depth fits", told_apart(right.depth_fit, wrong.depth_fit, 2)
+    else:
+        what, fits = "normals fit", told_apart(right.normal_fit, wrong.normal_fit, 2)
+    if max(depth, normals) <= 0 or fits[0] == fits[1]:
+        return ""
+    return f", whose {what} less well ({fits[0]} against {fits[1]})"
