@@ -20,6 +20,7 @@ from typing import Any
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
+from distributed.comm.addressing import resolve_address
 from distributed.comm.core import connect
 
 import verefine_viz
@@ -30,7 +31,7 @@ from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import UnavailableError, VerefineError
+from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
@@ -50,8 +51,11 @@ def open_cluster(
     """The workers of the cluster at ``address``, or of a new one here ("local", ``n_workers`` processes).
 
     Raises:
+        SettingsError: it is no address.
         UnavailableError: nothing answers there.
     """
+    if address != "local":
+        _check(address)
     # One line about trouble is ours to say; Dask would add pages.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     own = _local(n_workers) if address == "local" else None
@@ -70,12 +74,25 @@ def open_cluster(
     return ClusterWorkers(client, own, address, session, out, task, ship)
 
 
+def _check(address: str) -> None:
+    """
+    Raises:
+        SettingsError: it is no address, whether or not something answers there.
+    """
+    try:
+        with suppress(OSError, ImportError):  # Said when it does not answer.
+            resolve_address(address)
+    except ValueError:
+        raise SettingsError(
+            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
+        ) from None
+
+
 async def _answers(address: str) -> None:
     """Returns when something that speaks Dask's language answers; its client would wait for the first word for ever.
 
     Raises:
         OSError: nothing does in time.
-        ValueError: it is no address.
     """
     arguments = Security().get_connection_args("client")
     comm = await asyncio.wait_for(connect(address, timeout=CONNECT_S, **arguments), CONNECT_S)
