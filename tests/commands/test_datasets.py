@@ -59,7 +59,9 @@ def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.Capture
     assert no_targets in found.pop("evaluate:")
     assert found == {"view": "", "study:": "", "gravity": "cam_R_w2c"}
     assert Datasets("check", str(made.root)).run([]) == 0
-    assert "can run: view and batch from ground truth" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "can run: view and batch from ground truth" in said
+    assert said.endswith("No part needs a look: exit code 0.\n")
 
 
 def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
@@ -104,10 +106,11 @@ def test_without_models_the_rest_is_not_looked_at(made: Made) -> None:
     assert "has no object models" in finding.found
 
 
-def test_damaged_parts_are_findings_and_no_errors(made: Made) -> None:
+def test_damaged_parts_are_findings_and_no_errors(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
     (made.scene / "depth" / "000001.png").write_bytes(b"")
     assert "000001.png" in advice(made)["depth and colour"]
     assert Datasets("check", str(made.root)).run([]) == 1
+    assert capsys.readouterr().out.endswith("\n1 part needs a look, hence exit code 1: depth and colour.\n")
 
 
 def test_camera_poses_are_counted(made: Made) -> None:
@@ -117,7 +120,10 @@ def test_camera_poses_are_counted(made: Made) -> None:
     made.edit("scene_camera.json", only_the_first)
     (gravity,) = [what for what, lacks in what_can_be_run(check_split(made.root, "test")) if "gravity" in what]
     assert gravity.endswith("(scene.gravity world), for 1 of 2 frames")
-    assert advice(made) == {"camera poses": "scene.gravity world works for these only; plane for all"}
+    (poses,) = [f.found for f in check_split(made.root, "test").findings if f.name == "camera poses"]
+    assert poses == "known for 1 of 2 frames: scene.gravity world works for these only, plane for all"
+    # It is so, and nothing is wrong with it.
+    assert advice(made) == {}
 
 
 def test_scores_need_targets_and_diameters(made: Made) -> None:

@@ -187,9 +187,9 @@ def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
             parts.frames += len(entries)
             parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
     if parts.with_camera_pose:
-        found = f"of {parts.with_camera_pose} of {parts.frames} frames"
+        found = f"known for {parts.with_camera_pose} of {parts.frames} frames"
         few = parts.with_camera_pose < parts.frames
-        parts.add("camera poses", found, "scene.gravity world works for these only; plane for all" if few else "")
+        parts.add("camera poses", found + ": scene.gravity world works for these only, plane for all" * few)
 
 
 def _check_scoring(dataset: BopDataset, parts: Parts) -> None:

@@ -17,8 +17,8 @@ class Datasets:
     """List the paper's data sets (datasets), look at a folder (datasets check DIR), or fetch (datasets fetch NAME)."""
 
     action: Annotated[Literal["list", "check", "fetch"], tyro.conf.Positional] = "list"
-    """list: what there is and how to get it. check: which parts a folder has, what can be run, what is wrong. fetch:
-    download from the BOP hub."""
+    """list: what there is and how to get it. check: which parts a folder has, what can be run, what is wrong; the
+    exit code is 1 where a part needs a look, else 0. fetch: download from the BOP hub."""
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[DIR|NAME]")] = ""
     """check: the data set's folder. fetch: the data set's name."""
     folder: Path = Path("datasets")
@@ -59,7 +59,7 @@ def _fetch(name: str, folder: Path) -> int:
 
 
 def _check(folder: Path) -> int:
-    """0 where something can be run and nothing is wrong, else 1."""
+    """0 where no part needs a look, else 1; the last line says so."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -67,7 +67,7 @@ def _check(folder: Path) -> int:
     from verefine_viz.commands.dataset_check import check_split, splits_of, what_can_be_run
 
     console = Console(highlight=False)
-    ok = True
+    looks: list[str] = []
     for split in splits_of(folder):
         with console.status(f"looking at {escape(split)}"):
             parts = check_split(folder, split)
@@ -77,10 +77,16 @@ def _check(folder: Path) -> int:
         for row in parts.findings:
             mark = "[yellow]look[/]" if row.advice else "[green]ok[/]"
             table.add_row(escape(row.name), mark, escape(row.found + (f"\n→ {row.advice}" if row.advice else "")))
-            ok = ok and not row.advice
+            looks += [row.name] * bool(row.advice)
         console.print(table)
         for what, missing in what_can_be_run(parts):
             console.print(
-                escape(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing)))
+                escape(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing))),
+                soft_wrap=True,
             )
-    return 0 if ok else 1
+    if not looks:
+        console.print("No part needs a look: exit code 0.")
+        return 0
+    how_many = "1 part needs" if len(looks) == 1 else f"{len(looks)} parts need"
+    console.print(escape(f"{how_many} a look, hence exit code 1: {', '.join(looks)}."), soft_wrap=True)
+    return 1
