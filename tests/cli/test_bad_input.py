@@ -8,15 +8,14 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import rerun as rr
 
 from tests.batch import fragile
+from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import Made, make
-from verefine_viz import cli
 from verefine_viz.batch import pool
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.session.files import resolve
@@ -35,34 +34,13 @@ def _quick_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pool, "work", fragile.work)
 
 
-@dataclass(frozen=True)
-class Desk:
+class Desk(CommandLine):
     """What a case works with."""
-
-    folder: Path
-    made: Made
-    capsys: pytest.CaptureFixture[str]
-
-    def file(self, name: str, text: str | bytes) -> Path:
-        path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return path
 
     def bop(self, extra: str = "", scene: str = "", hypotheses: str = "") -> Path:
         """A session on the made-up data set."""
         text = f'{extra}\n[scene]\nsource = "bop"\ndataset = {json.dumps(str(self.made.root))}\n{scene}\n'
         return self.file("session.toml", f"{text}[hypotheses]\n{hypotheses}\n")
-
-    def refused(self, *words: object) -> str:
-        """The one line with which these words are refused."""
-        assert cli.main([str(word) for word in words]) == 2
-        captured = self.capsys.readouterr()
-        lines = captured.err.splitlines()
-        assert len(lines) == 1, captured.err
-        assert lines[0].startswith("verefine-viz: ")
-        assert lines[0].isprintable()
-        return lines[0].removeprefix("verefine-viz: ")
 
     def batch(self, session: Path, *words: object) -> str:
         return self.refused("batch", session, "--out", self.folder / "out", *words)

@@ -10,7 +10,6 @@ import json
 import shutil
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -21,6 +20,7 @@ from PIL import Image
 
 from tests.batch import answering
 from tests.batch.frames import make_frames
+from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import Made, cut, make
 from verefine_viz import cli
 from verefine_viz.batch import cluster, pool
@@ -34,30 +34,15 @@ MIRRORED = "1 0 0 0 1 0 0 0 -1,0 0 500"
 TARGETS = "test_targets_bop19.json"
 
 
-@dataclass(frozen=True)
-class Desk:
+class Desk(CommandLine):
     """A data set, and what the command line says."""
-
-    folder: Path
-    made: Made
-    capsys: pytest.CaptureFixture[str]
-
-    def file(self, name: str, content: str | bytes) -> Path:
-        path = self.folder / name
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
-        return path
 
     def refused(self, *words: object) -> str:
         """The one line with which these words are refused; they leave no trace."""
         before = sorted(self.folder.rglob("*"))
-        assert cli.main([str(word) for word in words]) == 2
-        captured = self.capsys.readouterr()
-        assert captured.out == ""
-        (line,) = captured.err.splitlines()
-        assert line.startswith("verefine-viz: ")
-        assert line.isprintable()
+        line = super().refused(*words)
         assert sorted(self.folder.rglob("*")) == before
-        return line.removeprefix("verefine-viz: ")
+        return line
 
     def evaluated(self, results: Path, *words: object) -> tuple[str, ...]:
         """How ``evaluate`` is called on the data set."""
@@ -146,8 +131,11 @@ def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
     ("text", "note"),
     [
         (f"{ROW}\n" * 50, "dup: 49 rows beyond the instances asked for were left out"),
-        (f"99,3,5,1,{POSE},-1\n", "dup: has estimates for 0 of 1 images and 0 of 2 objects"),
-        (f"7,3,99,1,{POSE},-1\n", "dup: 1 of 1 rows are about scenes, images or objects that the targets do not name"),
+        (f"{ROW}\n99,3,5,1,{POSE},-1\n", "dup: has estimates for 1 of 1 images and 1 of 2 objects"),
+        (
+            f"{ROW}\n7,3,99,1,{POSE},-1\n",
+            "dup: 1 of 2 rows are about scenes, images or objects that the targets do not name",
+        ),
     ],
 )
 def test_rows_that_do_not_count_are_counted(desk: Desk, text: str, note: str) -> None:
@@ -294,14 +282,18 @@ def test_a_folder_that_is_no_data_set(desk: Desk) -> None:
 # Clusters
 
 
-@pytest.mark.parametrize(
-    "address", ["tcp://127.0.0.1:1", "no.such.host.invalid:8786", "http://127.0.0.1:1", "what://x"]
-)
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no.such.host.invalid:8786", "127.0.0.1:1"])
 def test_a_cluster_that_does_not_answer(desk: Desk, address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     line = desk.refused(*desk.batch("--cluster", address))
     assert f"no Dask scheduler answers at {address} within 0.5 s (" in line
     assert "start one with dask scheduler, or say --cluster local" in line
+
+
+@pytest.mark.parametrize("address", ["foo", "what://x:1", "tcp://host", "http://127.0.0.1:1", "tcp://host:port"])
+def test_what_is_no_address_of_a_cluster(desk: Desk, address: str) -> None:
+    line = desk.refused(*desk.batch("--cluster", address))
+    assert line == f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
 
 
 def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:

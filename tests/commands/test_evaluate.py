@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.batch.frames import make_frames
+from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import OBJ_IDS, Made, cut, make
 from verefine_viz import cli
 from verefine_viz.scenes.results import HEADER, ResultRow, write_results
@@ -21,12 +23,10 @@ POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 
 
 @dataclass(frozen=True)
-class Desk:
+class Desk(CommandLine):
     """A data set, a perfect results file, and what the command prints."""
 
-    made: Made
     results: Path
-    capsys: pytest.CaptureFixture[str]
 
     def run(self, *words: object) -> str:
         """Standard output of a run that ends well."""
@@ -43,26 +43,14 @@ class Desk:
         arguments = [*map(str, words or [self.results])]
         if "--dataset" not in arguments:
             arguments += ["--dataset", str(self.made.root)]
-        assert cli.main(["evaluate", *arguments]) == 2
-        captured = self.capsys.readouterr()
-        assert captured.out == ""
-        lines = captured.err.splitlines()
-        assert len(lines) == 1, captured.err
-        assert lines[0].startswith("verefine-viz: ")
-        assert "Traceback" not in captured.err
-        return lines[0]
-
-    def file(self, name: str, text: str) -> Path:
-        path = self.results.with_name(name)
-        path.write_text(text)
-        return path
+        return super().refused("evaluate", *arguments)
 
 
-def rows(made: Made, time_s: float = 0.25) -> list[ResultRow]:
+def rows(made: Made, time_s: float = 0.25, im_id: int = 3) -> list[ResultRow]:
     found = []
     for instance, obj_id in zip(made.problem.instances, OBJ_IDS, strict=True):
         assert instance.T_cam_obj_gt is not None
-        found.append(ResultRow(7, 3, obj_id, 0.5, instance.T_cam_obj_gt, time_s))
+        found.append(ResultRow(7, im_id, obj_id, 0.5, instance.T_cam_obj_gt, time_s))
     return found
 
 
@@ -71,7 +59,7 @@ def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
     made = make(tmp_path / "boxes")
     results = tmp_path / "perfect_boxes-test.csv"
     write_results(results, rows(made))
-    return Desk(made, results, capsys)
+    return Desk(tmp_path, made, capsys, results)
 
 
 def test_the_table_has_a_row_for_each_file(desk: Desk) -> None:
@@ -109,12 +97,13 @@ def test_json_holds_every_number(desk: Desk) -> None:
 
 
 def test_json_has_null_where_nothing_is_known(desk: Desk) -> None:
-    path = desk.file("none_boxes-test.csv", f"99,3,5,1,{POSE},-1\n")
+    path = desk.file("none_boxes-test.csv", f"7,3,5,1,{POSE.replace('500', 'nan')},-1\n")
     (score,) = desk.json(path)["results"]
     assert score["AR"] == 0.0
     assert score["mean_rotation_deg"] is None
     assert score["average_time_per_image_s"] is None
-    assert score["counts"]["missing"] == 3
+    assert score["own_images"] is None
+    assert score["counts"]["missing"] == 2
 
 
 def test_a_table_by_object(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +140,7 @@ def test_a_split_with_another_name_is_found(tmp_path: Path, capsys: pytest.Captu
     made = make(tmp_path / "tless", split="test_primesense")
     results = tmp_path / "perfect_tless-test.csv"
     write_results(results, rows(made))
-    assert Desk(made, results, capsys).json()["split"] == "test_primesense"
+    assert Desk(tmp_path, made, capsys, results).json()["split"] == "test_primesense"
 
 
 def test_models_eval_win(desk: Desk) -> None:
@@ -177,6 +166,8 @@ def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> Non
         (["rir_boxes-test.csv", "sir_boxes-test.csv"], ["rir", "sir"]),
         (["a/rir_boxes-test.csv", "b/rir_boxes-test.csv", "sir_boxes-test.csv"], ["a", "b", "sir"]),
         (["a/results.csv", "a/results.csv"], ["a", "a"]),
+        (["a/results.csv", "rir_boxes-test.csv"], ["a", "rir"]),
+        (["rir/results.csv", "rir_boxes-test.csv"], ["results", "rir"]),
     ],
 )
 def test_methods_of_the_same_name_are_called_as_their_folders(desk: Desk, files: list[str], methods: list[str]) -> None:
@@ -197,10 +188,119 @@ def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
     half = desk.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
     said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for"
     assert said in desk.run(desk.results, half)
-    elsewhere = desk.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
-    assert "none: has estimates for 0 of 1 images and 0 of 2 objects" in desk.run(elsewhere)
+
+
+THREE = [
+    {"scene_id": 7, "im_id": im_id, "obj_id": obj_id, "inst_count": OBJ_IDS.count(obj_id)}
+    for im_id in range(3)
+    for obj_id in (2, 5)
+]
+"""Targets: all instances of images 0, 1 and 2."""
+
+
+@pytest.fixture
+def three(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+    """Three images that are all the same, and a run over the first two that found nothing in the second."""
+    made = make_frames(tmp_path / "boxes", 3)
+    (made.root / "test_targets_bop19.json").write_text(json.dumps(THREE))
+    results = tmp_path / "out" / "results.csv"
+    results.parent.mkdir()
+    write_results(results, rows(made, im_id=0))
+    (results.parent / "run.json").write_text("{}")
+    (results.parent / "frames.csv").write_text("scene_id,im_id,status\n7,0,ok\n7,0,ok\n7,1,failed\n")
+    return Desk(tmp_path, made, capsys, results)
+
+
+def test_the_score_of_a_run_over_some_frames_stands_before_the_official_one(three: Desk) -> None:
+    text = three.run()
+    own, official = text.index("boxes/test, only the images that each run covered"), text.index("(official score)")
+    assert own < official
+    assert "boxes/test, test_targets_bop19.json, all 9 targets (official score): average recall [%]" in text
+    # Three of the six instances that the run was about, and of the nine that the benchmark asks for.
+    assert text[own:official].split("out ")[1].split()[:2] == ["2/3", "50.0"]
+    assert text[official:].split("out ")[1].split()[0] == "33.3"
+    table = [line for line in text[: text.index("out: has")].splitlines() if not line.startswith("boxes/test")]
+    assert max(map(len, table)) <= 80
+    (score,) = three.json()["results"]
+    assert score["AR"] == 1 / 3
+    own_score = score["own_images"]
+    assert (own_score["known_from"], own_score["images"], own_score["AR"]) == ("run", 2, 0.5)
+    assert (own_score["targets"], own_score["counts"]["missing"]) == (6, 3)
+    assert own_score["objects"]["2"]["AR"] == 0.5
+
+
+def test_the_objects_of_a_run_over_some_frames_are_those_of_its_frames(three: Desk) -> None:
+    text = three.run(three.results, "--per-object")
+    assert "out, the 2 of 3 images that the run covered: average recall [%]" in text
+    by_object = {line.split()[0]: line.split() for line in text.splitlines() if "obj_00000" in line}
+    assert by_object["2"][2] == by_object["5"][2] == "50.0"
+    assert by_object["2"][-1:] == ["2/4"]
+
+
+def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(three: Desk) -> None:
+    alone = three.folder / "rir_boxes-test.csv"
+    shutil.copy(three.results, alone)
+    text = three.run(alone)
+    official, own = text.index("(official score)"), text.index("boxes/test, only the images that each file names")
+    assert official < own
+    assert text[own:].split("rir ")[1].split()[:2] == ["1/3", "100.0"]
+    (score,) = three.json(alone)["results"]
+    own_score = score["own_images"]
+    assert (own_score["known_from"], own_score["images"], own_score["AR"]) == ("file", 1, 1.0)
+    # What a damaged table says counts for nothing.
+    (three.results.parent / "frames.csv").write_text("scene_id,im_id\nseven,0\n")
+    assert three.json()["results"][0]["own_images"]["known_from"] == "file"
+
+
+def test_precision_over_own_images(three: Desk) -> None:
+    (score,) = three.json(three.results, "--task", "detection")["results"]
+    assert score["own_images"]["mAP"] > score["mAP"] > 0
+    assert "only the images that each run covered: mean average precision [%]" in three.run(
+        three.results, "--task", "detection"
+    )
+
+
+def test_a_run_over_all_targets_has_one_score(three: Desk) -> None:
+    table = three.results.parent / "frames.csv"
+    table.write_text(table.read_text() + "7,2,failed\n7,8,ok\n")
+    assert "official" not in three.run().split("has estimates for")[0]
+    assert three.json()["results"][0]["own_images"] is None
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (f"99,3,5,1,{POSE},-1", "it names scene 99, the targets scene 7"),
+        (f"7,4,5,1,{POSE},-1", "in scene 7 it names image 4, the targets image 3"),
+        (f"7,3,9,1,{POSE},-1", "in images asked for it names object 9, the targets objects 2, 5"),
+    ],
+)
+def test_results_that_say_nothing_about_any_target(desk: Desk, row: str, words: str) -> None:
+    path = desk.file("other_lmo-test.csv", row)
+    line = desk.refused(desk.results, path)
+    assert line.startswith(f"{path} says nothing about any target of test_targets_bop19.json: {words}; does it belong")
+
+
+def test_results_of_many_other_scenes(desk: Desk) -> None:
+    path = desk.file("other_lmo-test.csv", "".join(f"{k},3,5,1,{POSE},-1\n" for k in range(10, 40)))
+    assert "it names scenes 10, 11, 12, 13, 14, …, the targets scene 7" in desk.refused(path)
+
+
+def test_detections_that_say_nothing_about_any_image(desk: Desk) -> None:
     only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
-    assert "none: has estimates for 0 of 1 images that the targets" in desk.run(elsewhere, "--targets", only_images)
+    path = desk.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
+    assert "in scene 7 it names image 4, the targets image 3" in desk.refused(path, "--targets", only_images)
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_numbers_are_never_cut(desk: Desk, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = desk.file(f"{'a_long_name_' * 6}boxes-test.csv", desk.results.read_text())
+    monkeypatch.setenv("COLUMNS", str(columns))
+    text = desk.run(long, "--per-object")
+    table = [line.split() for line in text.splitlines()]
+    (method,) = [cells for cells in table if cells and cells[0].startswith("a_long_name") and "100.0" in cells]
+    assert method[1:] == [*["100.0"] * 5, "0.0", "0.0", "0", "0.25"]
+    assert ["2", "obj_000002", *["100.0"] * 5, "0.0", "0.0", "0/2"] in table
 
 
 def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(desk: Desk) -> None:

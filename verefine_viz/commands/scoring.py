@@ -1,20 +1,20 @@
-"""How scores are printed: a table for people, JSON for machines."""
+"""How scores are printed for people: tables, and what should be known about them."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.bar import counted_bar
+from verefine_viz.commands.own_frames import covered_by
+from verefine_viz.commands.score_json import evaluation_json
+from verefine_viz.commands.tables import narrow_table, print_whole
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores
 from verefine_viz.evaluation.coverage import Coverage
@@ -22,6 +22,9 @@ from verefine_viz.evaluation.files import Evaluation, evaluate_files
 from verefine_viz.evaluation.precision import Precision
 from verefine_viz.evaluation.recalls import Recalls
 from verefine_viz.evaluation.targets import Task
+
+OWN = {"run": "only the images that each run covered", "file": "only the images that each file names"}
+"""Which images a score is about that is not about all targets, by how these are known."""
 
 
 def print_scores(
@@ -41,116 +44,55 @@ def print_scores(
     """
     with counted_bar("images") as tell:
         found = evaluate_files(
-            files, dataset, split, targets, task, workers, lambda done, total: tell("images", done, total)
+            files, dataset, split, targets, task, workers, lambda done, total: tell("images", done, total), covered_by
         )
     if as_json:
         print(json.dumps(evaluation_json(found), indent=2, ensure_ascii=False, allow_nan=False))
         return
     console = Console(highlight=False)
-    console.print(_overview(found))
+    for title, table in _overviews(found):
+        print_whole(title, table, "method")
     if per_object:
-        for score in found.scores:
-            console.print(_by_object(score, found.names))
+        for title, table in _by_object(found):
+            print_whole(title, table, "object")
     for line in (*_remarks(found), *found.notes):
         console.print(escape(line), soft_wrap=True)
     console.print(f"measured in {found.seconds:.1f} s")
 
 
-def evaluation_json(found: Evaluation) -> dict[str, Any]:
-    """All numbers of an evaluation; what is infinite or unknown is null."""
-    return {
-        "dataset": found.dataset,
-        "split": found.split,
-        "targets": found.targets,
-        "notes": list(found.notes),
-        "seconds": found.seconds,
-        "results": [
-            {"file": str(path), **scores_json(score, found.names), "coverage": asdict(covered)}
-            for path, score, covered in zip(found.files, found.scores, found.coverage, strict=True)
-        ],
-    }
+def _overviews(found: Evaluation) -> Iterator[tuple[str, Table]]:
+    """Titles and tables: the official score, runs over fewer images before it, files that name fewer after it."""
+    runs, files = (list(_own(found, how)) for how in OWN)
+    if runs:
+        yield _title(found, OWN["run"]), _overview(runs)
+    n_targets, is_all = found.scores[0].counts.targets, not runs and not files
+    asked = f"{n_targets} targets" if is_all else f"all {n_targets} targets (official score)"
+    yield _title(found, f"{found.targets}, {asked}"), _overview([(score, "") for score in found.scores])
+    if files:
+        yield _title(found, OWN["file"]), _overview(files)
 
 
-def scores_json(score: Scores, names: dict[int, str]) -> dict[str, Any]:
-    """All numbers of one method."""
-    head: dict[str, Any] = {"method": score.name, "task": score.task}
-    if score.precision is not None:
-        head |= _precision_json(score.precision)
-        head["objects"] = {
-            str(i): {"name": names.get(i, ""), **_precision_json(p)} for i, p in score.precision_by_object.items()
-        }
-    if score.recalls is not None:
-        turn_deg, shift_mm = mean_errors(score.answers)
-        head |= _recalls_json(score.recalls)
-        head |= {"mean_rotation_deg": _known(turn_deg), "mean_translation_mm": _known(shift_mm)}
-        head["add_s_below_10_percent"] = _known(correct_share(score.answers))
-        head["recalls"] = {
-            "VSD": score.recalls.vsd.tolist(),
-            "MSSD": score.recalls.mssd.tolist(),
-            "MSPD": score.recalls.mspd.tolist(),
-        }
-        head["objects"] = {str(i): _object_json(score, i, names) for i in score.recalls_by_object}
-        head["scenes"] = {str(i): _recalls_json(r) for i, r in score.recalls_by_scene.items()}
-    seconds = score.mean_time_s if score.mean_time_s >= 0 else None
-    return head | {"average_time_per_image_s": seconds, "counts": asdict(score.counts)}
+def _own(found: Evaluation, how: str) -> Iterator[tuple[Scores, str]]:
+    """Scores over the images that are a file's own, and how many of all these are."""
+    for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
+        if own is not None and score.own is not None and own.known_from == how:
+            yield score.own, f"{len(own.images)}/{covered.images_asked}"
 
 
-def _recalls_json(recalls: Recalls) -> dict[str, Any]:
-    return {
-        "AR": recalls.ar,
-        "AR_VSD": recalls.ar_vsd,
-        "AR_MSSD": recalls.ar_mssd,
-        "AR_MSPD": recalls.ar_mspd,
-        "targets": recalls.n_targets,
-    }
+def _title(found: Evaluation, what: str) -> str:
+    return f"{found.dataset}/{found.split}, {what}: {_measure(found.scores[0])} [%]"
 
 
-def _precision_json(precision: Precision) -> dict[str, Any]:
-    return {
-        "mAP": precision.map,
-        "mAP_MSSD": precision.mssd,
-        "mAP_MSPD": precision.mspd,
-        "mAP_MSSD_mm": precision.mssd_mm,
-        "targets": precision.n_targets,
-    }
-
-
-def _object_json(score: Scores, obj_id: int, names: dict[int, str]) -> dict[str, Any]:
-    mine = [a for a in score.answers if a.obj_id == obj_id]
-    turn_deg, shift_mm = mean_errors(mine)
-    return {
-        "name": names.get(obj_id, ""),
-        **_recalls_json(score.recalls_by_object[obj_id]),
-        "mean_rotation_deg": _known(turn_deg),
-        "mean_translation_mm": _known(shift_mm),
-        "add_s_below_10_percent": _known(correct_share(mine)),
-        "missing": sum(a.row is None for a in mine),
-    }
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _overview(found: Evaluation) -> Table:
-    first = found.scores[0]
-    what = f"{found.dataset}/{found.split}, {found.targets}, {first.counts.targets} targets"
-    is_timed = any(score.mean_time_s >= 0 for score in found.scores)
-    table = _table(f"{what}: {_measure(first)} [%]", "method")
-    for head in (*_heads(first), "missing", *(["s/image"] if is_timed else [])):
-        table.add_column(head, justify="right")
-    for score in found.scores:
-        seconds = f"{score.mean_time_s:.3g}" if score.mean_time_s >= 0 else "-"
-        missing = str(score.counts.missing)
-        table.add_row(escape(score.name), *_numbers(score), missing, *([seconds] if is_timed else []))
-    return table
-
-
-def _table(title: str, *names: str) -> Table:
-    # Narrow: ten columns are to fit a terminal of 80 characters.
-    table = Table(title=escape(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-    for name in names:
-        table.add_column(name, overflow="ellipsis", no_wrap=True)
+def _overview(shown: Sequence[tuple[Scores, str]]) -> Table:
+    """A row for each of some scores and how many images it is about (empty where that need not be said)."""
+    first, images = shown[0]
+    is_timed = any(score.mean_time_s >= 0 for score, _ in shown)
+    heads = (*(["images"] if images else []), *_heads(first), "missing", *(["s/image"] if is_timed else []))
+    table = narrow_table(["method"], heads)
+    for score, covered in shown:
+        seconds = [f"{score.mean_time_s:.3g}" if score.mean_time_s >= 0 else "-"] if is_timed else []
+        counted = [covered] if covered else []
+        table.add_row(escape(score.name), *counted, *_numbers(score), str(score.counts.missing), *seconds)
     return table
 
 
@@ -188,16 +130,24 @@ def _percent(share: float) -> str:
     return "-" if math.isnan(share) else f"{100 * share:.1f}"
 
 
-def _by_object(score: Scores, names: dict[int, str]) -> Table:
-    table = _table(f"{score.name}: {_measure(score)} [%]", "#", "object")
-    for head in (*_heads(score), "targets", *(["missing"] if score.precision is None else [])):
-        table.add_column(head, justify="right")
+def _by_object(found: Evaluation) -> Iterator[tuple[str, Table]]:
+    """Titles and tables, one for each file; of a run over fewer images, only over these."""
+    for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
+        if own is not None and score.own is not None and own.known_from == "run":
+            what = f"the {len(own.images)} of {covered.images_asked} images that the run covered"
+            yield f"{score.name}, {what}: {_measure(score)} [%]", _objects(score.own, found.names)
+        else:
+            yield f"{score.name}: {_measure(score)} [%]", _objects(score, found.names)
+
+
+def _objects(score: Scores, names: dict[int, str]) -> Table:
+    table = narrow_table(["#", "object"], [*_heads(score), "targets" if score.precision else "missing"])
     for obj_id, precision in score.precision_by_object.items():
         numbers = *_precisions(precision), str(precision.n_targets)
         table.add_row(str(obj_id), escape(names.get(obj_id, "")), *numbers)
     for obj_id, recalls in score.recalls_by_object.items():
         missing = sum(a.row is None for a in score.answers if a.obj_id == obj_id)
-        numbers = *_recalls(recalls), *_means(score, obj_id), str(recalls.n_targets), str(missing)
+        numbers = *_recalls(recalls), *_means(score, obj_id), f"{missing}/{recalls.n_targets}"
         table.add_row(str(obj_id), escape(names.get(obj_id, "")), *numbers)
     return table
 
@@ -208,7 +158,10 @@ def _remarks(found: Evaluation) -> list[str]:
     for score, covered in zip(found.scores, found.coverage, strict=True):
         lines += [f"{score.name}: {what}" for what in (*_covered(covered), *_rows(score))]
     if found.scores[0].task == "localization":
-        lines.append("ADD(-S): targets with less than 10 % of the diameter; r̄, t̄: mean errors of those with a pose")
+        lines.append(
+            "ADD(-S): targets with less than 10 % of the diameter; r̄, t̄: mean errors of those with a pose; missing: "
+            "those without"
+        )
     return lines
 
 
@@ -219,7 +172,7 @@ def _covered(covered: Coverage) -> list[str]:
         objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
         lines.append(
             f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for; "
-            "the others count as not found"
+            "the official score counts the others as not found"
         )
     if covered.not_finite:
         lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")

@@ -7,9 +7,9 @@ estimate is drawn once and all of its errors go into one table, from which every
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,8 @@ class Scores:
     precision_by_object: dict[int, Precision]
     answers: tuple[Answer, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
+    own: Scores | None = None
+    """The same over the images that were named as its own, as if no others were asked for; None where none were."""
 
 
 def bop_scores(
@@ -79,6 +81,7 @@ def bop_scores(
     task: Task | None = None,
     workers: int = 1,
     tell: Tell = lambda done, total: None,
+    own_images: Sequence[Collection[Image] | None] = (),
 ) -> tuple[Scores, ...]:
     """The scores of each table, as the official scripts compute them for its results file.
 
@@ -90,6 +93,7 @@ def bop_scores(
         task: by default the one that the targets were made for.
         workers: threads; the scores are the same for any number.
         tell: progress.
+        own_images: for each table the images that it is about, where a score over these alone is wanted as well.
 
     Raises:
         InputError: the targets name what the data set does not have, or one of its files is damaged.
@@ -106,16 +110,24 @@ def bop_scores(
     asked = {obj_id for counts in targets.counts.values() for obj_id in counts}
     for obj_id in sorted({i for table in tables for mine in table.by_image.values() for i in mine} & asked):
         truth.model(obj_id)
-    score = _Localization(tables, truth, targets) if task == "localization" else _Detection(tables, truth, targets)
+    kind = _Localization if task == "localization" else _Detection
+    score, own_score = kind(tables, truth, targets), kind(tables, truth, targets)
+    own_images = own_images or [None] * len(tables)
     pool = ThreadPoolExecutor(workers)
     try:
         for done, (image, parts) in enumerate(zip(images, pool.map(score.image, images), strict=True), start=1):
             score.add(image, parts)
+            own_score.add(
+                image, [mine if own and image in own else [] for mine, own in zip(parts, own_images, strict=True)]
+            )
             tell(done, len(images))
     finally:
         # After an error or Ctrl-C nobody waits for the images that have not begun.
         pool.shutdown(cancel_futures=True)
-    return score.scores()
+    return tuple(
+        replace(whole, own=own if images else None)
+        for whole, own, images in zip(score.scores(), own_score.scores(), own_images, strict=True)
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
-from verefine_viz.evaluation.coverage import Coverage, coverage
-from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
+from verefine_viz.evaluation.coverage import Coverage, OwnImages, coverage, own_images, why_none
+from verefine_viz.evaluation.pose_table import Image, PoseTable, read_pose_table
 from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
@@ -31,6 +31,8 @@ class Evaluation:
     """One for each file."""
     coverage: tuple[Coverage, ...]
     """The same."""
+    own: tuple[OwnImages | None, ...]
+    """The same; where it is there, so are the ``own`` scores."""
     names: dict[int, str]
     """Of the objects that occur."""
     notes: tuple[str, ...]
@@ -47,6 +49,7 @@ def evaluate_files(
     task: Task | None = None,
     workers: int = 1,
     tell: Tell = lambda done, total: None,
+    covered_by: Callable[[Path], Collection[Image] | None] = lambda path: None,
 ) -> Evaluation:
     """Scores results files as the official scripts do.
 
@@ -58,17 +61,29 @@ def evaluate_files(
         task: None = the one that the targets were made for.
         workers: threads; the scores are the same for any number.
         tell: progress in images.
+        covered_by: which images the run that wrote a file covered; None = nobody knows.
 
     Raises:
-        InputError: a results file breaks the format (the line is named), or the data set lacks something.
+        InputError: a results file breaks the format (the line is named) or has nothing about any target, or the data
+            set lacks something.
         SettingsError: the task does not go with the targets.
     """
     started = time.perf_counter()
     tables = [_read(path) for path in files]
     folder = BopDataset(dataset, split or default_split(dataset))
     asked = _targets(folder, targets, task)
+    covered = tuple(coverage(table, asked) for table in tables)
+    for path, table, found in zip(files, tables, covered, strict=True):
+        if not found.images:
+            raise InputError(
+                f"{path} says nothing about any target of {asked.name}: {why_none(table, asked)}; "
+                "does it belong to another data set, --split or --targets?"
+            )
+    own = tuple(own_images(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
     truth = BopTruth(folder)
-    scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell)
+    scores = bop_scores(
+        _with_own_names(tables, files), truth, asked, task, workers, tell, [mine and mine.images for mine in own]
+    )
     obj_ids = {i for s in scores for i in (*s.recalls_by_object, *s.precision_by_object)}
     return Evaluation(
         folder.name,
@@ -76,7 +91,8 @@ def evaluate_files(
         asked.name,
         tuple(files),
         scores,
-        tuple(coverage(table, asked) for table in tables),
+        covered,
+        own,
         {i: folder.models.name(i) for i in sorted(obj_ids)},
         (*truth.notes, *_unknown_instances(asked, scores[0])),
         time.perf_counter() - started,
@@ -140,7 +156,10 @@ def _read(path: Path) -> PoseTable:
 
 
 def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:
-    """Methods that share a name are called as their files are; where those share one too, as their folders are."""
+    """Methods that share a name are called as their files are; where those share one too, as their folders are.
+
+    A lone results.csv is called as its folder is.
+    """
     names = [table.name for table in tables]
     for name, n in Counter(names).items():
         if n > 1:
@@ -150,6 +169,10 @@ def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[
             same = [k for k, own in enumerate(names) if own == name]
             for k, folder in zip(same, _tails([files[k].absolute().parent for k in same]), strict=True):
                 names[k] = folder
+    for k, path in enumerate(files):
+        # What every batch calls its answers says nothing about them.
+        if names[k] == path.stem == "results" and path.absolute().parent.name not in ("", *names):
+            names[k] = path.absolute().parent.name
     return [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
 
 

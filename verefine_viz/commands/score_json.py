@@ -1,0 +1,102 @@
+"""Scores as JSON for machines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from verefine_viz.evaluation.answers import correct_share, mean_errors
+from verefine_viz.evaluation.bop_scores import Scores
+from verefine_viz.evaluation.coverage import OwnImages
+from verefine_viz.evaluation.files import Evaluation
+from verefine_viz.evaluation.precision import Precision
+from verefine_viz.evaluation.recalls import Recalls
+
+
+def evaluation_json(found: Evaluation) -> dict[str, Any]:
+    """All numbers of an evaluation; what is infinite or unknown is null, as is a score over an own part of all."""
+    return {
+        "dataset": found.dataset,
+        "split": found.split,
+        "targets": found.targets,
+        "notes": list(found.notes),
+        "seconds": found.seconds,
+        "results": [
+            {
+                "file": str(path),
+                **scores_json(score, found.names),
+                "coverage": asdict(covered),
+                "own_images": _own_json(score, own, found.names),
+            }
+            for path, score, covered, own in zip(found.files, found.scores, found.coverage, found.own, strict=True)
+        ],
+    }
+
+
+def scores_json(score: Scores, names: dict[int, str]) -> dict[str, Any]:
+    """All numbers of one method."""
+    head: dict[str, Any] = {"method": score.name, "task": score.task}
+    if score.precision is not None:
+        head |= _precision_json(score.precision)
+        head["objects"] = {
+            str(i): {"name": names.get(i, ""), **_precision_json(p)} for i, p in score.precision_by_object.items()
+        }
+    if score.recalls is not None:
+        turn_deg, shift_mm = mean_errors(score.answers)
+        head |= _recalls_json(score.recalls)
+        head |= {"mean_rotation_deg": _known(turn_deg), "mean_translation_mm": _known(shift_mm)}
+        head["add_s_below_10_percent"] = _known(correct_share(score.answers))
+        head["recalls"] = {
+            "VSD": score.recalls.vsd.tolist(),
+            "MSSD": score.recalls.mssd.tolist(),
+            "MSPD": score.recalls.mspd.tolist(),
+        }
+        head["objects"] = {str(i): _object_json(score, i, names) for i in score.recalls_by_object}
+        head["scenes"] = {str(i): _recalls_json(r) for i, r in score.recalls_by_scene.items()}
+    seconds = score.mean_time_s if score.mean_time_s >= 0 else None
+    return head | {"average_time_per_image_s": seconds, "counts": asdict(score.counts)}
+
+
+def _own_json(score: Scores, own: OwnImages | None, names: dict[int, str]) -> dict[str, Any] | None:
+    """The score over the images that the file is about, where these are not all of them."""
+    if own is None or score.own is None:
+        return None
+    return {"known_from": own.known_from, "images": len(own.images), **scores_json(score.own, names)}
+
+
+def _recalls_json(recalls: Recalls) -> dict[str, Any]:
+    return {
+        "AR": recalls.ar,
+        "AR_VSD": recalls.ar_vsd,
+        "AR_MSSD": recalls.ar_mssd,
+        "AR_MSPD": recalls.ar_mspd,
+        "targets": recalls.n_targets,
+    }
+
+
+def _precision_json(precision: Precision) -> dict[str, Any]:
+    return {
+        "mAP": precision.map,
+        "mAP_MSSD": precision.mssd,
+        "mAP_MSPD": precision.mspd,
+        "mAP_MSSD_mm": precision.mssd_mm,
+        "targets": precision.n_targets,
+    }
+
+
+def _object_json(score: Scores, obj_id: int, names: dict[int, str]) -> dict[str, Any]:
+    mine = [a for a in score.answers if a.obj_id == obj_id]
+    turn_deg, shift_mm = mean_errors(mine)
+    return {
+        "name": names.get(obj_id, ""),
+        **_recalls_json(score.recalls_by_object[obj_id]),
+        "mean_rotation_deg": _known(turn_deg),
+        "mean_translation_mm": _known(shift_mm),
+        "add_s_below_10_percent": _known(correct_share(mine)),
+        "missing": sum(a.row is None for a in mine),
+    }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
