@@ -18,7 +18,7 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
-from verefine_viz.evaluation.targets import Targets
+from verefine_viz.evaluation.targets import Targets, Task
 from verefine_viz.evaluation.truth import ProblemTruth, visible_targets
 from verefine_viz.scenes.results import ResultRow, write_results
 
@@ -206,3 +206,30 @@ def test_a_rigid_motion_of_the_file_s_pose_never_beats_the_truth(demo: DemoSet, 
     for recalls in (scores.recalls.vsd, scores.recalls.mssd[None], scores.recalls.mspd[None]):
         assert (np.diff(recalls, axis=1) >= 0).all()  # a looser threshold finds no fewer
     assert (np.diff(scores.recalls.vsd, axis=0) >= 0).all()  # nor does a looser tolerance
+
+
+@pytest.mark.parametrize("task", ["localization", "detection"])
+def test_the_score_of_own_images_is_that_of_targets_without_the_others(demo: DemoSet, task: Task) -> None:
+    tables = [table(demo.rows(disturbed), "a"), table(demo.rows(perfect)[::2], "b")]
+    some, none, few = list(demo.targets.counts)[1:3], None, list(demo.targets.counts)[:1]
+    found = bop_scores(tables, demo.truth, demo.targets, task, own_images=[some, none])
+    plain = bop_scores(tables, demo.truth, demo.targets, task)
+    assert found[1].own is None
+    assert [s.own for s in plain] == [None, None]
+    assert [every_number(s) for s in found] == [every_number(s) for s in plain]
+    first, second = (
+        bop_scores(tables, demo.truth, replace(demo.targets, counts={i: demo.targets.counts[i] for i in images}), task)
+        for images in (some, few)
+    )
+    assert found[0].own is not None
+    assert every_number(found[0].own) == every_number(first[0]) != every_number(plain[0])
+    both = bop_scores(tables, demo.truth, demo.targets, task, own_images=[some, few])
+    assert [every_number(s.own) for s in both if s.own] == [every_number(first[0]), every_number(second[1])]
+
+
+def every_number(scores: Scores) -> list[object]:
+    """What can be compared by equality."""
+    recalls = [scores.recalls, *scores.recalls_by_object.values(), *scores.recalls_by_scene.values()]
+    arrays = [[r.n_targets, r.vsd.tolist(), r.mssd.tolist(), r.mspd.tolist()] for r in recalls if r is not None]
+    precision = [scores.precision, *scores.precision_by_object.values()]
+    return [arrays, precision, scores.answers, scores.counts.targets, scores.counts.scored, scores.counts.missing]
