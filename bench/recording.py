@@ -48,17 +48,20 @@ def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:
 def _row(what: str, toolbox: Toolbox, frames: Sequence[Problem] | Sequence[str], repeats: int) -> dict[str, object]:
     """Measured in pairs, after each frame was run once: kernels, colliders, search structures, meshes are made."""
     pairs: list[tuple[tuple[float, float], tuple[float, float]]] = []
+    size = 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.rrd"
         for frame in frames:
             _measured(toolbox, frame, path)
         for k in range(repeats):
             for frame in frames:
+                # As in a batch: a file of that name would have to be replaced.
+                size = path.stat().st_size
+                path.unlink()
                 # In turns: the first of a pair would otherwise always meet the colder caches.
                 order = (None, path) if k % 2 else (path, None)
                 found = {file: _measured(toolbox, frame, file) for file in order}
                 pairs.append((found[None], found[path]))
-        size = path.stat().st_size
     off, on = np.array(pairs)[:, 0] * 1e3, np.array(pairs)[:, 1] * 1e3
     return {
         "what": f"rir, {what}",

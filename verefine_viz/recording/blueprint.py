@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording import entities
+from verefine_viz.recording import columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
-from verefine_viz.recording.rrd_messages import messages
+from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.rrd_messages import Store, messages
 
 MAP_TITLES = {
     OBSERVED: "Observed: colour | depth",
@@ -108,14 +109,11 @@ class _WithEye(rrb.Blueprint):
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         self._views._log_to_stream(stream)
-        _log_eyes(stream, self._spatial, self._layout)
+        stream.send_chunks([chunk for eye in _eyes(self._spatial, self._layout) for chunk in eye.chunks])
 
 
 class _Prepared(rrb.Blueprint):
-    """Views as rerun's messages, made once; only the eye differs from frame to frame.
-
-    The stream that made the views stays open, as the eye's message must name the same blueprint.
-    """
+    """Views as rerun's messages, made once; only the eye differs from frame to frame."""
 
     def __init__(self, what: Shown) -> None:
         super().__init__()
@@ -125,18 +123,15 @@ class _Prepared(rrb.Blueprint):
             path = Path(folder) / "views.rbl"
             _make_sure_of_room(path)
             self.save(entities.APPLICATION, path)
-            self._stream.flush()
             self._views = messages(path.read_bytes())
-            self._bytes = self._stream.binary_stream()
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         _all_views(self._spatial, self._what)._log_to_stream(stream)
-        self._stream = stream
+        self._store = Store(stream.get_recording_id() or "", is_blueprint=True)
 
     def messages(self, layout: Layout) -> bytes:
-        _log_eyes(self._stream, self._spatial, layout)
         # The views come first: they introduce the blueprint that the eyes belong to.
-        return self._views + messages(self._bytes.read() or b"")
+        return self._views + self._store.messages(eye.body for eye in _eyes(self._spatial, layout))
 
 
 ROOM_BYTES = 1 << 20
@@ -159,11 +154,20 @@ def _make_sure_of_room(path: Path) -> None:
 _prepared = lru_cache(maxsize=32)(_Prepared)
 
 
-def _log_eyes(stream: rr.RecordingStream, spatial: Sequence[rrb.Spatial3DView], layout: Layout) -> None:
+def _eyes(spatial: Sequence[rrb.Spatial3DView], layout: Layout) -> Iterator[Piece]:
     """All 3D views begin at the same place."""
-    eye = rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
+    places = (layout.eye_world, layout.center_world, (0.0, 0.0, 1.0))
+    parts = [columns.vectors(of, [place], 3) for of, place in zip(_eye_descriptors(), places, strict=True)]
     for view in spatial:
-        stream.log(f"{view.blueprint_path()}/EyeControls3D", eye)
+        yield columns.rows_of(f"/{view.blueprint_path()}/EyeControls3D", [0], parts, timeline="blueprint")
+
+
+@cache
+def _eye_descriptors() -> tuple[rr.ComponentDescriptor, ...]:
+    """Where it is, what it looks at, what is up."""
+    batches = rrb.EyeControls3D(position=(0, 0, 0), look_target=(0, 0, 0), eye_up=(0, 0, 0)).as_component_batches()
+    found = {b.component_descriptor().component: b.component_descriptor() for b in batches}
+    return tuple(found[f"EyeControls3D:{name}"] for name in ("position", "look_target", "eye_up"))
 
 
 def _all_views(spatial: Sequence[rrb.Spatial3DView], what: Shown) -> rrb.Blueprint:

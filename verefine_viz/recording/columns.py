@@ -62,11 +62,11 @@ class Column:
     """As :meth:`Form.stream` takes them."""
 
 
-def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Column]) -> Piece:
+def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Column], timeline: str = TIMELINE) -> Piece:
     """Rows of ``entity`` at ``iterations``, which must not fall, as one chunk."""
     if any(map(gt, iterations, islice(iterations, 1, None))):
         raise ValueError(f"iterations of {entity} are not in order")
-    return _piece(entity, np.array(iterations, np.int64), columns)
+    return _piece(entity, (timeline, np.array(iterations, np.int64)), columns)
 
 
 def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Piece:
@@ -101,24 +101,26 @@ def packed(colors: NDArray[np.uint8], alpha: int = 255) -> NDArray[np.uint32]:
     return r << 24 | g << 16 | b << 8 | np.uint32(alpha)
 
 
-def _piece(entity: str, times: NDArray[np.int64] | None, columns: Sequence[Column]) -> Piece:
+def _piece(entity: str, at: tuple[str, NDArray[np.int64]] | None, columns: Sequence[Column]) -> Piece:
+    """Rows at the times of a timeline, or one of no time."""
     n_rows = columns[0].n_rows
     chunk_id, row_ids = new_ids(n_rows)
     nodes, buffers = [n_rows, 0], [b"", row_ids]
+    timeline, times = at or (None, None)
     if times is not None:
         nodes += (len(times), 0)
         buffers += (b"", times.tobytes())
     for column in columns:
         nodes += column.nodes
         buffers += column.buffers
-    form = _form(entity, times is not None, tuple([c.kind for c in columns]))
-    return Piece(chunk_id, times is None, form.stream(b"%016X%016x" % chunk_id, n_rows, nodes, buffers))
+    form = _form(entity, timeline, tuple([c.kind for c in columns]))
+    return Piece(chunk_id, at is None, form.stream(b"%016X%016x" % chunk_id, n_rows, nodes, buffers))
 
 
 @lru_cache(maxsize=4096)
-def _form(entity: str, is_timed: bool, kinds: tuple[Kind, ...]) -> Form:
+def _form(entity: str, timeline: str | None, kinds: tuple[Kind, ...]) -> Form:
     """What chunks of an entity look like."""
-    before = _before(is_timed)
+    before = _before(timeline)
     metadata = {**before.metadata, b"rerun:entity_path": entity.encode(), b"rerun:id": b"chunk_" + _NO_ID}
     return Form(pa.schema([*before, *(kind.field for kind in kinds)], metadata), _NO_ID)
 
@@ -127,10 +129,10 @@ _NO_ID = b"0" * 32
 
 
 @cache
-def _before(is_timed: bool) -> pa.Schema:
+def _before(timeline: str | None) -> pa.Schema:
     """The columns before those of the components, and what rerun says about every chunk."""
     example: Any = _Example(rr.Scalars.descriptor_scalars(), pa.array([[0.0], [0.0]]))
-    times = [rr.TimeColumn(TIMELINE, sequence=[0, 0])] if is_timed else []
+    times = [] if timeline is None else [rr.TimeColumn(timeline, sequence=[0, 0])]
     found: Any = Chunk.from_columns("/", times, [example]).to_record_batch().schema
     return pa.schema(list(found)[:-1], found.metadata)
 

@@ -185,7 +185,7 @@ def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, 
         "settings": settings,
         "session": _toml(settings),
         "layout": layout.to_json(),
-        "versions": _versions(),
+        "versions": json.dumps(versions()),
     }
 
 
@@ -193,11 +193,6 @@ def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, 
 def _toml(settings: str) -> str:
     """A session as a file; made once for all frames of a batch."""
     return session_toml(Session.model_validate_json(settings))
-
-
-@cache
-def _versions() -> str:
-    return json.dumps(versions())
 
 
 @cache

@@ -27,13 +27,14 @@ _LZ4, _ARROW_IPC = 2, 1
 class Store:
     """Which recording messages belong to."""
 
-    def __init__(self, recording_id: str) -> None:
+    def __init__(self, recording_id: str, is_blueprint: bool = False) -> None:
         """
         Args:
-            recording_id: 32 characters.
+            recording_id: for :meth:`begin` of 32 characters.
+            is_blueprint: whether it is not a recording but how recordings look.
         """
         application = b"\x0a" + _sized(APPLICATION.encode())
-        store = b"\x08\x01\x12" + _sized(recording_id.encode()) + b"\x1a" + _sized(application)
+        store = b"\x08%c\x12" % (1 + is_blueprint) + _sized(recording_id.encode()) + b"\x1a" + _sized(application)
         self._id = b"\x0a" + _sized(store)
         self._recording_id = recording_id
 
