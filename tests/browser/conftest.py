@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from verefine_viz.session.files import load_session
+from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 
@@ -94,6 +94,32 @@ class Screen:
         self.page.screenshot(path=str(SHOTS / f"{name}.png"), timeout=SLOW_MS)
 
 
+Look = Callable[..., Screen]
+"""What the fixture :func:`look` gives."""
+
+
+def saved(folder: Path, **settings: Any) -> Path:
+    """A session file with these settings, a dictionary per section."""
+    path = folder / "session.toml"
+    save_session(resolve(settings), path)
+    return path
+
+
+def is_seen(screen: Screen, found: Any, edge_px: float = 2) -> bool:
+    """Whether the first of what was found lies on the screen whole, with nothing over it and not scrolled away.
+
+    Its lowest and uppermost ``edge_px`` do not count.
+    """
+    found.first.wait_for(timeout=SLOW_MS)
+    screen.page.wait_for_timeout(300)
+    return found.first.evaluate(
+        """(e, edge) => {const b = e.getBoundingClientRect();
+        const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
+        return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);}""",
+        edge_px,
+    )
+
+
 @pytest.fixture
 def real_session(shared_data: Path, tmp_path: Path) -> Path:
     """A session of one YCB-Video frame with the poses of several estimators."""
@@ -108,7 +134,7 @@ def real_session(shared_data: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def look(chromium: Any, tmp_path: Path) -> Iterator[Callable[..., Screen]]:
+def look(chromium: Any, tmp_path: Path) -> Iterator[Look]:
     """Opens a session file's page at 1280×800; checks at the end that it asked nobody else for anything."""
     opened: list[Screen] = []
 

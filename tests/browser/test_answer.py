@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 
 pytestmark = pytest.mark.browser
-Look = Callable[..., Screen]
-SEARCH = """
-title = "stack"
-[scene]
-demo = "stack"
-[hypotheses]
-max_per_object = 4
-[method]
-name = "physim_mcts"
-[mcts]
-expansions = 20
-"""
 
 
 def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None:
-    path = tmp_path / "stack.toml"
-    path.write_text(SEARCH)
-    screen = look(path)
+    search = {"method": {"name": "physim_mcts"}, "mcts": {"expansions": 20}}
+    screen = look(saved(tmp_path, scene={"demo": "stack"}, hypotheses={"max_per_object": 4}, **search))
     screen.app.send(c.RunUntil("end"))
     screen.app.wait_until_idle(240)
     n = screen.app.debugger.workspace.run.length
@@ -86,14 +72,3 @@ def test_panels_follow_a_window_that_gets_wider(look: Look) -> None:
         tab = screen.page.get_by_role("tab", name="Physics", exact=True)
         assert tab.bounding_box()["x"] > width - 376
     screen.shot("wider")
-
-
-def is_seen(screen: Screen, found) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the first of what was found lies on the screen whole, with nothing over it and not scrolled away."""
-    found.first.wait_for(timeout=SLOW_MS)
-    screen.page.wait_for_timeout(300)
-    return found.first.evaluate(
-        """e => {const b = e.getBoundingClientRect();
-        const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
-        return b.height > 0 && seen(b.x + b.width / 2, b.y + 2) && seen(b.x + b.width / 2, b.bottom - 2);}"""
-    )

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 
 pytestmark = pytest.mark.browser
-Look = Callable[..., Screen]
 MUG = SESSIONS / "mug.toml"
 
 

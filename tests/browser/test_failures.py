@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 
 pytestmark = pytest.mark.browser
-Look = Callable[..., Screen]
 
 
 def run_to_end(screen: Screen) -> None:

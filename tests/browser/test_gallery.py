@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import SLOW_MS, Screen
+from tests.browser.conftest import SLOW_MS, Screen, is_seen
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
@@ -118,6 +118,20 @@ def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Sc
     screen.until(lambda: at(screen) == ("rir", "0/1", 3))
     screen.key("j")
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+
+
+def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery]) -> None:
+    screen, _ = shown
+    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+    cards = screen.page.locator("button.card")
+
+    def in_sight(card: Any) -> bool:
+        return "marked" in card.get_attribute("class") and is_seen(screen, card, edge_px=8)  # The next one overlaps it.
+
+    assert not is_seen(screen, cards.last, edge_px=8), "else this shows nothing"
+    for key, opened in (*zip("jjjj", cards.all()[1:], strict=True), *zip("kkkk", cards.all()[-2::-1], strict=True)):
+        screen.key(key)
+        screen.until(lambda opened=opened: in_sight(opened))
 
 
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:

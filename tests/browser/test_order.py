@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import SLOW_MS, Screen
+from tests.browser.conftest import SLOW_MS, Look, Screen, saved
 from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
 
 pytestmark = pytest.mark.browser
-Look = Callable[..., Screen]
-STACK = """
-title = "stack"
-[scene]
-demo = "stack"
-[hypotheses]
-max_per_object = 1
-[method]
-name = "vf_breadth"
-iterations = 1
-"""
 
 
 def click(screen: Screen, command: type, title: str = "") -> None:
@@ -31,9 +19,8 @@ def click(screen: Screen, command: type, title: str = "") -> None:
 
 
 def test_the_order_is_seen_and_changed_by_clicking(look: Look, tmp_path: Path) -> None:
-    path = tmp_path / "stack.toml"
-    path.write_text(STACK)
-    screen = look(path)
+    method = {"name": "vf_breadth", "iterations": 1}
+    screen = look(saved(tmp_path, scene={"demo": "stack"}, hypotheses={"max_per_object": 1}, method=method))
 
     def order() -> tuple[int, ...]:
         graph = screen.app.debugger.workspace.work.problem.dependencies

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tests.browser.conftest import SESSIONS, SLOW_MS, Screen
+from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.core.geometry import apply
 from verefine_viz.viewer import commands as c
 
 pytestmark = pytest.mark.browser
-Look = Callable[..., Screen]
 MUG = SESSIONS / "mug.toml"
 
 

@@ -32,7 +32,8 @@ STYLE = """<style>
  line-height:1.36;color:inherit;background:none;border:1px solid transparent;border-radius:5px;cursor:pointer}
 .vz button.card:hover{background:rgba(28,126,214,.12)}
 .vz button.card:focus-visible{outline:2px solid #1c7ed6}
-.vz button.card.marked{background:rgba(40,200,80,.18);border-color:rgba(40,200,80,.55)}
+.vz button.card.marked{background:rgba(40,200,80,.18);border-color:rgba(40,200,80,.55);animation:opened 1ms}
+@keyframes opened{from{opacity:.9}}
 .vz button.card[disabled]{cursor:not-allowed}
 .vz .card .pic{flex:none;width:88px;height:66px;border-radius:3px;background:#333;overflow:hidden}
 .vz .card img{image-rendering:auto;width:88px;height:66px}
@@ -44,6 +45,8 @@ STYLE = """<style>
 .vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
 .vz .pages{display:flex;justify-content:space-between}
 </style>"""
+# The animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
+_INTO_SIGHT = "this.scrollIntoView({block:'nearest'})"
 TITLES: dict[BatchFilter, str] = {
     "result": "Show", "cause": "Cause", "object": "Object", "method": "Method", "run": "Run",
 }  # fmt: skip
@@ -80,8 +83,9 @@ class BatchPanel:
             for k in range(PAGE):
                 self._show_card(k)
             self._pages.show(pages(page, len(entries)))
-        # While a run is on, every core is his.
-        self.thumbnails.want(() if view.progress.running else self._shown)
+        # While a run is on, every core is its own.
+        b_runs = view.sides is not None and view.sides.running
+        self.thumbnails.want(() if view.progress.running or b_runs else self._shown)
 
     def _show_card(self, k: int) -> None:
         if k >= len(self._shown):
@@ -141,8 +145,9 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
     tip = f"{row.evidence or row.message} Opens at iteration {entry.iteration}." if entry.can_be_opened else row.message
     attributes = carries(command) if entry.can_be_opened else "disabled"
+    look = f'class="card marked" onanimationstart="{_INTO_SIGHT}"' if is_open else 'class="card"'
     return (
-        f'<button class="card{" marked" if is_open else ""}" title="{text(tip.strip())}" {attributes}>'
+        f'<button {look} title="{text(tip.strip())}" {attributes}>'
         f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
     )
 
