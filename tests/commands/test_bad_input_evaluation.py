@@ -276,6 +276,11 @@ def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_folder_that_is_no_data_set(desk: Desk) -> None:
     assert "does not exist" in desk.refused("datasets", "check", desk.folder / "none")
     assert "holds no split with scenes; expected for example" in desk.refused("datasets", "check", desk.made.scene)
+    split = desk.made.scene.parent
+    assert f"a split itself: name the data set's folder, {desk.made.root.resolve()}" in desk.refused(
+        "datasets", "check", split
+    )
+    assert f"did you mean {desk.made.root}?" in desk.refused("datasets", "check", desk.folder)
     assert splits_of(desk.made.root) == ("test",)
 
 

@@ -72,9 +72,9 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder} does not exist; give the folder that holds models/ and the splits (test/, …)")
-    found = [d.name for d in sorted(folder.iterdir()) if d.is_dir() and any(_scene_folders(d))]
+    found = _splits(folder)
     if not found:
-        raise InputError(f"{folder} holds no split with scenes; expected for example {folder / 'test' / '000001'}")
+        raise InputError(f"{folder} holds no split with scenes; {_meant(folder)}")
     return tuple(found)
 
 
@@ -294,6 +294,20 @@ def _share_near(pairs: Sequence[tuple[Float, Pixels, Pixels, Float]], dx: int, d
         near += int((np.abs(measured - drawn[inside]) < NEAR_M)[known].sum())
         total += int(known.sum())
     return near / total if total else 0.0
+
+
+def _splits(folder: Path) -> list[str]:
+    return [d.name for d in sorted(folder.iterdir()) if d.is_dir() and any(_scene_folders(d))]
+
+
+def _meant(folder: Path) -> str:
+    """Which folder a person may have meant who named one without splits."""
+    if any(_scene_folders(folder)):
+        return f"it is a split itself: name the data set's folder, {folder.resolve().parent}"
+    inside = [d for d in sorted(folder.iterdir()) if d.is_dir() and _splits(d)]
+    if inside:
+        return f"did you mean {' or '.join(map(str, inside[:5]))}?"
+    return f"expected for example {folder / 'test' / '000001'}"
 
 
 def _scene_folders(split: Path) -> Iterator[Path]:
