@@ -53,6 +53,11 @@ def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None
         ({}, {"method": {"exploration": 0.2}}, "rir: method.exploration 0.7 (A) against method.exploration 0.2 (B)"),
         ({}, {"preset": "published"}, "rir: recommended (A) against published (B)"),
         ({}, {"method": {"seed": 3}}, "rir: seed 0 (A) against seeds 0, 3 (B)"),
+        (
+            {"method": {"name": "pir"}, "hypotheses": {"seed": 3}},
+            {"method": {"name": "rir"}},
+            "pir, seeds 3, 0 (A) against rir, seed 0 (B)",
+        ),
         ({}, {"title": "Another"}, "rir: before (A) against after (B)"),
     ],
 )

@@ -54,11 +54,9 @@ def title(a: Loaded, b: Loaded | None = None) -> str:
     """What the report is about, whatever the sessions are called: a run, or what differs between two."""
     if b is None:
         return f"{a.method} on {data_set(a)}"
-    of_a, of_b = names((a.index.session, b.index.session))
-    if of_a == of_b:
-        of_a, of_b = seed_words(a), seed_words(b)
-    if of_a == of_b:
-        of_a, of_b = a.folder.name, b.folder.name
+    pairs = (names((a.index.session, b.index.session)), (seed_words(a), seed_words(b)), (a.folder.name, b.folder.name))
+    differing = [(x, y) for x, y in pairs[:2] if x != y] or [pairs[2]]
+    of_a, of_b = (", ".join(parts) for parts in zip(*differing, strict=True))
     both = f"{a.method}: " if a.method == b.method else ""
     return f"{both}{of_a} (A) against {of_b} (B)"
 
