@@ -10,9 +10,9 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.refiners.nearest import model_index
+from verefine_viz.refiners.nearest import mean_distance, model_index
 
 ROUNDED = 1e-6
 """How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
@@ -62,10 +62,28 @@ def add_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
 
 def adds_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     """``PoseErrors.adds_mm`` alone; searched in the model's frame, for which one index lasts."""
-    R = T_est[:3, :3]
-    if np.abs(R.T @ R - np.eye(3)).max() > ROUNDED:
+    T_est_gt, skew = _relative(T_est, T_gt)
+    if skew > ROUNDED:
         return 1e3 * float(KDTree(apply(T_est, model.points)).query(apply(T_gt, model.points))[0].mean())
-    return 1e3 * float(model_index(model).query(apply(inverse(T_est) @ T_gt, model.points))[0].mean())
+    return 1e3 * mean_distance(model.points, T_est_gt, model_index(model))
+
+
+@njit(cache=True)
+def _relative(T_est: Float, T_gt: Float) -> tuple[Float, float]:
+    """``T_gt`` as seen from ``T_est`` (4, 4), and the largest element of RᵀR − I of the latter."""
+    out = np.eye(4)
+    skew = 0.0
+    for i in range(3):
+        for j in range(4):
+            out[i, j] = 0.0
+            for k in range(3):
+                out[i, j] += T_est[k, i] * (T_gt[k, j] - (T_est[k, 3] if j == 3 else 0.0))
+        for j in range(3):
+            product = -1.0 if i == j else 0.0
+            for k in range(3):
+                product += T_est[k, i] * T_est[k, j]
+            skew = max(skew, abs(product))
+    return out, skew
 
 
 @njit(cache=True)

@@ -110,6 +110,22 @@ def nearest_of_all(
 
 
 @njit(cache=True)
+def mean_distance(points: np.ndarray, T: np.ndarray, index: NearestIndex) -> float:
+    """Mean distance of points (n, 3), moved by ``T`` (4, 4), to the nearest points of a cloud."""
+    n = len(points)
+    moved, found, squared = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(3):
+            moved[i, k] = T[k, 0] * x + T[k, 1] * y + T[k, 2] * z + T[k, 3]
+    nearest_of_all(moved, np.inf, index, found, squared)
+    total = 0.0
+    for i in range(n):
+        total += np.sqrt(squared[i])
+    return total / n
+
+
+@njit(cache=True)
 def _beyond_the_cubes(
     x: float, y: float, z: float, limit_squared: float, points: np.ndarray, bounds: np.ndarray
 ) -> tuple[int, float]:
