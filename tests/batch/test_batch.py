@@ -12,13 +12,13 @@ import psutil
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import depth_file, make_frames, run_batch, start_batch, write_session
+from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, start_batch, write_session
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session
 
-N_FRAMES = 8
+N_FRAMES = 5
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Ma
 
 
 def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
-    done = run_batch(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
+    done = batch_here(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
     assert done.returncode == 0, done.stderr
     assert without_times(tmp_path / "out") == without_times(uninterrupted)
     assert not list((tmp_path / "out" / "recordings").iterdir())
@@ -83,7 +83,7 @@ def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Pa
         assert psutil.wait_procs(workers, timeout=30)[1] == []
     before = {name: (out / "frames" / name).stat().st_mtime_ns for name in journal(out)}
     assert len(before) == n_done
-    done = run_batch(session, out, "--workers", 2)
+    done = batch_here(session, out, "--workers", 2)
     assert done.returncode == 0, done.stderr
     assert f"{N_FRAMES} frames ({n_done} done before)" in done.stdout
     assert {name: (out / "frames" / name).stat().st_mtime_ns for name in before} == before
@@ -94,7 +94,7 @@ def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Pa
 
 def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: Path) -> None:
     before = without_times(uninterrupted)
-    done = run_batch(session, uninterrupted)
+    done = batch_here(session, uninterrupted)
     assert done.returncode == 0
     assert f"({N_FRAMES} done before)" in done.stdout
     assert without_times(uninterrupted) == before
@@ -125,7 +125,7 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     whole = file.read_bytes()
     try:
         file.write_bytes(whole[: len(whole) // 2])
-        done = run_batch(session, out, "--workers", 2)
+        done = run_batch(session, out, "--workers", 1)
     finally:
         file.write_bytes(whole)
     assert done.returncode == 1
@@ -138,12 +138,12 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     assert str(file) in bad["message"]
     assert [o for o in objects if o is not bad] == [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
     # Mended, but not asked to try again: it stays as it was.
-    as_it_was = run_batch(session, out, "--workers", 1)
+    as_it_was = batch_here(session, out, "--workers", 1)
     assert as_it_was.returncode == 1
     assert f"({N_FRAMES} done before)" in as_it_was.stdout
     assert "--retry-failed" in as_it_was.stdout
     # Asked to: only the failed frame is solved, and all is as if nothing had happened.
-    again = run_batch(session, out, "--workers", 2, "--retry-failed")
+    again = batch_here(session, out, "--workers", 1, "--retry-failed")
     assert again.returncode == 0
     assert f"({N_FRAMES - 1} done before)" in again.stdout
     assert without_times(out) == without_times(uninterrupted)
@@ -156,7 +156,7 @@ def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> No
         path = tmp_path / f"{name}.toml"
         path.write_text(session.read_text().replace('name = "rir"', f'name = "{name}"'))
         paths.append(path)
-    done = run_batch(paths, tmp_path / "runs", "--scene.frames", "7/1", "--recording.keep", "none")
+    done = batch_here(paths, tmp_path / "runs", "--scene.frames", "7/1", "--recording.keep", "none")
     assert done.returncode == 0, done.stderr
     for name in names:
         saved = load_session(tmp_path / "runs" / name / "session.toml")

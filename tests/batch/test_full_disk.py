@@ -22,7 +22,7 @@ from bench.kills import without_times
 from tests.batch import answering
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.conftest import N_FRAMES
-from tests.batch.frames import ROOT, command, run_batch, start_batch
+from tests.batch.frames import ROOT, batch_here, command, start_batch
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import pool, runner
@@ -99,7 +99,7 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     assert line.startswith(f"verefine-viz: cannot write {out / 'frames' / '000007_'}")
     assert line.endswith(".json: File too large")
     assert len(journal(out)) == n_done
-    again = run_batch(session, out, "--workers", 1)
+    again = batch_here(session, out, "--workers", 1)
     assert again.returncode == 0, again.stderr
     assert f"({n_done} done before)" in again.stdout
     assert without_times(out) == without_times(whole)
@@ -109,13 +109,13 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
 def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with file_limit(20_000):  # a recording takes some 300 kB
-        done = run_batch(session, out, "--workers", 1, "--scene.frames", "7/0")
+        done = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0")
     assert done.returncode == 1, done.stderr
     recording = out / "recordings" / "000007_000000.rrd"
     assert f"frame 7/0 failed: cannot write the recording {recording}.part: File too large" in done.stdout
     assert "The same command with --retry-failed tries them again." in done.stdout
     assert not list(out.rglob("*.rrd"))
-    again = run_batch(session, out, "--workers", 1, "--scene.frames", "7/0", "--retry-failed")
+    again = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0", "--retry-failed")
     assert again.returncode == 0, again.stderr
     assert sorted(p.name for p in (out / "recordings").iterdir()) == ["000007_000000.rrd"]
     results, frames = without_times(out)

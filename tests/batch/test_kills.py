@@ -7,14 +7,14 @@ from pathlib import Path
 
 from bench.kills import killed_until_done, without_times
 from bench.light_frames import write_light_frames
-from tests.batch.frames import command, run_batch
+from tests.batch.frames import batch_here, command
 
 N_KILLS = 2
 
 
 def test_kills_at_random_moments_change_nothing(tmp_path: Path) -> None:
     session = write_light_frames(tmp_path, 30)
-    assert run_batch(session, tmp_path / "whole", "--workers", 1).returncode == 0
+    assert batch_here(session, tmp_path / "whole", "--workers", 1).returncode == 0
     expected, n_kills, k = without_times(tmp_path / "whole"), 0, 0
     while n_kills < N_KILLS:  # on a fast machine a batch may be done before it is killed often enough
         out = tmp_path / f"killed-{k}"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import depth_file, make_frames, run_batch, write_session
+from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, write_session
 from tests.scenes.bop_folder import Made
 
 SWEEP = ("--methods", "pir", "rir", "--seeds", 2)
@@ -37,7 +37,7 @@ def swept(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_of_a_sweep_has_the_bits_of_a_single_run(swept: Path, session: Path, tmp_path: Path) -> None:
-    single = run_batch(
+    single = batch_here(
         session, tmp_path / "rir", "--method.name", "rir", "--method.seed", 1, "--hypotheses.seed", 1, "--workers", 1
     )
     assert single.returncode == 0, single.stderr
@@ -49,7 +49,7 @@ def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path) -> None:
     before = {path: without_times(path) for path in sorted(swept.iterdir())}
     for lost in ("rir-0/frames/000007_000001.json", "pir-1/frames/000007_000002.json"):
         (swept / lost).unlink()
-    done = run_batch(session, swept, *SWEEP, "--workers", 1)
+    done = batch_here(session, swept, *SWEEP, "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("3 frames (2 done before)") == 2
     assert done.stdout.count("3 frames (3 done before)") == 2
@@ -61,7 +61,7 @@ def test_frames_that_fail_are_listed_by_run(session: Path, made: Made, tmp_path:
     whole = file.read_bytes()
     try:
         file.write_bytes(whole[: len(whole) // 2])
-        done = run_batch(session, tmp_path / "out", *SWEEP, "--workers", 1)
+        done = batch_here(session, tmp_path / "out", *SWEEP, "--workers", 1)
     finally:
         file.write_bytes(whole)
     assert done.returncode == 1
