@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class Layout:
         return next(b for b in self.branches if b.instance_id == instance_id)
 
     def to_json(self) -> str:
-        return json.dumps(asdict(self), separators=(",", ":"))
+        return json.dumps({**vars(self), "branches": [vars(b) for b in self.branches]}, separators=(",", ":"))
 
 
 def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:

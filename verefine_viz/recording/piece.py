@@ -65,6 +65,7 @@ class Piece:
 def new_ids(n: int) -> tuple[tuple[int, int], bytes]:
     """The id of a chunk with ``n`` rows, and theirs."""
     now, first = time.time_ns(), next(_IDS)
-    ids = np.empty((n, 2), ">u8")
-    ids[:, 0], ids[:, 1] = now, np.arange(first + 1, first + 1 + n, dtype=np.uint64)
-    return (now, first), ids.tobytes()
+    ids = np.empty((n, 2), np.uint64)
+    ids[:, 0], ids[:, 1] = now, np.arange(first + 1, first + 1 + n)
+    # The highest byte comes first.
+    return (now, first), ids.astype(">u8").tobytes()

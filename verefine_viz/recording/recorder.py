@@ -27,7 +27,7 @@ from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row, row_of
+from verefine_viz.recording.row import Row, row_of, rows_of
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.threaded_file import ThreadedFile
 from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
@@ -124,7 +124,7 @@ class Recorder:
     def draw_now(self) -> None:
         """Draws the iterations that wait for their block."""
         if self._pending and self._file is not None:
-            self._file.send(self._drawing.draw([row_of(*pending) for pending in self._pending]))
+            self._file.send(self._drawing.draw(rows_of(self._pending)))
             self._pending.clear()
 
     def flush(self) -> None:

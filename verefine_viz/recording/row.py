@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,40 +85,55 @@ class Row:
 
 def row_of(iteration: Iteration, errors: Float) -> Row:
     """The columns of a record, with the ``errors`` (3,) that :class:`Row` describes."""
-    best, path, choice, stages = iteration.best, iteration.path, iteration.choice, iteration.stages
-    # All at once: many small arrays are what costs.
-    values = np.array([*(values_of(s.score) for s in stages), values_of(best.score)], np.float64)
-    pixels = np.array([*(pixels_of(s.score) for s in stages), pixels_of(best.score)], np.int64)
-    poses = np.concatenate([*(s.T_cam_obj for s in stages), best.T_cam_obj]).reshape(-1, 4, 4)
-    return Row(
-        index=iteration.index,
-        instance_id=iteration.instance_id,
-        obj_id=iteration.obj_id,
-        arm=iteration.arm,
-        arm_iteration=iteration.arm_iteration,
-        stages=tuple(s.name for s in stages),
-        accepted=iteration.accepted,
-        Ts_cam_obj=poses[:-1],
-        scores=values[:-1],
-        pixels=pixels[:-1],
-        best_arm=best.arm,
-        best_iteration=best.iteration,
-        best_stage=best.stage,
-        T_best=poses[-1],
-        best_score=values[-1],
-        best_pixels=pixels[-1],
-        path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
-        contacts=_contacts(last_contacts(iteration)),
-        choice=_NO_CHOICE
-        if choice is None
-        else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
-        reason="" if choice is None else choice.reason,
-        event_kinds=tuple(e.kind for e in iteration.events),
-        event_texts=tuple(e.text for e in iteration.events),
-        errors=errors,
-        ms=np.array([*(s.ms for s in stages), iteration.score_ms], np.float32),
-        parts=parts_of(iteration),
-    )
+    return rows_of([(iteration, errors)])[0]
+
+
+def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
+    """The columns of records, each with its ``errors`` (3,)."""
+    # Arrays of all of them are made at once and cut: many small arrays are what costs.
+    judged = [[*(s.score for s in i.stages), i.best.score] for i, _ in iterations]
+    scores = np.array([values_of(score) for own in judged for score in own], np.float64)
+    pixels = np.array([pixels_of(score) for own in judged for score in own], np.int64)
+    poses = np.concatenate([T for i, _ in iterations for T in (*(s.T_cam_obj for s in i.stages), i.best.T_cam_obj)])
+    poses = poses.reshape(-1, 4, 4)
+    ms = np.array([t for i, _ in iterations for t in (*(s.ms for s in i.stages), i.score_ms)], np.float32)
+    rows: list[Row] = []
+    start = 0
+    for i, errors in iterations:
+        best, path, choice = i.best, i.path, i.choice
+        end = start + len(i.stages)
+        row = Row(
+            index=i.index,
+            instance_id=i.instance_id,
+            obj_id=i.obj_id,
+            arm=i.arm,
+            arm_iteration=i.arm_iteration,
+            stages=tuple([s.name for s in i.stages]),
+            accepted=i.accepted,
+            Ts_cam_obj=poses[start:end],
+            scores=scores[start:end],
+            pixels=pixels[start:end],
+            best_arm=best.arm,
+            best_iteration=best.iteration,
+            best_stage=best.stage,
+            T_best=poses[end],
+            best_score=scores[end],
+            best_pixels=pixels[end],
+            path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
+            contacts=_contacts(last_contacts(i)),
+            choice=_NO_CHOICE
+            if choice is None
+            else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
+            reason="" if choice is None else choice.reason,
+            event_kinds=tuple([e.kind for e in i.events]),
+            event_texts=tuple([e.text for e in i.events]),
+            errors=errors,
+            ms=ms[start : end + 1],
+            parts=parts_of(i),
+        )
+        rows.append(row)
+        start = end + 1
+    return rows
 
 
 _NO_CHOICE = np.zeros((4, 0))
