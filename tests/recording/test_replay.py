@@ -15,7 +15,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.recording import recorder
 from verefine_viz.recording.reader import Recorded
 from verefine_viz.recording.replay import open_viewer, verdict, verify
-from verefine_viz.recording.row import Row, row_of
+from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.unfinished import part_path
 from verefine_viz.session.engine import Run
 
@@ -33,12 +33,11 @@ def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
 
 
 def record_changed(path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object]) -> None:
-    def changed(iteration, errors) -> Row:
-        row = row_of(iteration, errors)
-        return replace(row, **change) if row.index == k else row
+    def changed(iterations) -> list[Row]:
+        return [replace(row, **change) if row.index == k else row for row in rows_of(iterations)]
 
     with monkeypatch.context() as patched:
-        patched.setattr(recorder, "row_of", changed)
+        patched.setattr(recorder, "rows_of", changed)
         recorded_run(path, session())
 
 
