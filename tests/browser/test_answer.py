@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,7 @@ def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
     screen.app.send(s.CompareRun((("method.name", "sir"),)))
     screen.app.wait_until_idle(240)
     screen.tab("A/B")
-    assert is_seen(screen, screen.page.locator(".vz tr", has_text="computing time"))
+    assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))
     screen.app.send(s.StopComparing())
     screen.app.send(c.ProbePixel(330, 250))
     screen.app.wait_until_idle(60)
@@ -60,6 +61,22 @@ def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
     assert is_seen(screen, screen.page.get_by_role("button", name="Fork here", exact=True))
     screen.tab("Breakpoints")
     assert is_seen(screen, screen.page.get_by_label("error +2 mm", exact=True))
+
+
+def test_tables_and_settings_of_several_objects_fit_on_a_small_screen(look: Look, tmp_path: Path) -> None:
+    method = {"name": "vf_depth", "iterations": 1}
+    screen = look(saved(tmp_path, scene={"demo": "clutter"}, hypotheses={"max_per_object": 2}, method=method))
+    screen.app.send(c.RunUntil("end"))
+    screen.app.send(s.CompareRun((("method.name", "rir"),)))
+    screen.app.wait_until_idle(240)
+    screen.tab("A/B")
+    assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))
+    screen.shot("several_compared")
+    screen.tab("Settings")
+    for label in ("Order by", "Seed", "Estimator"):
+        assert is_seen(screen, screen.page.get_by_label(label, exact=True))
+    assert is_seen(screen, screen.page.get_by_role("button", name=re.compile("^Estimate .* here$")))
+    screen.shot("several_settings")
 
 
 def test_panels_follow_a_window_that_gets_wider(look: Look) -> None:

@@ -105,7 +105,7 @@ def test_the_words_tell_of_the_answer_and_lead_to_the_iteration() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
     assert headline(view).startswith("Run finished: best ")
-    assert "Shown: the answer." in of_the_end(view)
+    assert "the answer</span>" in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in strip(view), "its cell on the timeline goes there as well"
     view = d.carry_out([visit(view, view.iterations[-1])]).view()

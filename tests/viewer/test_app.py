@@ -113,7 +113,10 @@ def test_a_command_that_fails_is_told_and_the_page_lives_on(app: App) -> None:
     app.send(c.OpenFrame("9/9"))
     app.wait_until_idle()
     assert app.debugger.message == "unknown frame '9/9'; available: 0/1, 0/2"
-    assert "9/9" in app.layout.run._words._handle.content
+    assert 'class="warn">unknown frame' in app.layout.run._words._handle.content
+    app.send(c.Fork())
+    app.wait_until_idle()
+    assert 'class="note">A new branch from iteration 0' in app.layout.run._words._handle.content, "nothing went wrong"
     app.send(c.Step())
     app.wait_until_idle()
     assert cursor(app) == 1

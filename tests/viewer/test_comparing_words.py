@@ -49,7 +49,9 @@ def test_scores_by_another_rule_are_told_and_judged_by_one() -> None:
 
 def test_without_ground_truth_nobody_is_called_nearer() -> None:
     v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
-    assert "is nearer to the truth on 2 of 2 objects, B on 0; on average A is " in summary(v)
+    assert "is nearer to the truth on 2 of 2 objects, B on 0." in summary(v)
+    means = [sum(o.errors.add_s_mm for o in side) / 2 for side in zip(*((o.a, o.b) for o in v.outcomes), strict=True)]
+    assert f">{means[0]:.1f} → {means[1]:.1f}</span>" in outcome_table(v)
     blind = tuple(
         replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes
     )
@@ -96,5 +98,5 @@ def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() 
     assert view.frame_score is not None
     assert view.sides.frame_scores is not None
     assert view.sides.frame_scores[0] == view.frame_score.score
-    assert f"frame score A {view.frame_score.score:.3f}" in summary(view.sides)
+    assert f">{view.frame_score.score:.3f} → " in outcome_table(view.sides)
     assert f">{view.frame_score.score:.2f}</span>" in objects_html(view)

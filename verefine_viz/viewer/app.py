@@ -157,7 +157,7 @@ class App:
                 self._animation = self._later = None
                 self.debugger.running.pause()
                 self.debugger.comparing.pause()
-                self.debugger.message = str(error)
+                self.debugger.message, self.debugger.refused = str(error), True
                 if not isinstance(error, VerefineError):
                     _LOG.exception("command %s failed", command)
                     self.debugger.message = f"{type(error).__name__}: {error} (a bug: please report it with the log)"

@@ -68,6 +68,8 @@ class Debugger:
         self.demos = demos
         self.look = Look()
         self.message = ""
+        self.refused = False
+        """Whether the message says what went wrong."""
         self.kept: tuple[Path, ...] = ()
         self.log: list[c.Command] = []
         """What was done, so that doing it again gives the same: runs appear as where they ended."""
@@ -86,7 +88,7 @@ class Debugger:
         Raises:
             VerefineError: it cannot be done; everything is as before.
         """
-        self.message = ""
+        self.message, self.refused = "", False
         was_busy = self.is_busy
         command = self.browsing.resolved(command, self.look)
         self.comparing.before(command)
@@ -183,6 +185,8 @@ class Debugger:
                 self.workspace.fork(at, changes)
                 self.look = self.look.moved()
                 self.running.goal = "end" if run else None
+                if not run and not self.workspace.run.is_done:
+                    self.message = f"A new branch from iteration {at}; Step or Run go on with it."
             case c.ForkFromPose():
                 self._fork_from_pose()
             case c.ShowBranch(index):

@@ -97,6 +97,11 @@ def hinted(content: str, hints: Mapping[str, str]) -> str:
     return f'<p class="say">{with_hints(content, hints)}</p>'
 
 
+def note(content: str) -> str:
+    """A box with something good to know."""
+    return f'<p class="note">{text(content)}</p>'
+
+
 def warning(content: str, extra: str = "", red: bool = False) -> str:
     """A box with something to act on; ``extra`` is ready HTML, such as a link."""
     return f'<p class="{"bad" if red else "warn"}">{text(content)} {extra}</p>'
@@ -106,10 +111,13 @@ def warning(content: str, extra: str = "", red: bool = False) -> str:
 # screen; and it gives both rows the same height, until a person moves the border.
 STYLE = """<style>
 .vz{font-size:12.5px;line-height:1.38;padding:0 10px 6px 10px;color:inherit}
+.vz.tight{padding-bottom:0}
 .vz p{margin:0 0 6px 0}
 .vz p.say{font-size:13px}
-.vz p.warn,.vz p.bad{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;background:rgba(217,142,4,.12)}
+.vz p.warn,.vz p.bad,.vz p.note{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;
+ background:rgba(217,142,4,.12);overflow-wrap:anywhere}
 .vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
+.vz p.note{border-color:#1c7ed6;background:rgba(28,126,214,.12)}
 .vz p.dim,.vz .dim{opacity:.65}
 .vz .term{text-decoration:underline dotted;text-underline-offset:3px;cursor:help}
 .vz a{color:#1c7ed6;cursor:pointer;text-decoration:underline;text-underline-offset:2px}

@@ -88,11 +88,6 @@ def _ending(v: SidesView) -> str:
     blind = all(o.a is not None and o.a.errors is None for o in known)
     said = f"{when} A {'scores higher' if blind else 'is nearer to the truth'} on {wins['A']} of {len(known)} objects, "
     said += f"B on {wins['B']}" + (f", {wins['even']} are even" if wins["even"] else "")
-    means = [_mean(known, side) for side in ("a", "b")]
-    if None not in means:
-        said += f"; on average A is {means[0]:.1f} mm off, B {means[1]:.1f} mm (ADD(-S))"
-    if v.frame_scores is not None:
-        said += f"; frame score A {v.frame_scores[0]:.3f}, B {v.frame_scores[1]:.3f}"
     return f"{said}."
 
 
@@ -105,7 +100,7 @@ def _when(v: SidesView) -> str:
 
 def _mean(known: Sequence[Outcome], side: str) -> float | None:
     errors = [getattr(o, side).errors for o in known]
-    return None if any(e is None for e in errors) else sum(e.add_s_mm for e in errors) / len(errors)
+    return None if not errors or None in errors else sum(e.add_s_mm for e in errors) / len(errors)
 
 
 def legend(v: SidesView) -> str:
@@ -131,34 +126,30 @@ def where(v: SidesView) -> str:
     return f"moment {v.place} / {len(v.timeline)}: after {calls}"
 
 
-def _sides_now(v: SidesView) -> str:
-    """As in: A iteration 25, B has no more."""
-    if v.moment is None:
-        return "before iteration 1"
-    sides = (("A", v.moment.a), ("B", v.moment.b))
-    return ", ".join(f"{name} has no more" if k is None else f"{name} iteration {k}" for name, k in sides)
-
-
 def now_table(v: SidesView) -> str:
     """Both runs at the moment shown."""
     what = "kept" if v.which == "kept" else "best so far"
     head = [
-        (f"{v.focus}", "the object in focus at this moment"), ("hyp.", "hypothesis that was worked on"),
-        ("kept", "stage that was kept"), ("score", f"of the {what} pose that is drawn, by its own rule"),
+        (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here"),
+        ("it.", "latest iteration on the object; ■ = the run makes no more on it"),
+        ("hyp.", "hypothesis that was worked on"), ("kept", "stage that was kept"),
+        ("score", f"of the {what} pose, by its own rule"),
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),
     ]  # fmt: skip
-    rows = [_now_row("A", v.now_a), _now_row("B", v.now_b)]
-    return f"<p><b>Then</b> ({text(what)}): {_sides_now(v)}</p>" + table(head, rows)
+    ended = [v.moment is not None and k is None for k in ((v.moment.a, v.moment.b) if v.moment else (None, None))]
+    rows = [_now_row("A", v.now_a, ended[0]), _now_row("B", v.now_b, ended[1])]
+    return table(head, rows)
 
 
-def _now_row(side: str, now: SideNow | None) -> Row:
+def _now_row(side: str, now: SideNow | None, has_ended: bool) -> Row:
     mark = f"{swatch(SIDE_COLORS[side])}{side}"
     if now is None:
-        return Row([mark, *[_NONE] * 6])
+        return Row([mark, *[_NONE] * 7])
     i, e = now.iteration, now.errors
     return Row(
         [
             mark,
+            (_NONE if i is None else f"{i.index}") + (" ■" if has_ended else ""),
             _NONE if i is None else f"{i.arm + 1}",
             "initial" if i is None else text(i.accepted),
             number(now.score, 3),
@@ -182,6 +173,8 @@ def outcome_table(v: SidesView) -> str:
             {"A": _winner("A"), "B": _winner("B"), "even": "=", None: _NONE}[o.winner],
         ]
         rows.append(Row(cells, Focus(o.instance_id), marked=o.name == v.focus and len(v.outcomes) > 1))
+    if len(v.outcomes) > 1:
+        rows.append(_frame_row(v))
     rule = "" if v.scores_alike else " Both by the rule of A, since B scores differently."
     head = [
         ("A → B", "the answers so far; click a row for the object's curves"),
@@ -190,27 +183,30 @@ def outcome_table(v: SidesView) -> str:
         ("rot.", "rotation error, A → B"),
         ("", "who is nearer to ground truth; without it, who scores higher"),
     ]
-    return table(head, rows) + _totals(v)
+    return table(head, rows) + f'<p class="dim">{_effort(v.effort_a, v.effort_b)}</p>'
 
 
-def _totals(v: SidesView) -> str:
-    a, b = v.effort_a, v.effort_b
-    rows: list[Row] = []
-    if v.frame_scores is not None:
-        one, other = v.frame_scores
-        label = f'<span title="{text(TERMS["frame score"])}">frame score</span>'
-        rows.append(Row([label, f"{one:.3f}", f"{other:.3f}", f"{other - one:+.3f}"]))
-    rows.append(_effort_row("refiner calls", a, b, lambda e: e.refiner_calls))
+def _frame_row(v: SidesView) -> Row:
+    """All objects together, as the list of objects has them."""
+    errors = [_mean([o for o in v.outcomes if o.winner is not None], side) for side in ("a", "b")]
+    scores = v.frame_scores or (None, None)
+    return Row(
+        [
+            '<b title="all objects together">Frame</b>',
+            f'<span title="frame score: {text(TERMS["frame score"])}">{_two(scores, 3)}</span>',
+            f'<span title="mean over the objects">{_two(errors, 1)}</span>',
+            "",
+            "",
+        ]
+    )
+
+
+def _effort(a: Effort, b: Effort) -> str:
+    """As in: 90 → 90 refiner calls; computing time 1204 → 1532 ms."""
+    said = f"{a.refiner_calls} → {b.refiner_calls} refiner calls"
     if a.rollout_calls or b.rollout_calls:
-        rows.append(_effort_row("… in roll-outs", a, b, lambda e: e.rollout_calls))
-    rows.append(Row(["computing time", f"{a.ms:.0f} ms", f"{b.ms:.0f} ms", f"{b.ms - a.ms:+.0f} ms"]))
-    rows.append(Row(["iterations", f"{a.iterations} / {a.planned}", f"{b.iterations} / {b.planned}", ""]))
-    head = [("whole frame", "all objects together"), ("A", ""), ("B", ""), ("B − A", "")]
-    return table(head, rows)
-
-
-def _effort_row(label: str, a: Effort, b: Effort, pick: Any) -> Row:
-    return Row([label, f"{pick(a)}", f"{pick(b)}", f"{pick(b) - pick(a):+d}"])
+        said += f" ({a.rollout_calls} → {b.rollout_calls} in roll-outs)"
+    return f"{said}; computing time {a.ms:.0f} → {b.ms:.0f} ms"
 
 
 def _offsets(a: Answer | None, b: Answer | None) -> str:
@@ -223,8 +219,11 @@ def _winner(side: str) -> str:
 
 
 def _pair(a: Answer | None, b: Answer | None, pick: Any, digits: int, unit: str = "") -> str:
-    values = [None if x is None else pick(x) for x in (a, b)]
-    if values == [None, None]:
+    return _two([None if x is None else pick(x) for x in (a, b)], digits, unit)
+
+
+def _two(values: Sequence[float | None], digits: int, unit: str = "") -> str:
+    if all(x is None for x in values):
         return _NONE
     return " → ".join(number(x, digits, unit) for x in values)
 

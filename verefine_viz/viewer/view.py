@@ -131,6 +131,8 @@ class View:
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs."""
     message: str = ""
     """What just happened or went wrong, in a sentence."""
+    refused: bool = False
+    """Whether the message says what went wrong."""
     kept: tuple[str, ...] = ()
     """Files written lately."""
     sides: SidesView | None = None

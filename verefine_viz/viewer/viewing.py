@@ -100,6 +100,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         physics=known_physics(scene, judge),
         deep=deep,
         message=debugger.message,
+        refused=debugger.refused,
         kept=tuple(str(p) for p in debugger.kept),
         sides=sides_view(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
     )

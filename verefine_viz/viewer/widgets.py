@@ -42,10 +42,16 @@ def by_person(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]],
 def compact(handle: Any, row_px: int) -> str:
     """A style that takes the space around a widget with a label away, and makes its row so high [px]."""
     label = f'label[for="{handle._impl.uuid}"]'
+    row = f".mantine-Flex-root:has({label})"
     return (
-        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}"
-        f".mantine-Flex-root:has({label}){{height:{row_px}px}}"
+        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}{{height:{row_px}px}}"
+        f"{row} input:not([type=checkbox]){{height:{row_px - 1}px!important;min-height:0!important}}"
     )
+
+
+def unlabelled(handle: Any) -> str:
+    """A style that gives the place of a widget's label to the widget."""
+    return f'.mantine-Flex-root>div:has(label[for="{handle._impl.uuid}"]){{display:none}}'
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +80,11 @@ class Chart:
         self._shape: tuple[Any, ...] = ()
 
     def show(self, x: Sequence[float], lines: Sequence[Line]) -> None:
-        """Draws the curves; an empty list takes the chart away."""
+        """Draws the curves; an empty list hides the chart."""
+        if not lines or len(x) == 0:
+            if self._handle is not None:
+                self._handle.visible = False
+            return
         highest = max((abs(v) for line in lines for v in line.values), default=0.0)
         labels_px = 48 if highest < 10_000 else 66
         shape = (labels_px, *((line.label, line.color, line.width) for line in lines))
@@ -82,10 +92,6 @@ class Chart:
             self._handle.remove()
             self._handle = None
         self._shape = shape
-        if not lines or len(x) == 0:
-            if self._handle is not None:
-                self._handle.visible = False
-            return
         # A line needs two points to be seen.
         padded = [*x, x[-1] + 1] if len(x) == 1 else list(x)
         data = [np.array(padded, np.float64)]

@@ -14,7 +14,7 @@ from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Chart, Line, Send, by_person
+from verefine_viz.viewer.widgets import Block, Chart, Line, Send, by_person, compact
 from verefine_viz.viewer.workspace import current_values
 
 MOVES: dict[str, s.Command] = {
@@ -25,6 +25,8 @@ MOVES: dict[str, s.Command] = {
 }
 POSES: dict[str, s.SidePose] = {"best so far": "best", "kept now": "kept"}
 AS_A = "as A"
+ROW_PX = 25
+"""So that the answers of six objects fit into the panel."""
 HINTS: dict[s.Side, str] = {"A": "solid", "B": "as an outline (T)"}
 NOTHING = (
     "Nothing is compared yet. Choose below what B is: other settings for this frame, another branch, or a recording."
@@ -35,7 +37,7 @@ class ComparePanel:
     """B is chosen at the bottom; all else appears once there is one."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._words = Block(gui)
+        self._words = Block(gui, "tight")
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
         self.moves = gui.add_button_group(
             "Both", list(MOVES), visible=False, hint="along the common timeline; First difference F, Swap X, B on/off T"
@@ -45,7 +47,8 @@ class ComparePanel:
             "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
         )
         self.slider.on_update(by_person(lambda v: send(s.SeekMoment(int(v)))))
-        self._now = Block(gui, "names")
+        gui.add_html(f"<style>{compact(self.moves, ROW_PX)}{compact(self.slider, ROW_PX)}</style>")
+        self._now = Block(gui, "names tight")
         self._outcome = Block(gui, "names")
         self._curves = gui.add_folder("Curves", visible=False)
         with self._curves:

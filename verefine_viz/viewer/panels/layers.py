@@ -17,7 +17,7 @@ HINTS = {
     "mixed": "rotation of simulated, translation of current: where the refiner starts",
     "refined": "after the refiner",
     "accepted": "what was kept, outlined",
-    "best": "the best of all so far, outlined",
+    "best": "the best of all so far, outlined; where a finished run shows its answer, solid",
     "edited": "moved by hand",
     "ground truth": "outlined in white (G)",
     "hypotheses": "where each hypothesis stands; click one for its history",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import viser
 
+from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
-from verefine_viz.viewer.markup import STYLE, hinted, link, sentence, text, warning
+from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -26,19 +27,25 @@ RUNS: dict[str, c.Command] = {
 }
 
 
+KEYS_LINE = (
+    '<p class="legend dim">Keys: Step N, Stage M, Back B, Run and Pause Space. To event: to the next mark on the '
+    "timeline. All of them: Ctrl+K.</p>"
+)
+ANSWER = (
+    "What the run hands on for each object: of all poses on the way the best one, or the last one where the method "
+    "does not judge. The last iteration may have tried another."
+)
+
+
 class RunPanel:
     """Buttons first, where they never move; then headline, findings, and the choice of frame and object."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         gui.add_html(STYLE)
-        # No hint here: it would cover the buttons below while Step is pressed again and again.
+        # No hints here: they would cover what is below while the pointer rests on a button that was pressed.
         self.moves = gui.add_button_group("Move", list(MOVES))
         self.moves.on_click(by_person(lambda label: send(MOVES[label])))
-        self.runs = gui.add_button_group(
-            "Run",
-            list(RUNS),
-            hint="Step N, Stage M, Back B. Run: to the end or a breakpoint (Space). To event: to the next mark.",
-        )
+        self.runs = gui.add_button_group("Run", list(RUNS))
         self.runs.on_click(by_person(lambda label: send(RUNS[label])))
         self._words = Block(gui)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
@@ -48,6 +55,7 @@ class RunPanel:
         self._demo = gui.add_dropdown("Scene", [""], visible=False, hint="Built-in scenes; no data set needed")
         self._demo.on_update(by_person(lambda v: send(c.OpenDemo(v))))
         self._branches = Block(gui)
+        Block(gui).show(KEYS_LINE)
 
     def tell(self, doing: str) -> None:
         """What is being done, until the next picture."""
@@ -59,7 +67,7 @@ class RunPanel:
         said = "".join(_box(f) for f in found if f.on_top)
         said += hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
         if view.message:
-            said = warning(view.message) + said
+            said = (warning if view.refused else note)(view.message) + said
         self._words.show(said)
         p = view.progress
         self._progress.visible = p.running
@@ -83,7 +91,13 @@ def of_the_end(view: View) -> str:
         return ""
     if not view.is_answer:
         return f'<p class="dim">Shown: the last iteration. {link("show the answer", c.SeekEnd())}</p>'
-    return f'<p class="dim">Shown: the answer. {link("show the last iteration", visit(view, last))}</p>'
+    drawn = (
+        f"{swatch(STAGE_COLORS['best'])}solid in 3D"
+        if len(view.scene.objects) == 1
+        else "every object where it ends up"
+    )
+    shown = f'<span class="term" title="{text(ANSWER)}">the answer</span>'
+    return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(view, last))}</p>'
 
 
 def _box(finding: Finding) -> str:

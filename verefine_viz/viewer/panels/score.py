@@ -14,8 +14,11 @@ from verefine_viz.viewer.scene_tables import passes_table
 from verefine_viz.viewer.scene_words import TERMS, scene_sentence
 from verefine_viz.viewer.tables import probe_table, score_table
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 from verefine_viz.viewer.words import compared
+
+ROW_PX = 26
+"""So that both stages in numbers fit into the panel."""
 
 
 class ScorePanel:
@@ -32,6 +35,8 @@ class ScorePanel:
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_person(lambda v: send(c.ShowMap(labels[v]))))
+        rows = "".join(compact(row, ROW_PX) for row in (self.a, self.b, self.map))
+        gui.add_html(f"<style>{rows}</style>")
 
     def show(self, view: View) -> None:
         """Numbers of both stages and of the probed pixel."""
@@ -55,4 +60,4 @@ class ScorePanel:
         self._probe.show(probe_table(sides[0], sides[1]))
 
 
-_HINT = "<p class='dim'>Click a pixel of a score map, the photo or the cloud to see its numbers here.</p>"
+_HINT = "<p class='dim'>Click a map, photo or cloud for a pixel in numbers.</p>"

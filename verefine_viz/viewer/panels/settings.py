@@ -10,11 +10,11 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person, compact
+from verefine_viz.viewer.widgets import Send, by_person, compact, unlabelled
 from verefine_viz.viewer.workspace import current_values
 
-ROW_PX = 24
-"""So that all of one object's settings fit into the panel."""
+ROW_PX = 19
+"""So that all settings fit into the panel."""
 
 
 class SettingsPanel:
@@ -63,7 +63,7 @@ class SettingsPanel:
             "Estimate here", hint="new first poses for the object in focus; the run begins anew"
         )
         rows = (*self._fields.values(), self._estimator)
-        gui.add_html(f"<style>{''.join(compact(handle, ROW_PX) for handle in rows)}</style>")
+        gui.add_html(f"<style>{''.join(compact(row, ROW_PX) for row in rows)}{unlabelled(self.apply)}</style>")
         self._known: dict[str, Any] = {}
         self._focus = 0
         self._estimated: dict[int, str] = {}
