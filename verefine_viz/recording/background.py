@@ -205,21 +205,30 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Pie
     # The plane goes through the world's origin, across its normal.
     corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
     mesh, arrow = rr.Mesh3D, rr.Arrows3D
+    triangles, plane_color, gravity_vector, gravity_color, gravity_label = _looks_of_support()
     plane = [
         columns.vectors(mesh.descriptor_vertex_positions(), [corners], 3),
-        columns.vectors(mesh.descriptor_triangle_indices(), [[[0, 1, 2], [0, 2, 3]]], 3, np.uint32),
-        columns.vectors(mesh.descriptor_vertex_normals(), [np.tile(n, (4, 1))], 3),
-        columns.numbers(mesh.descriptor_albedo_factor(), [[PLANE_COLOR]], np.uint32),
+        triangles,
+        columns.vectors(mesh.descriptor_vertex_normals(), [[n] * 4], 3),
+        plane_color,
     ]
     yield columns.fixed_row(entities.PLANE, plane)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
-    gravity = [
-        columns.vectors(arrow.descriptor_origins(), [foot], 3),
+    origin = columns.vectors(arrow.descriptor_origins(), [foot], 3)
+    yield columns.fixed_row(entities.GRAVITY, [origin, gravity_vector, gravity_color, gravity_label])
+
+
+@cache
+def _looks_of_support() -> tuple[columns.Column, ...]:
+    """What is the same in every frame."""
+    mesh, arrow = rr.Mesh3D, rr.Arrows3D
+    return (
+        columns.vectors(mesh.descriptor_triangle_indices(), [[[0, 1, 2], [0, 2, 3]]], 3, np.uint32),
+        columns.numbers(mesh.descriptor_albedo_factor(), [[PLANE_COLOR]], np.uint32),
         columns.vectors(arrow.descriptor_vectors(), [[0, 0, -0.1]], 3),
         columns.numbers(arrow.descriptor_colors(), [[GRAVITY_COLOR]], np.uint32),
         columns.texts(arrow.descriptor_labels(), [["gravity"]]),
-    ]
-    yield columns.fixed_row(entities.GRAVITY, gravity)
+    )
 
 
 def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Piece]:
@@ -256,20 +265,30 @@ def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -
 
 def _ghosts(target: Target, entity: str) -> Piece:
     """All first hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
-    vertices, faces, normals = _simplified(target.model, GHOST_FACES)
-    Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
-    n, (Rs, ts) = len(Ts), (Ts[:, :3, :3].astype(np.float32), Ts[:, None, :3, 3].astype(np.float32))
+    vertices, _, normals = _simplified(target.model, GHOST_FACES)
+    Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses], np.float32)
+    turned, ts = Ts[:, :3, :3].transpose(0, 2, 1), Ts[:, None, :3, 3]
+    mesh = rr.Mesh3D
+    parts = [
+        columns.vectors(mesh.descriptor_vertex_positions(), [vertices @ turned + ts], 3),
+        columns.vectors(mesh.descriptor_vertex_normals(), [normals @ turned], 3),
+        *_ghost_faces(target.model, len(Ts)),
+    ]
+    return columns.fixed_row(entity, parts)
+
+
+@lru_cache(maxsize=256)
+def _ghost_faces(model: ObjectModel, n: int) -> tuple[columns.Column, ...]:
+    """What does not depend on where the hypotheses are."""
+    vertices, faces, _ = _simplified(model, GHOST_FACES)
     colors = columns.packed(np.array([ARM_COLORS[arm % len(ARM_COLORS)] for arm in range(n)], np.uint8))
     triangles = faces[None] + np.uint32(len(vertices)) * np.arange(n, dtype=np.uint32)[:, None, None]
     mesh = rr.Mesh3D
-    parts = [
-        columns.vectors(mesh.descriptor_vertex_positions(), [vertices @ Rs.transpose(0, 2, 1) + ts], 3),
+    return (
         columns.vectors(mesh.descriptor_triangle_indices(), [triangles], 3, np.uint32),
-        columns.vectors(mesh.descriptor_vertex_normals(), [normals @ Rs.transpose(0, 2, 1)], 3),
         columns.numbers(mesh.descriptor_vertex_colors(), [np.repeat(colors, len(vertices))], np.uint32),
         columns.numbers(mesh.descriptor_albedo_factor(), [[0xFFFFFF00 | GHOST_ALPHA]], np.uint32),
-    ]
-    return columns.fixed_row(entity, parts)
+    )
 
 
 def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:

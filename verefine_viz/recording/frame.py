@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 import rerun as rr
@@ -29,10 +30,16 @@ def frame_chunks(
 
 def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:
     """What a recording is about as it holds it, and its name."""
-    values = [columns.one_value(rr.ComponentDescriptor(name), value) for name, value in about.items()]
+    values = [_property(name, value) for name, value in about.items()]
     yield columns.fixed_row(f"/__properties/{entities.PROPERTY}", values)
     name = f"{about['title']} {about['frame']} {about['method']}".strip()
     yield columns.fixed_row("/__properties", [columns.texts(_NAME, [[name]])])
 
 
 _NAME = rr.archetypes.RecordingInfo.descriptor_name()
+
+
+@lru_cache(maxsize=256)
+def _property(name: str, value: int | str) -> columns.Column:
+    """Most are the same for all frames of a batch."""
+    return columns.one_value(rr.ComponentDescriptor(name), value)
