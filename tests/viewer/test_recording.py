@@ -92,6 +92,16 @@ def test_of_a_fork_from_before_a_change_keeps_the_change(debugger: Debugger) -> 
     assert verify(recorded.path) is None
 
 
+def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_path: Path) -> None:
+    debugger.carry_out([c.RunTo(2), c.Fork((("method.exploration", 5.0),), run=True)])
+    server: Any = NoServer()
+    for commands in ([c.RunTo(3), c.Fork((("physics.steps", 6),))], [c.RunTo(1), c.Fork()]):
+        again = Debugger(debugger.workspace.session, None, Toolbox, keep=Keeping(server, tmp_path))
+        again.carry_out([*commands, c.RunUntil("end")])
+        assert again.view().session.method.exploration == 5.0
+        assert verify(exported(again)) is None
+
+
 def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
     debugger.carry_out([c.RunUntil("end"), s.CompareRun((("method.name", "sir"),)), s.SwapSides()])
     path = exported(debugger)

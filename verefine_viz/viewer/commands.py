@@ -258,7 +258,7 @@ class DragPose(Command):
 
 @dataclass(frozen=True)
 class SaveSession(Command):
-    """Settings, breakpoints, edited poses and the place in the run, to ``sessions/<name>.toml``."""
+    """Settings, also those changed on the way, breakpoints and edited poses, to ``sessions/<name>.toml``."""
 
     name: str
 

@@ -75,6 +75,7 @@ class View:
     """What is on the screen."""
 
     session: Session
+    """The settings of the open branch, and what was changed and moved on the way."""
     session_path: Path | None
     frames: tuple[str, ...]
     frame: str

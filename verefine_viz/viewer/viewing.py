@@ -51,7 +51,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
-    running = debugger.running.goal is not None
+    running, kept = debugger.running.goal is not None, space.session
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
     if look.whole_scene and len(scene.objects) > 1:
@@ -64,7 +64,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         b = _side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep)
     return View(
         session=branch.tools.session.model_copy(
-            update={"breakpoints": space.breakpoints, "edits": space.session.edits}
+            update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
         ),
         session_path=space.path,
         frames=space.frames,

@@ -190,7 +190,10 @@ class Workspace:
                 f"{old.name} was read from a file and cannot be continued; fork it at iteration 0, "
                 "or press Restart to run its session here"
             )
-        tools = old.tools.changed(nested(changes)) if changes else old.tools
+        # A session that was read begins with other settings than it ends up with.
+        tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested(changes))))
+        if tools.session == old.tools.session:
+            tools = old.tools
         kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
         later = [c.settings for c in old.changes if c.after_iteration > cursor]
         new = merged((*later, nested(changes)))

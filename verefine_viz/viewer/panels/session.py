@@ -40,16 +40,24 @@ class SessionPanel:
 
     def show(self, view: View) -> None:
         """What is open, and what was written."""
-        title = view.session.title or "untitled"
-        file = f", from {view.session_path}" if view.session_path else ", not from a file"
-        moved = len(view.session.edits)
-        n = len(view.problem.instances)
-        said = f"Session “{title}”{file}: frame {view.frame} of {len(view.frames)}, {n} object{'s' if n != 1 else ''}."
-        if moved:
-            said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
-        self._words.show(sentence(said))
+        self._words.show(sentence(opened(view)))
         options = ("", *view.sessions)
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = str(view.session_path) if str(view.session_path) in options else ""
         self._kept.show("".join(f"<p>Written: <code>{text(path)}</code></p>" for path in view.kept))
+
+
+def opened(view: View) -> str:
+    """What is open, and what happens on the way that no other panel tells."""
+    title = view.session.title or "untitled"
+    file = f", from {view.session_path}" if view.session_path else ", not from a file"
+    moved = len(view.session.edits)
+    n = len(view.problem.instances)
+    said = f"Session “{title}”{file}: frame {view.frame} of {len(view.frames)}, {n} object{'s' if n != 1 else ''}."
+    if moved:
+        said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
+    for change in view.session.changes:
+        values = (f"{section}.{key} = {v}" for section, keys in change.settings.items() for key, v in keys.items())
+        said += f" After iteration {change.after_iteration}: {', '.join(values)}."
+    return said
