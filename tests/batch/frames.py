@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from tests.scenes.bop_folder import Made, make
@@ -70,13 +72,19 @@ def batch_here(sessions: Path | list[Path], out: Path, *words: object) -> subpro
     return subprocess.CompletedProcess(arguments, code, said.getvalue(), errors.getvalue())
 
 
-def start_batch(session: Path, out: Path, *words: object) -> subprocess.Popen[str]:
-    """The same, left running in a process group of its own (so that Ctrl-C can be sent to all of it)."""
-    return subprocess.Popen(
+@contextmanager
+def started_batch(session: Path, out: Path, *words: object) -> Iterator[subprocess.Popen[str]]:
+    """The same, running, in a process group of its own: Ctrl-C can be sent to all of it, and none of it is left."""
+    with subprocess.Popen(
         command("batch", session, "--out", out, *words),
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, cwd=ROOT, start_new_session=True, env=os.environ | {"COLUMNS": "200"},
-    )  # fmt: skip
+    ) as child:  # fmt: skip
+        try:
+            yield child
+        finally:
+            if child.poll() is None:
+                os.killpg(child.pid, signal.SIGKILL)
 
 
 def depth_file(made: Made, im_id: int) -> Path:

@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, start_batch, write_session
+from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, started_batch, write_session
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import read_results
@@ -73,8 +73,7 @@ def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, 
 
 def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    child = start_batch(session, out, "--workers", 1)
-    with child:
+    with started_batch(session, out, "--workers", 1) as child:
         n_done = stop_in_the_middle(child, out, N_FRAMES)
         workers = workers_of(child)
         child.kill()
@@ -102,8 +101,7 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
 
 def test_ctrl_c_keeps_what_is_done(session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    child = start_batch(session, out, "--workers", 1)
-    with child:
+    with started_batch(session, out, "--workers", 1) as child:
         n_done = stop_in_the_middle(child, out, N_FRAMES)
         workers = workers_of(child)
         os.killpg(child.pid, signal.SIGINT)

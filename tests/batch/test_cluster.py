@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from socket import socket
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +19,7 @@ from distributed import LocalCluster
 
 from bench.kills import without_times
 from tests.batch.conftest import N_FRAMES
-from tests.batch.frames import run_batch, start_batch
+from tests.batch.frames import batch_here, started_batch
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
@@ -31,28 +33,39 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
 
-@pytest.fixture
-def running() -> Iterator[LocalCluster]:
+@contextmanager
+def somebodys(n_workers: int = 1) -> Iterator[LocalCluster]:
     """A cluster that somebody else started."""
     one_thread = dict.fromkeys(ONE_THREAD, "1")
     with LocalCluster(
-        n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None, env=one_thread
+        n_workers=n_workers, threads_per_worker=2, host="127.0.0.1", dashboard_address="127.0.0.1:0", env=one_thread
     ) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[LocalCluster]:
+    """One that goes on over several batches."""
+    with somebodys() as made:
         yield made
 
 
 def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    child = start_batch(session, out, "--workers", 1, "--cluster", "local")
-    with child:
-        stop_in_the_middle(child, out, N_FRAMES)
-        workers = [p for p in psutil.Process(child.pid).children() if "spawn_main" in " ".join(p.cmdline())]
-        assert len(workers) == 1
-        workers[0].kill()
-        os.kill(child.pid, signal.SIGCONT)
-        said, errors = child.communicate(timeout=200)
+    with socket() as taken:
+        with suppress(OSError):  # Dask's usual port, which another cluster may have.
+            taken.bind(("127.0.0.1", 8787))
+            taken.listen()
+        with started_batch(session, out, "--workers", 1, "--cluster", "local") as child:
+            stop_in_the_middle(child, out, N_FRAMES)
+            workers = [p for p in psutil.Process(child.pid).children() if "spawn_main" in " ".join(p.cmdline())]
+            assert len(workers) == 1
+            workers[0].kill()
+            os.kill(child.pid, signal.SIGCONT)
+            said, errors = child.communicate(timeout=200)
     assert child.returncode == 0, errors
     assert "Traceback" not in errors
+    assert "8787" not in errors
     assert f"{N_FRAMES} frames" in said
     assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
@@ -62,7 +75,7 @@ def test_frames_can_be_sent_to_a_cluster_that_sees_no_file(
     running: LocalCluster, session: Path, whole: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    done = run_batch(session, out, "--cluster", running.scheduler_address, "--ship")
+    done = batch_here(session, out, "--cluster", running.scheduler_address, "--ship")
     assert done.returncode == 0, done.stderr
     assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
@@ -84,17 +97,19 @@ def test_a_frame_that_cannot_be_read_is_not_sent(running: LocalCluster, session:
 
 
 def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
-    running: LocalCluster, session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.5)
+    loaded, out = load_session(session), tmp_path / "out"
+    with somebodys() as lost:
 
-    def tell(now: Progress) -> None:
-        if now.counts.frames_done == 1:
-            running.close()
+        def tell(now: Progress) -> None:
+            if now.counts.frames_done == 1:
+                lost.close()
 
-    place, loaded, out = Place(cluster=running.scheduler_address), load_session(session), tmp_path / "out"
-    with pytest.raises(UnavailableError) as caught:
-        run_here(loaded, out, place, tell)
+        place = Place(cluster=lost.scheduler_address)
+        with pytest.raises(UnavailableError) as caught:
+            run_here(loaded, out, place, tell)
     assert str(caught.value) == (
         f"the scheduler at {place.cluster} is gone; what is done is kept: start it again and repeat the command"
     )
@@ -110,9 +125,8 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.2)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.1)
-    one_thread = dict.fromkeys(ONE_THREAD, "1")
     said: list[str] = []
-    with LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None, env=one_thread) as empty:
+    with somebodys(n_workers=0) as empty:
 
         def tell(now: Progress) -> None:
             if now.warning and not said:

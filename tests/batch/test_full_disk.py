@@ -22,7 +22,7 @@ from bench.kills import without_times
 from tests.batch import answering
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.conftest import N_FRAMES
-from tests.batch.frames import ROOT, batch_here, command, start_batch
+from tests.batch.frames import ROOT, batch_here, command, started_batch
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import pool, runner
@@ -87,8 +87,7 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
 
 def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    child = start_batch(session, out, "--workers", 1)
-    with child:
+    with started_batch(session, out, "--workers", 1) as child:
         n_done = stop_in_the_middle(child, out, N_FRAMES)
         process = psutil.Process(child.pid)
         process.rlimit(psutil.RLIMIT_FSIZE, (100, process.rlimit(psutil.RLIMIT_FSIZE)[1]))

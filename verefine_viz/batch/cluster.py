@@ -104,7 +104,8 @@ def _local(n_workers: int) -> LocalCluster:
     try:
         return LocalCluster(
             n_workers=n_workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-            dashboard_address=None,  # pyright: ignore[reportArgumentType]
+            # Any free port: on the usual one another cluster may be running.
+            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL, env=dict.fromkeys(ONE_THREAD, "1"),
         )  # fmt: skip
     finally:
