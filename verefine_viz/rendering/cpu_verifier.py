@@ -17,20 +17,19 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
+from verefine_viz.rendering.map_kernel import z_of
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth, draw_frame
 from verefine_viz.rendering.results import (
+    NOTHING_PLACED,
     PIXELS,
     as_combinations,
     as_poses,
     in_order,
-    normals_image,
     score_maps,
     scores_from_sums,
 )
-
-NOTHING_PLACED = np.zeros((0, 0), np.float32)
 
 FACES_PER_THREAD = 2500
 """A thread is given at least so many faces to draw: handing over takes as long as drawing a small mesh."""
@@ -125,17 +124,8 @@ class CpuVerifier:
         pinhole = intrinsics(camera, self.settings)
         meshes = self._meshes.together([target.model for target in targets])
         depth, face_of = self._frame(zip(meshes.meshes, Ts, strict=True), camera)
-        depth[depth > far_m(self.settings)] = 0
-        normals = normals_image(meshes, Ts, depth, face_of, pinhole)
-        placed_m = self._placed_depth(targets, placed)
-        return score_maps(
-            depth,
-            normals,
-            meshes.model_of(face_of),
-            self._targets.scene(targets, whole_frame),
-            placed_m if placed_m.size else None,
-            self.settings,
-        )
+        prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
+        return score_maps(meshes, Ts, depth, face_of, pinhole, prepared, placed_m, self.settings)
 
     def _frame(
         self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera
@@ -147,7 +137,9 @@ class CpuVerifier:
             T = np.ascontiguousarray(T_cam_obj, dtype=np.float64)
             draw_frame(T, *mesh.arrays, *intrinsics(camera, self.settings), inv_z, face_of, first_face)
             first_face += len(mesh.faces)
-        return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), face_of
+        depth_m = np.zeros(camera.shape, np.float32)
+        z_of(inv_z, far_m(self.settings), depth_m)
+        return depth_m, face_of
 
     def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
         """(H, W) z of objects at their poses [m]; 0 = empty."""

@@ -19,11 +19,11 @@ from verefine_viz.rendering.gl_context import create_context
 from verefine_viz.rendering.gl_passes import GlPasses
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.results import (
+    NOTHING_PLACED,
     PIXELS,
     as_combinations,
     as_poses,
     in_order,
-    normals_image,
     score_maps,
     scores_from_sums,
 )
@@ -99,16 +99,15 @@ class GlVerifier:
         frame = targets[0].observation.camera
         camera = intrinsics(frame, settings)
         has_placed = self._draw_placed(passes, targets, placed)
-        placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else None
+        placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else NOTHING_PLACED
         shows = kernels.windows(Ts[None], meshes.arrays, camera, frame.height, frame.width)[0, :, 2] > 0
         depth, face_of = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.int64)
         if shows.any():
             whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
             passes.draw_tiles(meshes, Ts[None], whole[None], camera, far_m(settings))
             depth, face_of = passes.atlas.read(frame.width, frame.height)
-        normals = normals_image(meshes, Ts, depth, face_of, camera)
         prepared = self._targets.scene(targets, whole_frame)
-        return score_maps(depth, normals, meshes.model_of(face_of), prepared, placed_m, settings)
+        return score_maps(meshes, Ts, depth, face_of, camera, prepared, placed_m, settings)
 
     def close(self) -> None:
         """Gives the context back; the next call makes a new one."""
