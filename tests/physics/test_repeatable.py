@@ -32,7 +32,8 @@ CUP = model(
     ),
     name="cup",
 )
-THINGS = [ring(0.07), CUP, box(0.06, 0.04, 0.1), ball(0.025)]
+# A ring of 70 mm would take a minute to decompose, one of 60 mm half a second.
+THINGS = [ring(0.06), CUP, box(0.06, 0.04, 0.1), ball(0.025)]
 
 Question = tuple[Placed, tuple[Placed, ...], Support, int]
 
