@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -10,11 +11,18 @@ from typing import Any
 
 import pytest
 
+from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 
 SHOTS = Path(__file__).parent / "shots"
+TAKES_SHOTS = bool(os.environ.get("SHOTS"))
+"""Whether pictures are kept for a person to look at; nothing is asserted about them, and each takes seconds."""
+QUERY = "" if TAKES_SHOTS else "?fixedDpr=0.5"
+"""Without pictures 3D is drawn at half the width and height: the time of software WebGL goes with the pixels."""
+SIZE = {"width": 1280, "height": 800}
+FAILED = pytest.StashKey[bool]()
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 SLOW_MS = 120_000
 """Software WebGL freezes the page while it compiles shaders, for over a minute where other work shares the cores."""
@@ -37,18 +45,50 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Remembers which test failed: nobody knows what it left on its page."""
+    report = yield
+    item.stash[FAILED] = item.stash.get(FAILED, False) or report.failed
+    return report
+
+
 class Screen:
-    """One open page and the app behind it."""
+    """One page and the app behind it; a page that already looks at the app's address connects again by itself."""
 
     def __init__(self, app: App, page: Any) -> None:
         self.app, self.page = app, page
         self.foreign: list[str] = []
         self.errors: list[str] = []
         page.on("request", self._requested)
-        page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.goto(app.url)
+        page.on("pageerror", self._failed)
+        frame = 0
+        if page.url.startswith(app.url):
+            frame = page.evaluate("window.__viserTestpoints.rendererInfo.render.frame")
+            self.until(lambda: len(app.server.get_clients()) == 1)
+            self._as_at_the_start()
+        else:
+            page.goto(f"{app.url}/{QUERY}")
         page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
-        page.wait_for_function("window.__viserTestpoints?.rendererInfo?.render?.frame >= 3", timeout=SLOW_MS)
+        drawn = f"window.__viserTestpoints?.rendererInfo?.render?.frame >= {frame + 3}"
+        page.wait_for_function(drawn, timeout=SLOW_MS)
+
+    def _as_at_the_start(self) -> None:
+        """The mouse away from everything, and the camera where a new page has it."""
+        self.page.mouse.move(1, 1)
+        first = self.app.server.initial_camera
+        assert first.up is not None
+        for client in self.app.server.get_clients().values():
+            client.camera.up_direction = first.up
+            client.camera.position, client.camera.look_at = first.position, first.look_at
+
+    def leave(self) -> None:
+        """Listens to the page no longer."""
+        self.page.remove_listener("request", self._requested)
+        self.page.remove_listener("pageerror", self._failed)
+
+    def _failed(self, error: Any) -> None:
+        self.errors.append(str(error))
 
     def _requested(self, request: Any) -> None:
         if not request.url.startswith((self.app.url, "data:", "blob:", self.app.url.replace("http", "ws"))):
@@ -87,13 +127,17 @@ class Screen:
         raise AssertionError("it never happened")
 
     def shot(self, name: str) -> None:
-        """Keeps what is on the screen."""
+        """Keeps what is on the screen, where a person wants to look at it: ``SHOTS=1 pytest -m browser``."""
         self.app.wait_until_idle(60)
+        if not TAKES_SHOTS:
+            return
         self.page.wait_for_timeout(700)  # the last pictures reach the canvas
         SHOTS.mkdir(exist_ok=True)
         self.page.screenshot(path=str(SHOTS / f"{name}.png"), timeout=SLOW_MS)
 
 
+Show = Callable[[Callable[[int], App]], Screen]
+"""What the fixture :func:`show` gives."""
 Look = Callable[..., Screen]
 """What the fixture :func:`look` gives."""
 
@@ -133,22 +177,75 @@ def real_session(shared_data: Path, tmp_path: Path) -> Path:
     return path
 
 
+class Tab:
+    """The page that stays open from test to test: software WebGL takes most of a test's time to set up a new one.
+
+    The next test's app listens where the last one did, and the page goes over to it as it does when a person starts
+    the program again: panels and scene are cleared when it connects. What a test may have left besides (another
+    size, an error) is not cleaned up: then the next test gets a new page.
+    """
+
+    def __init__(self, chromium: Any) -> None:
+        self._chromium = chromium
+        self._page: Any = None
+        self._port = 0
+
+    def show(self, app_at: Callable[[int], App]) -> Screen:
+        """Starts an app at the port that it is given, and shows it once it is ready."""
+        try:
+            app = app_at(self._port).start()
+        except UnavailableError:  # Another program was faster.
+            self.drop()
+            app = app_at(0).start()
+        app.wait_until_ready(240)
+        if self._page is None:
+            self._page, self._port = self._chromium.new_page(viewport=SIZE), app.server.get_port()
+        return Screen(app, self._page)
+
+    def drop(self) -> None:
+        """The next test gets a new page."""
+        if self._page is not None:
+            self._page.close()
+        self._page, self._port = None, 0
+
+    def end(self, screen: Screen, failed: bool) -> None:
+        """Stops a test's app; the page stays if nothing is wrong with it."""
+        screen.leave()
+        if failed or screen.foreign or screen.errors or screen.page.viewport_size != SIZE:
+            self.drop()
+        screen.app.stop()
+
+
+@pytest.fixture(scope="session")
+def tab(chromium: Any) -> Iterator[Tab]:
+    tab = Tab(chromium)
+    yield tab
+    tab.drop()
+
+
 @pytest.fixture
-def look(chromium: Any, tmp_path: Path) -> Iterator[Look]:
-    """Opens a session file's page at 1280×800; checks at the end that it asked nobody else for anything."""
-    opened: list[Screen] = []
+def show(tab: Tab, request: pytest.FixtureRequest) -> Iterator[Show]:
+    """Shows an app at 1280×800; checks at the end that its page asked nobody else for anything."""
+    shown: list[Screen] = []
+
+    def show_app(app_at: Callable[[int], App]) -> Screen:
+        assert not shown, "there is one page"
+        shown.append(tab.show(app_at))
+        return shown[0]
+
+    yield show_app
+    for screen in shown:
+        tab.end(screen, request.node.stash.get(FAILED, True))
+    assert [screen.foreign for screen in shown] == [[]] * len(shown)
+    assert [screen.errors for screen in shown] == [[]] * len(shown)
+
+
+@pytest.fixture
+def look(show: Show, tmp_path: Path) -> Look:
+    """Opens a session file's page."""
 
     def open_session(path: Path, animate: bool = False) -> Screen:
-        app = App(load_session(path), path, port=0, folder=tmp_path).start()
-        app.wait_until_ready(240)
-        app.send(c.Animate(animate))
-        screen = Screen(app, chromium.new_page(viewport={"width": 1280, "height": 800}))
-        opened.append(screen)
-        return screen
+        first = (c.Animate(animate),)
+        return show(lambda port: App(load_session(path), path, port=port, folder=tmp_path, first=first))
 
-    yield open_session
-    for screen in opened:
-        screen.page.close()
-        screen.app.stop()
-    assert [screen.foreign for screen in opened] == [[]] * len(opened)
-    assert [screen.errors for screen in opened] == [[]] * len(opened)
+    return open_session

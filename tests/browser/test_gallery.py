@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.browser.conftest import SLOW_MS, Screen, is_seen
+from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
@@ -49,25 +48,25 @@ def written(folder: Path, session: Session) -> None:
     run.close()
 
 
-@pytest.fixture
-def shown(chromium: Any, tmp_path: Path) -> Iterator[tuple[Screen, Gallery]]:
-    """The page of two runs, as ``view DIR`` opens it."""
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of two runs, which every test only reads."""
+    folder = tmp_path_factory.mktemp("gallery")
     for name in ("rir", "sir"):
-        (tmp_path / "runs" / name).mkdir(parents=True)
+        (folder / name).mkdir()
         method = {"name": name, "iterations": 2}
         pool = {"max_per_object": 2}
         scene = {"source": "demo", "demo": "clutter", "objects": [MUG, CAN]}
-        written(tmp_path / "runs" / name, resolve({"scene": scene, "method": method, "hypotheses": pool}))
-    gallery = read_gallery(tmp_path / "runs")
+        written(folder / name, resolve({"scene": scene, "method": method, "hypotheses": pool}))
+    return folder
+
+
+@pytest.fixture
+def shown(runs: Path, show: Show, tmp_path: Path) -> tuple[Screen, Gallery]:
+    """The page of two runs, as ``view DIR`` opens it."""
+    gallery = read_gallery(runs)
     session = gallery.session(gallery.worst.run)
-    app = App(session, port=0, folder=tmp_path, batch=gallery).start()
-    app.wait_until_ready(240)
-    screen = Screen(app, chromium.new_page(viewport={"width": 1280, "height": 800}))
-    yield screen, gallery
-    screen.page.close()
-    app.stop()
-    assert screen.foreign == []
-    assert screen.errors == []
+    return show(lambda port: App(session, port=port, folder=tmp_path, batch=gallery)), gallery
 
 
 def names(screen: Screen) -> list[str]:
@@ -85,6 +84,7 @@ def at(screen: Screen) -> tuple[str, str, int]:
 
 def choose(screen: Screen, by: str, label: str) -> None:
     screen.page.get_by_label(by, exact=True).select_option(label=label, timeout=SLOW_MS)
+    screen.page.wait_for_timeout(120)  # As after a click: the next choice would be swallowed.
 
 
 def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Screen, Gallery]) -> None:

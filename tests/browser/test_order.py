@@ -52,5 +52,5 @@ def test_the_order_is_seen_and_changed_by_clicking(look: Look, tmp_path: Path) -
     screen.until(lambda: screen.app.debugger.workspace.session.dependency.cut == ())
 
     screen.click("Run")
-    screen.app.wait_until_idle(120)
+    screen.until(lambda: screen.app.debugger.workspace.run.is_done)
     assert [i.instance_id for i in screen.app.debugger.workspace.run.iterations] == list(by_rule)
