@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem, Target
 from verefine_viz.core.records import Contacts, SimulatedPath
-from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 
 BOX_M = np.array([0.10, 0.08, 0.06])
 
@@ -100,12 +100,15 @@ class FakeVerifier:
         full = np.full(n, 100, np.int64)
         return Scores(value, value, value, full, full, counts)
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+    def maps(
+        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
+    ) -> ScoreMaps:
         o, mask = target.observation, target.instance.mask
         zero = np.zeros(o.camera.shape, np.float32)
         rendered = np.where(mask, o.depth_m, 0).astype(np.float32)
         fit = mask.astype(np.float32)
-        return ScoreMaps(rendered, o.normals_cam, zero, zero, fit, fit, mask, mask.astype(np.uint8))
+        maps = ScoreMaps(rendered, o.normals_cam, zero, zero, fit, fit, mask, mask.astype(np.uint8))
+        return maps if at is None else seen_at(maps, at)
 
     def score_scene(
         self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
@@ -117,8 +120,20 @@ class FakeVerifier:
         full = np.full(n, 100, np.int64)
         return Scores(value, value, value, full, full, counts)
 
-    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
-        return self.maps(targets[0], Ts_cam_obj[0], placed)
+    def scene_maps(
+        self,
+        targets: Sequence[Target],
+        Ts_cam_obj: Float,
+        placed: Sequence[Placed] = (),
+        *,
+        at: PixelGrid | None = None,
+    ) -> ScoreMaps:
+        return self.maps(targets[0], Ts_cam_obj[0], placed, at)
+
+
+def seen_at(maps: ScoreMaps, at: PixelGrid) -> ScoreMaps:
+    """Maps of a whole image at some pixels."""
+    return ScoreMaps(*(getattr(maps, f.name)[np.ix_(at.rows, at.columns)] for f in fields(maps)))
 
 
 @dataclass(frozen=True)

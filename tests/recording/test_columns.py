@@ -48,6 +48,10 @@ def both(kind: str, rows: list[list[float]]) -> tuple[Column, Any]:
             ours = columns.strips(rr.LineStrips3D.descriptor_strips(), points)
             drawn = [p.astype(np.float32) for p in points if len(p)]
             return ours, rr.LineStrips3D.columns(strips=drawn).partition([min(n, 1) for n in lengths])
+        case "blobs":
+            content = [np.array(row, np.float32).tobytes() for row in rows]
+            ours = columns.blobs(rr.EncodedImage.descriptor_blob(), content)
+            return ours, rr.EncodedImage.columns(blob=content)
         case "bars":
             ours = columns.bars(rr.BarChart.descriptor_values(), rows)
             tensors = [rr.BarChart(np.array(row, np.float64)).values.as_arrow_array() for row in rows]  # type: ignore[union-attr]
@@ -75,7 +79,7 @@ def through_a_file(piece: Piece) -> Chunk:
     return chunk
 
 
-@pytest.mark.parametrize("kind", ["numbers", "colors", "vectors", "strips", "bars", "texts"])
+@pytest.mark.parametrize("kind", ["numbers", "colors", "vectors", "strips", "blobs", "bars", "texts"])
 @given(data=st.data())
 def test_columns_through_a_file_are_what_rerun_makes_of_them(kind: str, data: st.DataObject) -> None:
     rows = [data.draw(st.lists(numbers, min_size=n, max_size=n)) for n in data.draw(lengths)]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem, seen_at
 from tests.recording.runs import enlarged, recorded_run, session
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
@@ -29,7 +29,9 @@ KB = 1000
 class NoisyVerifier(FakeVerifier):
     """Its maps are as busy as a real sensor makes them: 2 mm of depth noise, 8° in the normals."""
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+    def maps(
+        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
+    ) -> ScoreMaps:
         o, mask = target.observation, target.instance.mask
         rng = np.random.default_rng(int(abs(T_cam_obj[0, 3]) * 1e9))
         seen = np.where(mask, 1.0, np.nan)
@@ -39,7 +41,8 @@ class NoisyVerifier(FakeVerifier):
         f_n = np.nan_to_num(np.cos(angle)).astype(np.float32)
         classes = np.where(mask, rng.choice([1, 2], mask.shape, p=[0.95, 0.05]), 0).astype(np.uint8)
         rendered = np.where(mask, 0.57, 0).astype(np.float32)
-        return ScoreMaps(rendered, o.normals_cam, difference, angle, f_d, f_n, mask, classes)
+        maps = ScoreMaps(rendered, o.normals_cam, difference, angle, f_d, f_n, mask, classes)
+        return maps if at is None else seen_at(maps, at)
 
 
 def pictures(path: Path, name: str) -> dict[int, np.ndarray]:

@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SimulatedPath
-from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 
 
 class Refiner(Protocol):
@@ -38,8 +38,10 @@ class Verifier(Protocol):
         """Scores of N poses (N, 4, 4) in one call; ``placed`` objects may hide parts of them."""
         ...
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
-        """The same score of one pose, pixel by pixel, for the screen and for recordings."""
+    def maps(
+        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
+    ) -> ScoreMaps:
+        """The same score of one pose, pixel by pixel, for the screen and for recordings; ``at`` some pixels, or all."""
         ...
 
     def score_scene(
@@ -53,7 +55,14 @@ class Verifier(Protocol):
         """
         ...
 
-    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+    def scene_maps(
+        self,
+        targets: Sequence[Target],
+        Ts_cam_obj: Float,
+        placed: Sequence[Placed] = (),
+        *,
+        at: PixelGrid | None = None,
+    ) -> ScoreMaps:
         """The scene's score of one combination (m, 4, 4), pixel by pixel."""
         ...
 

@@ -79,10 +79,26 @@ class Scores:
 
 
 @dataclass(frozen=True, eq=False)
-class ScoreMaps:
-    """The score of one pose, pixel by pixel over the whole image; made only when somebody looks.
+class PixelGrid:
+    """The pixels where some rows and some columns of the image cross, in any order and as often as wanted."""
 
-    The mean of ``f_d`` and of ``f_n`` over ``counted`` are the score's parts.
+    rows: NDArray[np.int64]
+    """(h,)."""
+    columns: NDArray[np.int64]
+    """(w,)."""
+
+    @staticmethod
+    def whole(shape: tuple[int, int]) -> PixelGrid:
+        """All pixels of an image (H, W)."""
+        return PixelGrid(np.arange(shape[0]), np.arange(shape[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreMaps:
+    """The score of one pose, pixel by pixel; made only when somebody looks.
+
+    (H, W) is the size of the image, or of the :class:`PixelGrid` that was asked for. Over a whole image the mean of
+    ``f_d`` and of ``f_n`` over ``counted`` are the score's parts.
     """
 
     rendered_m: NDArray[np.float32]

@@ -210,6 +210,16 @@ def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> 
     return Column(_texts(descriptor), n_rows, (*nodes, len(encoded), 0), (*buffers, b"", ends, b"".join(encoded)))
 
 
+def blobs(descriptor: rr.ComponentDescriptor, rows: Sequence[bytes]) -> Column:
+    """Rows of one run of bytes each."""
+    n_rows, nodes, buffers = _listed([1] * len(rows))
+    _, inner_nodes, inner_buffers = _listed([len(row) for row in rows])
+    content = b"".join(rows)
+    return Column(
+        _blobs(descriptor), n_rows, (*nodes, *inner_nodes, len(content), 0), (*buffers, *inner_buffers, b"", content)
+    )
+
+
 def one_value(descriptor: rr.ComponentDescriptor, value: int | str) -> Column:
     """One row with one number or text."""
     return texts(descriptor, [[value]]) if isinstance(value, str) else numbers(descriptor, [[value]], np.int64)
@@ -281,6 +291,12 @@ def _strips(descriptor: rr.ComponentDescriptor) -> Kind:
 @lru_cache(maxsize=256)
 def _texts(descriptor: rr.ComponentDescriptor) -> Kind:
     return Kind(descriptor, pa.list_(pa.string()))
+
+
+@lru_cache(maxsize=256)
+def _blobs(descriptor: rr.ComponentDescriptor) -> Kind:
+    blob = pa.list_(pa.field("item", pa.uint8(), nullable=False))
+    return Kind(descriptor, pa.list_(blob))
 
 
 def _vector_type(item: pa.DataType, width: int) -> pa.DataType:

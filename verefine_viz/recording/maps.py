@@ -5,11 +5,14 @@ Of an iteration two poses side by side; of a pass over several objects the scene
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 import rerun as rr
+from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
@@ -17,7 +20,7 @@ from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, d
 from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
-from verefine_viz.core.scores import PIXEL_CLASSES, ScoreMaps
+from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, ScoreMaps
 from verefine_viz.recording import columns, entities
 from verefine_viz.recording.background import png
 from verefine_viz.recording.piece import Piece
@@ -43,7 +46,10 @@ class Maps:
         self._observation = targets[0].observation
         self._verifier = verifier
         mask = np.logical_or.reduce([t.instance.mask for t in targets])
-        self._rows, self._columns = _square(mask, size_px)
+        rows, across = _square(mask, size_px)
+        h, w = mask.shape
+        self._at = PixelGrid(rows.clip(0, h - 1), across.clip(0, w - 1))
+        self._outside = ((rows < 0) | (rows >= h))[:, None] | (across < 0) | (across >= w)
         measured = self._observation.depth_m[mask & (self._observation.depth_m > 0)]
         near, far = np.percentile(measured, [5, 95]) if len(measured) > 1 else (1.0, 1.0)
         if len(targets) == 1:
@@ -62,7 +68,7 @@ class Maps:
         """The same cut-out of what the sensor saw: colour and depth."""
         o = self._observation
         scale = self._scales["rendered"]
-        depth = _indexed(_or_nan(self._cut(o.depth_m), self._cut(o.depth_m) > 0), scale)
+        depth = self._indexed(self._cut(o.depth_m), scale, only=self._cut(o.depth_m) > 0)
         right = np.frombuffer(_palette(scale), np.uint8).reshape(256, 3)[depth]
         left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
@@ -72,7 +78,7 @@ class Maps:
     def pair(self, row: Row, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of the two poses that an iteration had to choose from; what is computed, is computed at once."""
         (target,) = self._targets
-        made = [self._verifier.maps(target, row.Ts_cam_obj[k], placed) for k in compared(row)]
+        made = [self._verifier.maps(target, row.Ts_cam_obj[k], placed, self._at) for k in compared(row)]
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
         images = {
             name: np.concatenate([self._index_image(name, made[0]), gap, self._index_image(name, made[-1])], axis=1)
@@ -82,38 +88,47 @@ class Maps:
 
     def scene(self, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of all objects together, at the poses (m, 4, 4)."""
-        made = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed)
+        made = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
         images = {name: self._index_image(name, made) for name in SCENE_MAP_NAMES}
         return self._pictures(entities.SCENE_MAPS, iteration, images)
 
     def _pictures(self, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> Iterator[Piece]:
+        of = rr.EncodedImage
         for name, image in images.items():
             palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
-            picture = rr.EncodedImage(contents=png(image, palette), media_type="image/png")
-            yield columns.at(f"{root}/{name}", iteration, picture)
+            parts = [columns.blobs(of.descriptor_blob(), [png(image, palette)]), _png_type()]
+            yield columns.rows_of(f"{root}/{name}", [iteration], parts)
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
-        """Palette indices of one map, cut out. Cut first: most of the image is of no interest."""
+        """Palette indices of one map."""
         if name == "classes":
-            return self._cut(maps.classes)
+            return np.where(self._outside, 0, maps.classes).astype(np.uint8)
+        scale = self._scales[name]
         if name == "rendered":
-            rendered = self._cut(maps.rendered_m)
-            values = _or_nan(rendered, rendered > 0)
-        elif name == "difference":
-            values = 1e3 * self._cut(maps.depth_difference_m)
-        elif name == "angle":
-            values = np.degrees(self._cut(maps.angle_rad))
-        else:
-            values = _or_nan(self._cut(maps.f_d if name == "f_d" else maps.f_n), self._cut(maps.counted))
-        return _indexed(values, self._scales[name])
+            return self._indexed(maps.rendered_m, scale, only=maps.rendered_m > 0)
+        if name == "difference":
+            return self._indexed(maps.depth_difference_m, scale, factor=1e3)
+        if name == "angle":
+            return self._indexed(maps.angle_rad, scale, factor=math.degrees(1))
+        return self._indexed(maps.f_d if name == "f_d" else maps.f_n, scale, only=maps.counted)
+
+    def _indexed(
+        self, values: NDArray[np.float32], scale: Scale, factor: float = 1.0, only: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.uint8]:
+        """Index into the scale's palette of ``factor`` times a number: 0 = no value, 1 … 255 from low to high."""
+        known = ~self._outside if only is None else only & ~self._outside
+        return _indices(values, known, factor, scale.low, scale.high)
 
     def _cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The square around the objects; 0, NaN in floats, where it reaches beyond the image."""
-        h, w = image.shape[:2]
-        tile = image[np.clip(self._rows, 0, h - 1)[:, None], np.clip(self._columns, 0, w - 1)]
-        outside = ((self._rows < 0) | (self._rows >= h))[:, None] | (self._columns < 0) | (self._columns >= w)
-        tile[outside] = np.nan if np.issubdtype(tile.dtype, np.floating) else 0
+        """The pixels that are looked at; black beyond the image."""
+        tile = image[self._at.rows[:, None], self._at.columns]
+        tile[self._outside] = 0
         return tile
+
+
+@cache
+def _png_type() -> columns.Column:
+    return columns.texts(rr.EncodedImage.descriptor_media_type(), [["image/png"]])
 
 
 def compared(row: Row) -> Sequence[int]:
@@ -122,7 +137,7 @@ def compared(row: Row) -> Sequence[int]:
     return judged[-2:] if len(judged) > 1 else [0, judged[0]]
 
 
-def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns (size_px,) to sample; the whole image where the mask is empty."""
     v, u = np.nonzero(mask)
     if len(v) == 0:
@@ -131,19 +146,20 @@ def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.intp], ND
     at = (np.arange(size_px) + 0.5) / size_px - 0.5
     rows = np.floor((v.min() + v.max()) / 2 + 0.5 + at * side)
     columns = np.floor((u.min() + u.max()) / 2 + 0.5 + at * side)
-    return rows.astype(np.intp), columns.astype(np.intp)
+    return rows.astype(np.int64), columns.astype(np.int64)
 
 
-def _or_nan(values: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
-    return np.where(known, values, np.nan)
-
-
-def _indexed(values: NDArray[np.floating], scale: Scale) -> NDArray[np.uint8]:
-    """Index into the scale's palette: 0 = no value, 1 … 255 from low to high."""
-    missing = ~np.isfinite(values)
-    share = (np.where(missing, scale.low, values) - scale.low) / (scale.high - scale.low)
-    index = np.clip(np.round(share * 254), 0, 254) + 1
-    return np.where(missing, 0, index).astype(np.uint8)
+@njit(cache=True, nogil=True)
+def _indices(
+    values: NDArray[np.float32], known: NDArray[np.bool_], factor: float, low: float, high: float
+) -> NDArray[np.uint8]:
+    out = np.zeros(values.shape, np.uint8)
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            value = factor * np.float64(values[y, x])
+            if known[y, x] and np.isfinite(value):
+                out[y, x] = 1 + np.uint8(min(max(np.rint(254 * (value - low) / (high - low)), 0.0), 254.0))
+    return out
 
 
 def _palette(scale: Scale) -> bytes:

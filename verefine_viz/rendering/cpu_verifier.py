@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
-from verefine_viz.rendering.map_kernel import z_of
+from verefine_viz.rendering.map_kernel import look_at
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth, draw_frame
@@ -63,9 +63,11 @@ class CpuVerifier:
         """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``)."""
         return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
-        """The score of one pose, pixel by pixel."""
-        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True)
+    def maps(
+        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
+    ) -> ScoreMaps:
+        """The score of one pose, pixel by pixel; ``at`` some pixels, or all."""
+        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True, at)
 
     def score_scene(
         self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
@@ -85,11 +87,17 @@ class CpuVerifier:
         return self._score(targets, Ts, placed, whole_frame)
 
     def scene_maps(
-        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+        self,
+        targets: Sequence[Target],
+        Ts_cam_obj: Float,
+        placed: Sequence[Placed] = (),
+        whole_frame: bool = False,
+        *,
+        at: PixelGrid | None = None,
     ) -> ScoreMaps:
         """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
         targets, Ts = in_order(targets, as_combinations(np.asarray(Ts_cam_obj)[None], len(targets)))
-        return self._maps(targets, Ts[0], placed, whole_frame)
+        return self._maps(targets, Ts[0], placed, whole_frame, at)
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         prepared, settings = self._targets.scene(targets, whole_frame), self.settings
@@ -119,27 +127,36 @@ class CpuVerifier:
             other.result()
         return scores_from_sums(sums, settings)
 
-    def _maps(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> ScoreMaps:
+    def _maps(
+        self,
+        targets: Sequence[Target],
+        Ts: Float,
+        placed: Sequence[Placed],
+        whole_frame: bool,
+        at: PixelGrid | None,
+    ) -> ScoreMaps:
         camera = targets[0].observation.camera
-        pinhole = intrinsics(camera, self.settings)
+        at = at or PixelGrid.whole(camera.shape)
         meshes = self._meshes.together([target.model for target in targets])
-        depth, face_of = self._frame(zip(meshes.meshes, Ts, strict=True), camera)
+        depth, faces = self._picture(zip(meshes.meshes, Ts, strict=True), camera, at)
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
-        return score_maps(meshes, Ts, depth, face_of, pinhole, prepared, placed_m, self.settings)
+        pinhole = intrinsics(camera, self.settings)
+        return score_maps(meshes, Ts, at, depth, faces, pinhole, prepared, placed_m, self.settings)
 
-    def _frame(
-        self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera
+    def _picture(
+        self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera, at: PixelGrid
     ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """The whole picture of models at their poses: z (H, W) [m] and the face that is seen, counted through all."""
-        inv_z, face_of = np.zeros(camera.shape, np.float32), np.zeros(camera.shape, np.int32)
+        """Models at their poses: z (h, w) [m] and the face that is seen, counted through all, at some pixels."""
+        inv_z, face_of = np.zeros(camera.shape, np.float32), np.empty(camera.shape, np.int32)
         first_face = 0
         for mesh, T_cam_obj in items:
             T = np.ascontiguousarray(T_cam_obj, dtype=np.float64)
             draw_frame(T, *mesh.arrays, *intrinsics(camera, self.settings), inv_z, face_of, first_face)
             first_face += len(mesh.faces)
-        depth_m = np.zeros(camera.shape, np.float32)
-        z_of(inv_z, far_m(self.settings), depth_m)
-        return depth_m, face_of
+        shape = len(at.rows), len(at.columns)
+        depth_m, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
+        look_at(inv_z, face_of, far_m(self.settings), at.rows, at.columns, depth_m, faces)
+        return depth_m, faces
 
     def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
         """(H, W) z of objects at their poses [m]; 0 = empty."""

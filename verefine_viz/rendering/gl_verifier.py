@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.gl_context import create_context
@@ -50,13 +50,15 @@ class GlVerifier:
         """
         return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
-    def maps(self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> ScoreMaps:
+    def maps(
+        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
+    ) -> ScoreMaps:
         """The score of one pose, pixel by pixel.
 
         Raises:
             UnavailableError: no OpenGL, or called from another thread than before.
         """
-        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True)
+        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True, at)
 
     def score_scene(
         self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
@@ -71,11 +73,17 @@ class GlVerifier:
         return self._score(targets, Ts, placed, whole_frame)
 
     def scene_maps(
-        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
+        self,
+        targets: Sequence[Target],
+        Ts_cam_obj: Float,
+        placed: Sequence[Placed] = (),
+        whole_frame: bool = False,
+        *,
+        at: PixelGrid | None = None,
     ) -> ScoreMaps:
         """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
         targets, Ts = in_order(targets, as_combinations(np.asarray(Ts_cam_obj)[None], len(targets)))
-        return self._maps(targets, Ts[0], placed, whole_frame)
+        return self._maps(targets, Ts[0], placed, whole_frame, at)
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         passes, settings = self._gl(), self.settings
@@ -93,7 +101,14 @@ class GlVerifier:
             raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, judging)
         return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
 
-    def _maps(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> ScoreMaps:
+    def _maps(
+        self,
+        targets: Sequence[Target],
+        Ts: Float,
+        placed: Sequence[Placed],
+        whole_frame: bool,
+        at: PixelGrid | None,
+    ) -> ScoreMaps:
         passes, settings = self._gl(), self.settings
         meshes = self._meshes.together([target.model for target in targets])
         frame = targets[0].observation.camera
@@ -106,8 +121,10 @@ class GlVerifier:
             whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
             passes.draw_tiles(meshes, Ts[None], whole[None], camera, far_m(settings))
             depth, face_of = passes.atlas.read(frame.width, frame.height)
+        at = at or PixelGrid.whole(frame.shape)
+        seen = np.ix_(at.rows, at.columns)
         prepared = self._targets.scene(targets, whole_frame)
-        return score_maps(meshes, Ts, depth, face_of, camera, prepared, placed_m, settings)
+        return score_maps(meshes, Ts, at, depth[seen], face_of[seen], camera, prepared, placed_m, settings)
 
     def close(self) -> None:
         """Gives the context back; the next call makes a new one."""

@@ -1,4 +1,4 @@
-"""Eq. 1 pixel by pixel, in one compiled pass over the image: most of it is neither drawn on nor the object's mask."""
+"""Eq. 1 pixel by pixel, in one compiled pass over the pixels that somebody looks at."""
 
 from __future__ import annotations
 
@@ -20,15 +20,19 @@ from verefine_viz.rendering.kernels import (
 
 
 @njit(cache=True, nogil=True)
-def z_of(inv_z, far, depth):
-    """Fills ``depth`` (H, W), which is all 0, with z [m] where ``inv_z`` shows something that is not beyond ``far``."""
-    height, width = inv_z.shape
-    for v in range(height):
-        for u in range(width):
+def look_at(inv_z, face_of, far, rows, columns, depth, faces):
+    """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face at the pixels of a grid.
+
+    ``inv_z`` (H, W) is 0 where nothing is; what is beyond ``far`` is left out.
+    """
+    for y in range(len(rows)):
+        v = rows[y]
+        for x in range(len(columns)):
+            u = columns[x]
             if inv_z[v, u] > 0.0:
                 z = np.float32(1.0) / inv_z[v, u]
                 if z <= far:
-                    depth[v, u] = z
+                    depth[y, x], faces[y, x] = z, face_of[v, u]
 
 
 @njit(cache=True, nogil=True)
@@ -36,8 +40,10 @@ def fill_maps(
     Ts,
     face_normals,
     face_starts,
+    rows,
+    columns,
     depth,
-    face_of,
+    faces,
     camera,
     observed,
     flags,
@@ -60,8 +66,10 @@ def fill_maps(
         Ts: (m, 4, 4) T_cam_obj of each model.
         face_normals: (ΣF, 3) of ``RenderMeshes``.
         face_starts: (m + 1,) of ``RenderMeshes``.
-        depth: (H, W) z of the models [m]; 0 = empty.
-        face_of: (H, W) the face that is seen, counted through all models.
+        rows: (h,) of the pixels that are looked at.
+        columns: (w,) of them.
+        depth: (h, w) z of the models there [m]; 0 = empty.
+        faces: (h, w) the face that is seen there, counted through all models.
         camera: (fx, fy, cx, cy) [px].
         observed: (H, W, 4) normal and depth; 0 where missing.
         flags: (H, W) bits ``OWN``, ``OBJECTS``.
@@ -70,26 +78,27 @@ def fill_maps(
         pixels: ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``.
         tau: depth tolerance [m].
         alpha: tolerance of 1 − n·n̂.
-        normals: (H, W, 3) result, all 0 so far, as are the others unless said.
-        difference: (H, W) result, NaN so far.
-        angle: (H, W) result, NaN so far.
-        f_d: (H, W) result.
-        f_n: (H, W) result.
-        counted: (H, W) result.
-        classes: (H, W) result.
+        normals: (h, w, 3) result, all 0 so far, as are the others unless said.
+        difference: (h, w) result, NaN so far.
+        angle: (h, w) result, NaN so far.
+        f_d: (h, w) result.
+        f_n: (h, w) result.
+        counted: (h, w) result.
+        classes: (h, w) result.
     """
     fx, fy, cx, cy = camera
-    height, width = depth.shape
-    for v in range(height):
-        for u in range(width):
-            z, flag = np.float64(depth[v, u]), flags[v, u]
+    for y in range(len(rows)):
+        v = rows[y]
+        for x in range(len(columns)):
+            u = columns[x]
+            z, flag = np.float64(depth[y, x]), flags[v, u]
             drawn, is_own, is_any = z > 0.0, (flag & OWN) != 0, (flag & OBJECTS) != 0
-            counted[v, u] = (drawn or is_any) if pixels == PUBLISHED else is_own
+            counted[y, x] = (drawn or is_any) if pixels == PUBLISHED else is_own
             if not drawn:
                 if is_own:
-                    classes[v, u] = MISSED + 1
+                    classes[y, x] = MISSED + 1
                 continue
-            f, k = face_of[v, u], 0
+            f, k = faces[y, x], 0
             while f >= face_starts[k + 1]:
                 k += 1
             T, n = Ts[k], face_normals[f]
@@ -97,30 +106,30 @@ def fill_maps(
             b = T[1, 0] * n[0] + T[1, 1] * n[1] + T[1, 2] * n[2]
             c = T[2, 0] * n[0] + T[2, 1] * n[1] + T[2, 2] * n[2]
             side = -1.0 if a * (u - cx) / fx + b * (v - cy) / fy + c > 0.0 else 1.0
-            normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = side * a, side * b, side * c
+            normals[y, x, 0], normals[y, x, 1], normals[y, x, 2] = side * a, side * b, side * c
             d = np.float64(observed[v, u, 3])
             other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
             kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, is_own, tau)
-            classes[v, u] = kind + 1
+            classes[y, x] = kind + 1
             if pixels == PUBLISHED:
                 fits = is_any
             elif pixels == OBSERVED:
                 fits = is_own
             else:
                 fits = kind == EXPLAINED
-                counted[v, u] = fits or kind in (MISSED, PROTRUDING)
+                counted[y, x] = fits or kind in (MISSED, PROTRUDING)
             if d > 0.0:
-                difference[v, u] = d - z
+                difference[y, x] = d - z
             depth_fit = max(0.0, 1.0 - abs(d - z) / tau) if fits else 0.0
-            f_d[v, u] = depth_fit
+            f_d[y, x] = depth_fit
             dot, has_normal = 0.0, False
             for i in range(3):
-                x = np.float64(observed[v, u, i])
-                dot += x * np.float64(normals[v, u, i])
-                has_normal = has_normal or x != 0.0
+                seen = np.float64(observed[v, u, i])
+                dot += seen * np.float64(normals[y, x, i])
+                has_normal = has_normal or seen != 0.0
             dot = min(max(dot, 0.0), 1.0)
             if has_normal:
-                angle[v, u] = math.acos(dot)
+                angle[y, x] = math.acos(dot)
             if fits:
                 without = pixels != PUBLISHED and not has_normal
-                f_n[v, u] = depth_fit if without else max(0.0, 1.0 - (1.0 - dot) / alpha)
+                f_n[y, x] = depth_fit if without else max(0.0, 1.0 - (1.0 - dot) / alpha)

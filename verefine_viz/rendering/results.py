@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.problem import Target
-from verefine_viz.core.scores import ScoreMaps, Scores
+from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.kernels import HIDDEN, UNKNOWN
@@ -78,8 +78,9 @@ def scores_from_sums(sums: Float, settings: ScoreSettings) -> Scores:
 def score_maps(
     meshes: RenderMeshes,
     Ts_cam_obj: Float,
+    at: PixelGrid,
     depth_m: NDArray[np.float32],
-    face_of: NDArray[np.integer],
+    faces: NDArray[np.integer],
     camera: tuple[float, float, float, float],
     prepared: PreparedTarget,
     placed_m: NDArray[np.float32],
@@ -90,8 +91,9 @@ def score_maps(
     Args:
         meshes: the m models that are drawn.
         Ts_cam_obj: (m, 4, 4).
-        depth_m: (H, W) z [m]; 0 = empty.
-        face_of: (H, W) the face that is seen, counted through all models.
+        at: the pixels that are looked at, h rows and w columns.
+        depth_m: (h, w) z there [m]; 0 = empty.
+        faces: (h, w) the face that is seen there, counted through all models.
         camera: (fx, fy, cx, cy) [px].
         prepared: what was observed.
         placed_m: (H, W) z of the objects placed before, (0, 0) for none [m].
@@ -106,8 +108,10 @@ def score_maps(
         np.ascontiguousarray(Ts_cam_obj),
         meshes.face_normals,
         meshes.face_starts,
+        at.rows,
+        at.columns,
         depth_m,
-        face_of,
+        faces,
         camera,
         prepared.observed,
         prepared.flags,
