@@ -147,7 +147,7 @@ def _make_sure_of_room(path: Path) -> None:
     try:
         path.write_bytes(bytes(ROOM_BYTES))
     except OSError as error:
-        raise InputError(f"cannot write temporary files to {tempfile.gettempdir()}: {error.strerror}") from None
+        raise InputError(f"cannot write temporary files to {path.parents[1]}: {error.strerror}") from None
     path.unlink()
 
 
