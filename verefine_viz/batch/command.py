@@ -17,6 +17,7 @@ from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
+from verefine_viz.diagnosis.words import cause_title
 
 
 def run_jobs(
@@ -82,7 +83,7 @@ def _print_summary(outcome: Outcome) -> None:
     took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
     if numbers["causes"]:
-        console.print("causes: " + ", ".join(f"{cause} {n}" for cause, n in numbers["causes"].items()))
+        console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in numbers["causes"].items()))
     for note, n in numbers["notes"].items():
         console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
     _print_failures(console, outcome)
