@@ -91,15 +91,16 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
 def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
     """The columns of records, each with its ``errors`` (3,)."""
     # Arrays of all of them are made at once and cut: many small arrays are what costs.
-    judged = [[*(s.score for s in i.stages), i.best.score] for i, _ in iterations]
-    scores = np.array([values_of(score) for own in judged for score in own], np.float64)
-    pixels = np.array([pixels_of(score) for own in judged for score in own], np.int64)
-    poses = np.concatenate([T for i, _ in iterations for T in (*(s.T_cam_obj for s in i.stages), i.best.T_cam_obj)])
+    judged = [score for i, _ in iterations for score in (*[s.score for s in i.stages], i.best.score)]
+    scores = np.array([values_of(score) for score in judged], np.float64)
+    pixels = np.array([n for score in judged for n in pixels_of(score)], np.int64).reshape(-1, 7)
+    poses = np.concatenate([T for i, _ in iterations for T in (*[s.T_cam_obj for s in i.stages], i.best.T_cam_obj)])
     poses = poses.reshape(-1, 4, 4)
-    ms = np.array([t for i, _ in iterations for t in (*(s.ms for s in i.stages), i.score_ms)], np.float32)
+    ms = np.array([t for i, _ in iterations for t in (*[s.ms for s in i.stages], i.score_ms)], np.float32)
+    contacts = _contacts([last_contacts(i) for i, _ in iterations])
     rows: list[Row] = []
     start = 0
-    for i, errors in iterations:
+    for (i, errors), touching in zip(iterations, contacts, strict=True):
         best, path, choice = i.best, i.path, i.choice
         end = start + len(i.stages)
         row = Row(
@@ -120,7 +121,7 @@ def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
             best_score=scores[end],
             best_pixels=pixels[end],
             path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
-            contacts=_contacts(last_contacts(i)),
+            contacts=touching,
             choice=_NO_CHOICE
             if choice is None
             else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
@@ -163,14 +164,15 @@ def last_contacts(iteration: Iteration) -> Contacts | None:
     return path.contacts[-1] if path is not None and path.contacts else None
 
 
-def _contacts(contacts: Contacts | None) -> NDArray[np.float32]:
-    if contacts is None or len(contacts.depths_m) == 0:
-        return NO_CONTACTS
-    columns = (
-        contacts.points_cam,
-        contacts.normals_cam,
-        contacts.depths_m[:, None],
-        contacts.forces_n[:, None],
-        contacts.others[:, None],
-    )
-    return np.concatenate(columns, axis=1).astype(np.float32)
+def _contacts(of_rows: Sequence[Contacts | None]) -> list[NDArray[np.float32]]:
+    """``Row.contacts`` of each."""
+    known = [contacts for contacts in of_rows if contacts is not None]
+    ends = np.cumsum([0 if c is None else len(c.depths_m) for c in of_rows])
+    out = np.empty((int(ends[-1]), 9), np.float32)
+    if known:
+        out[:, :3] = np.concatenate([c.points_cam for c in known])
+        out[:, 3:6] = np.concatenate([c.normals_cam for c in known])
+        out[:, 6] = np.concatenate([c.depths_m for c in known])
+        out[:, 7] = np.concatenate([c.forces_n for c in known])
+        out[:, 8] = np.concatenate([c.others for c in known])
+    return np.split(out, ends[:-1])
