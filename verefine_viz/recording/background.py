@@ -22,7 +22,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.recording import columns, entities
-from verefine_viz.recording.layout import world_from_camera
+from verefine_viz.recording.layout import SUBSAMPLE, world_from_camera
 from verefine_viz.recording.piece import Piece
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
@@ -31,8 +31,6 @@ SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
 DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
-SUBSAMPLE = 16
-"""Every so many-th point tells where objects are."""
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
 GHOST_ALPHA = 35
@@ -195,11 +193,13 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Pie
     clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
     if not clouds:
         return
-    points = np.sort(np.concatenate([cloud[::SUBSAMPLE] for cloud in clouds]) @ T_world_cam[:3, :3].T, axis=0)
+    points = np.concatenate([cloud[::SUBSAMPLE] for cloud in clouds]) @ T_world_cam[:3, :3].T
     # Masks leak: a few points far behind must not decide how much of the plane is drawn.
-    tail = len(points) // 20
-    extent = points[-1 - tail, :2] - points[tail, :2]
-    center, reach = points[len(points) // 2] + T_world_cam[:3, 3], max(0.15, 0.7 * float(extent.max()))
+    n_points = len(points)
+    low, middle, high = (n_points // 20, n_points // 2, n_points - 1 - n_points // 20)
+    points = np.partition(points, (low, middle, high), axis=0)
+    extent = points[high, :2] - points[low, :2]
+    center, reach = points[middle] + T_world_cam[:3, 3], max(0.15, 0.7 * float(extent.max()))
     n = support.normal_world
     corners = center + reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.

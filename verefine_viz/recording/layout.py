@@ -15,6 +15,9 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.recording.entities import branch
 
+SUBSAMPLE = 16
+"""Every so many-th point tells where objects are."""
+
 
 @dataclass(frozen=True)
 class Branch:
@@ -89,12 +92,19 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
 def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Center and eye of :class:`Layout`."""
     T_world_cam = world_from_camera(problem.observation)
-    # Some of the points are enough to tell.
-    clouds = [np.median(i.points_cam[::16], axis=0) for i in problem.instances if len(i.points_cam)]
+    clouds = [_middle(i.points_cam[::SUBSAMPLE]) for i in problem.instances if len(i.points_cam)]
     center = apply(T_world_cam, np.mean(clouds or [[0.0, 0.0, 1.0]], axis=0)[None])[0]
     to_camera = 0.75 * (T_world_cam[:3, 3] - center)
-    eye = center + axis_angle([0, 0, 1], np.radians(25)) @ to_camera
+    eye = center + _ASIDE @ to_camera
     return (center[0], center[1], center[2]), (eye[0], eye[1], eye[2])
+
+
+def _middle(points: Float) -> Float:
+    """Of points (n, 3), whatever a few of them do: the middle value of each coordinate, faster than ``np.median``."""
+    return np.partition(points, len(points) // 2, axis=0)[len(points) // 2]
+
+
+_ASIDE = axis_angle([0, 0, 1], np.radians(25))
 
 
 def world_from_camera(observation: Observation) -> Float:
