@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.physics.bodies import T_CAM_WORLD, ball, box, model, ring, table
@@ -59,6 +59,10 @@ def used(request: pytest.FixtureRequest, cache: Path) -> tuple[PhysicsSettings, 
 
 
 @given(asked=st.integers(0, 10_000), history=st.lists(st.integers(0, 10_000), max_size=4))
+# With Bullet's usual broad phase these came out otherwise the second or third time, where all bodies move.
+@example(asked=249, history=[249])
+@example(asked=217, history=[217])
+@example(asked=341, history=[249])
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_history_gives_the_bits_of_a_fresh_simulator(used: tuple, asked: int, history: list[int]):
     physics, simulator, cache = used

@@ -78,6 +78,10 @@ class World:
     def __init__(self, settings: PhysicsSettings) -> None:
         self._settings = settings
         self._bullet = QuietClient()
+        if settings.placed == "dynamic":
+            # What the usual broad phase does with pairs that lie apart depends on how many steps were ever made, and
+            # bodies of one group of pairs are solved together. Where one body moves, there is one group.
+            self._bullet.resetSimulation(pybullet.RESET_USE_SIMPLE_BROADPHASE)
         self._bullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.step_s,
             numSubSteps=settings.substeps,
