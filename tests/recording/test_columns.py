@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import Chunk
 
-from verefine_viz.recording import columns
+from verefine_viz.recording import chunks, columns
 from verefine_viz.recording.columns import Column
 from verefine_viz.recording.entities import TIMELINE
 from verefine_viz.recording.piece import Piece
@@ -86,7 +86,7 @@ def test_columns_through_a_file_are_what_rerun_makes_of_them(kind: str, data: st
     iterations = sorted(data.draw(st.lists(st.integers(0, 99), min_size=len(rows), max_size=len(rows))))
     ours, theirs = both(kind, rows)
     expected = Chunk.from_columns("/a/b", [rr.TimeColumn(TIMELINE, sequence=iterations)], theirs)
-    assert content(through_a_file(columns.rows_of("/a/b", iterations, [ours]))) == content(expected)
+    assert content(through_a_file(chunks.rows_of("/a/b", iterations, [ours]))) == content(expected)
 
 
 @given(st.lists(st.tuples(numbers, numbers, numbers), max_size=5), st.text(max_size=20))
@@ -97,12 +97,12 @@ def test_static_archetypes_through_a_file_are_what_rerun_makes_of_them(
     batches = cloud.as_component_batches()
     parts: Any = [rr.ComponentColumn(b.component_descriptor(), b, lengths=[len(b.as_arrow_array())]) for b in batches]
     expected = Chunk.from_columns("/a", [], parts)
-    assert content(through_a_file(columns.fixed("/a", cloud))) == content(expected)
+    assert content(through_a_file(chunks.fixed("/a", cloud))) == content(expected)
 
 
 def test_rows_have_ids_of_their_own_that_rise() -> None:
     batches = [
-        columns.rows_of("/a", [1, 1, 2], [columns.numbers(rr.Scalars.descriptor_scalars(), [[1.0]] * 3)]).batch
+        chunks.rows_of("/a", [1, 1, 2], [columns.numbers(rr.Scalars.descriptor_scalars(), [[1.0]] * 3)]).batch
         for _ in range(3)
     ]
     ids = [i.hex() for batch in batches for i in batch.column(0).to_pylist()]
@@ -113,4 +113,4 @@ def test_rows_have_ids_of_their_own_that_rise() -> None:
 
 def test_iterations_that_fall_are_refused() -> None:
     with pytest.raises(ValueError, match="iterations of /a are not in order"):
-        columns.rows_of("/a", [2, 1], [columns.numbers(rr.Scalars.descriptor_scalars(), [[1.0]] * 2)])
+        chunks.rows_of("/a", [2, 1], [columns.numbers(rr.Scalars.descriptor_scalars(), [[1.0]] * 2)])

@@ -12,7 +12,7 @@ import pytest
 import rerun as rr
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording import columns
+from verefine_viz.recording import chunks
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.reader import chunks_of
 from verefine_viz.recording.rrd_file import RrdFile
@@ -28,14 +28,14 @@ def test_chunks_are_in_the_file_when_they_were_sent(tmp_path: Path) -> None:
     path = tmp_path / "a.rrd"
     file = RrdFile(path)
     for k in range(3):
-        file.send([columns.at("/a", k, rr.Scalars([float(k)]))])
+        file.send([chunks.at("/a", k, rr.Scalars([float(k)]))])
         assert values_in(path) == list(map(float, range(k + 1)))
     file.close(b"")
     assert values_in(path) == [0.0, 1.0, 2.0]
 
 
 def test_one_chunk_in_two_files_belongs_to_both(tmp_path: Path) -> None:
-    piece = columns.fixed("/a", rr.Scalars([7.0]))
+    piece = chunks.fixed("/a", rr.Scalars([7.0]))
     for name in ("a", "b"):
         file = RrdFile(tmp_path / name)
         file.send([piece])
@@ -55,7 +55,7 @@ def test_a_full_disk_is_one_line_however_often(tmp_path: Path) -> None:
     os.dup2(os.open("/dev/full", os.O_WRONLY), file._file.fileno())
     for _ in range(2):
         with pytest.raises(InputError, match=r"a\.rrd: No space left on device$"):
-            file.send([columns.at("/a", 0, rr.Scalars([1.0]))])
+            file.send([chunks.at("/a", 0, rr.Scalars([1.0]))])
     with pytest.raises(InputError, match="No space left"):
         file.close(b"")
 
@@ -65,7 +65,7 @@ def test_what_is_made_beside_the_run_is_in_the_file_after_a_flush(tmp_path: Path
 
     def made() -> Iterator[Piece]:
         makers.add(threading.get_ident())
-        yield columns.at("/a", 0, rr.Scalars([5.0]))
+        yield chunks.at("/a", 0, rr.Scalars([5.0]))
 
     file = ThreadedFile(RrdFile(path))
     file.send(made())
@@ -77,7 +77,7 @@ def test_what_is_made_beside_the_run_is_in_the_file_after_a_flush(tmp_path: Path
 
 def test_what_goes_wrong_beside_the_run_is_told(tmp_path: Path) -> None:
     def wrong() -> Iterator[Piece]:
-        yield columns.at("/a", 0, rr.Scalars([5.0]))
+        yield chunks.at("/a", 0, rr.Scalars([5.0]))
         raise ValueError("a fault of the program")
 
     file = ThreadedFile(RrdFile(tmp_path / "a.rrd"))

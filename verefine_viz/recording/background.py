@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Iterator
 from functools import cache, lru_cache
-from typing import Any
 
-import fast_simplification
 import numpy as np
 import rerun as rr
 from numba import njit
 from numpy.typing import NDArray
-from PIL import Image
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
-from verefine_viz.core.problem import Problem, Target
-from verefine_viz.recording import columns, entities
+from verefine_viz.core.palette import OBJECT_COLORS
+from verefine_viz.core.problem import Problem
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import SUBSAMPLE, world_from_camera
+from verefine_viz.recording.meshes import object_pieces
 from verefine_viz.recording.piece import Piece
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
 """About how many pixels around the objects are drawn as points; the rest of the frame gets far fewer."""
 SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
-DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
-GHOST_FACES = 300
-STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
-STAGE_ALPHA |= {"incumbent": 255}
-GHOST_ALPHA = 35
 PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
-TRUTH_ALPHA = 60
 
 
 def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
@@ -48,12 +38,12 @@ def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
     observation = problem.observation
     T_world_cam = world_from_camera(observation)
     yield _up()
-    yield columns.fixed_row(entities.SCENE, columns.transforms(T_world_cam[None]))
+    yield chunks.fixed_row(entities.SCENE, columns.transforms(T_world_cam[None]))
     if observation.support:
         yield from _support(problem, T_world_cam)
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
-        yield from _object(target, entities.branch(target.instance, problem), own)
+        yield from object_pieces(target, entities.branch(target.instance, problem), own)
     near_m = _typical_depth_m(problem)
     yield _camera(observation.camera, near_m)
     yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
@@ -63,7 +53,7 @@ def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
 
 @cache
 def _up() -> Piece:
-    return columns.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    return chunks.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
 
 def _camera(camera: Camera, near_m: float) -> Piece:
@@ -80,13 +70,13 @@ def _pinhole(K: tuple[float, ...], width: int, height: int, image_plane_m: float
         image_plane_distance=image_plane_m,
         color=(140, 140, 140),
     )
-    return columns.fixed(entities.CAMERA, pinhole)
+    return chunks.fixed(entities.CAMERA, pinhole)
 
 
 def _images(problem: Problem) -> Iterator[Piece]:
     observation = problem.observation
     if observation.rgb is not None:
-        yield columns.fixed(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
+        yield chunks.fixed(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
     # Tenths of a millimetre as long as they fit 16 bits.
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
     # Not as PNG, which is smaller but slow to encode.
@@ -95,14 +85,14 @@ def _images(problem: Problem) -> Iterator[Piece]:
     nearest, farthest = _depth_range(depth)
     ranged = (nearest - 0.15 * (farthest - nearest), farthest)
     image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis", depth_range=ranged)
-    yield columns.fixed(entities.DEPTH, image)
+    yield chunks.fixed(entities.DEPTH, image)
     labels = np.zeros(observation.camera.shape, np.uint8)
     classes = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
     for k, instance in enumerate(problem.instances[:255], start=1):
         labels[instance.mask] = k
         color = OBJECT_COLORS[(k - 1) % len(OBJECT_COLORS)]
         classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), color))
-    yield columns.fixed(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
+    yield chunks.fixed(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
 
 
 def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
@@ -129,7 +119,7 @@ def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
         columns.numbers(cloud.descriptor_colors(), columns.Ragged([len(points)], colors), np.uint32),
         columns.numbers(cloud.descriptor_radii(), [[0.0012]], np.float32),
     ]
-    return columns.fixed_row(entities.CLOUD, parts)
+    return chunks.fixed_row(entities.CLOUD, parts)
 
 
 _NO_COLORS = np.zeros((0, 0, 3), np.uint8)
@@ -212,10 +202,10 @@ def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Pie
         columns.vectors(mesh.descriptor_vertex_normals(), [[n] * 4], 3),
         plane_color,
     ]
-    yield columns.fixed_row(entities.PLANE, plane)
+    yield chunks.fixed_row(entities.PLANE, plane)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
     origin = columns.vectors(arrow.descriptor_origins(), [foot], 3)
-    yield columns.fixed_row(entities.GRAVITY, [origin, gravity_vector, gravity_color, gravity_label])
+    yield chunks.fixed_row(entities.GRAVITY, [origin, gravity_vector, gravity_color, gravity_label])
 
 
 @cache
@@ -229,102 +219,6 @@ def _looks_of_support() -> tuple[columns.Column, ...]:
         columns.numbers(arrow.descriptor_colors(), [[GRAVITY_COLOR]], np.uint32),
         columns.texts(arrow.descriptor_labels(), [["gravity"]]),
     )
-
-
-def _object(target: Target, branch: str, own: RGB | None) -> Iterator[Piece]:
-    """An object's meshes; ``own`` is its colour in a scene of several."""
-    root = f"{entities.OBJECTS}/{branch}"
-    T_gt = target.instance.T_cam_obj_gt
-    yield from _meshes(target.model, branch, T_gt is not None, own)
-    if target.instance.hypotheses:
-        yield _ghosts(target, f"{root}/hypotheses")
-    if T_gt is not None:
-        yield columns.fixed_row(f"{root}/ground_truth", columns.transforms(T_gt[None]))
-
-
-@lru_cache(maxsize=64)
-def _meshes(model: ObjectModel, branch: str, has_truth: bool, own: RGB | None) -> tuple[Piece, ...]:
-    """The object in the colour of each stage, made once for all frames that show it."""
-    root, n_faces = f"{entities.OBJECTS}/{branch}", DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
-    looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
-    if own is not None:
-        looks |= {"placed": own, "incumbent": own}
-    stages = [
-        columns.fixed(
-            f"{root}/stages/{stage}",
-            _mesh(model, n_faces, color, STAGE_ALPHA[stage]),
-            rr.CoordinateFrame(entities.stage_frame(branch, stage)),
-        )
-        for stage, color in looks.items()
-    ]
-    if has_truth:
-        truth = _mesh(model, n_faces, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
-        stages.append(columns.fixed(f"{root}/ground_truth", truth))
-    return tuple(stages)
-
-
-def _ghosts(target: Target, entity: str) -> Piece:
-    """All first hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
-    vertices, _, normals = _simplified(target.model, GHOST_FACES)
-    Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses], np.float32)
-    turned, ts = Ts[:, :3, :3].transpose(0, 2, 1), Ts[:, None, :3, 3]
-    mesh = rr.Mesh3D
-    parts = [
-        columns.vectors(mesh.descriptor_vertex_positions(), [vertices @ turned + ts], 3),
-        columns.vectors(mesh.descriptor_vertex_normals(), [normals @ turned], 3),
-        *_ghost_faces(target.model, len(Ts)),
-    ]
-    return columns.fixed_row(entity, parts)
-
-
-@lru_cache(maxsize=256)
-def _ghost_faces(model: ObjectModel, n: int) -> tuple[columns.Column, ...]:
-    """What does not depend on where the hypotheses are."""
-    vertices, faces, _ = _simplified(model, GHOST_FACES)
-    colors = columns.packed(np.array([ARM_COLORS[arm % len(ARM_COLORS)] for arm in range(n)], np.uint8))
-    triangles = faces[None] + np.uint32(len(vertices)) * np.arange(n, dtype=np.uint32)[:, None, None]
-    mesh = rr.Mesh3D
-    return (
-        columns.vectors(mesh.descriptor_triangle_indices(), [triangles], 3, np.uint32),
-        columns.numbers(mesh.descriptor_vertex_colors(), [np.repeat(colors, len(vertices))], np.uint32),
-        columns.numbers(mesh.descriptor_albedo_factor(), [[0xFFFFFF00 | GHOST_ALPHA]], np.uint32),
-    )
-
-
-def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
-    vertices, faces, normals = _simplified(model, n_faces)
-    return rr.Mesh3D(
-        vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)
-    )
-
-
-@lru_cache(maxsize=256)
-def _simplified(
-    model: ObjectModel, n_faces: int
-) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
-    """A coarse mesh to draw, with smooth vertex normals."""
-    vertices: Any = model.vertices.astype(np.float32)
-    faces: Any = np.array(model.faces)
-    if len(faces) > n_faces:
-        simpler: Any = fast_simplification.simplify(vertices, faces, target_count=n_faces)
-        vertices, faces = simpler
-    corners = vertices[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(normals, faces[:, k], across)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
-    return vertices, faces.astype(np.uint32), normals.astype(np.float32)
-
-
-def png(image: NDArray[np.uint8] | NDArray[np.uint16], palette: bytes | None = None) -> bytes:
-    """A fast PNG of a one-channel image (H, W), with an RGB ``palette`` (768 bytes) for an indexed one."""
-    picture = Image.fromarray(image)
-    if palette is not None:
-        picture.putpalette(palette)
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG", compress_level=1)
-    return buffer.getvalue()
 
 
 def _typical_depth_m(problem: Problem) -> float:

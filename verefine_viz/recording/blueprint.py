@@ -13,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
 from verefine_viz.recording.piece import Piece
@@ -159,7 +159,7 @@ def _eyes(spatial: Sequence[rrb.Spatial3DView], layout: Layout) -> Iterator[Piec
     places = (layout.eye_world, layout.center_world, (0.0, 0.0, 1.0))
     parts = [columns.vectors(of, [place], 3) for of, place in zip(_eye_descriptors(), places, strict=True)]
     for view in spatial:
-        yield columns.rows_of(f"/{view.blueprint_path()}/EyeControls3D", [0], parts, timeline="blueprint")
+        yield chunks.rows_of(f"/{view.blueprint_path()}/EyeControls3D", [0], parts, timeline="blueprint")
 
 
 @cache

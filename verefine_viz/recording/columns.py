@@ -1,7 +1,7 @@
-"""Arrow columns and chunks for rerun, made from plain arrays in one go.
+"""Arrow columns for rerun, made from plain arrays in one go.
 
 Building the lists here, instead of through one archetype per row, is what keeps a recording cheap. How a column is
-called and described in a chunk is learnt from rerun, once for each kind.
+described is learnt from rerun, once for each kind.
 """
 
 from __future__ import annotations
@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from itertools import accumulate, chain, islice
-from operator import gt
+from itertools import accumulate, chain
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,9 +18,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 from rerun.chunk import Chunk
 
-from verefine_viz.recording.arrow_batch import Form, parts
-from verefine_viz.recording.entities import TIMELINE
-from verefine_viz.recording.piece import Piece, new_ids
+from verefine_viz.recording.arrow_batch import parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,42 +43,20 @@ class Kind:
     @cached_property
     def field(self) -> pa.Field:
         """How rerun describes such a column."""
-        example: Any = _Example(self.descriptor, pa.nulls(1, self.layout))
+        example: Any = Example(self.descriptor, pa.nulls(1, self.layout))
         found: Any = Chunk.from_columns("/", [], [example]).to_record_batch().schema
         return found.field(1)
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One component over many rows: element i of ``rows`` is the list that row i holds."""
+    """One component over many rows, each of which holds a list."""
 
     kind: Kind
     n_rows: int
     nodes: Sequence[int]
+    """As :meth:`Form.stream` takes them, like the buffers."""
     buffers: Sequence[bytes]
-    """As :meth:`Form.stream` takes them."""
-
-
-def rows_of(entity: str, iterations: Sequence[int], columns: Sequence[Column], timeline: str = TIMELINE) -> Piece:
-    """Rows of ``entity`` at ``iterations``, which must not fall, as one chunk."""
-    if any(map(gt, iterations, islice(iterations, 1, None))):
-        raise ValueError(f"iterations of {entity} are not in order")
-    return _piece(entity, (timeline, np.array(iterations, np.int64)), columns)
-
-
-def at(entity: str, iteration: int, *archetypes: rr.AsComponents) -> Piece:
-    """Archetypes at one iteration, as a chunk."""
-    return rows_of(entity, [iteration], _parts(archetypes))
-
-
-def fixed(entity: str, *archetypes: rr.AsComponents) -> Piece:
-    """What does not change over time, as a chunk that can be sent to any number of recordings."""
-    return fixed_row(entity, _parts(archetypes))
-
-
-def fixed_row(entity: str, columns: Sequence[Column]) -> Piece:
-    """The same from columns of one row, for what every frame makes anew: archetypes take longer."""
-    return _piece(entity, None, columns)
 
 
 def transforms(Ts: ArrayLike) -> list[Column]:
@@ -101,45 +76,9 @@ def packed(colors: NDArray[np.uint8], alpha: int = 255) -> NDArray[np.uint32]:
     return r << 24 | g << 16 | b << 8 | np.uint32(alpha)
 
 
-def _piece(entity: str, at: tuple[str, NDArray[np.int64]] | None, columns: Sequence[Column]) -> Piece:
-    """Rows at the times of a timeline, or one of no time."""
-    n_rows = columns[0].n_rows
-    chunk_id, row_ids = new_ids(n_rows)
-    nodes, buffers = [n_rows, 0], [b"", row_ids]
-    timeline, times = at or (None, None)
-    if times is not None:
-        nodes += (len(times), 0)
-        buffers += (b"", times.tobytes())
-    for column in columns:
-        nodes += column.nodes
-        buffers += column.buffers
-    form = _form(entity, timeline, tuple([c.kind for c in columns]))
-    return Piece(chunk_id, at is None, form.stream(b"%016X%016x" % chunk_id, n_rows, nodes, buffers))
-
-
-@lru_cache(maxsize=4096)
-def _form(entity: str, timeline: str | None, kinds: tuple[Kind, ...]) -> Form:
-    """What chunks of an entity look like."""
-    before = _before(timeline)
-    metadata = {**before.metadata, b"rerun:entity_path": entity.encode(), b"rerun:id": b"chunk_" + _NO_ID}
-    return Form(pa.schema([*before, *(kind.field for kind in kinds)], metadata), _NO_ID)
-
-
-_NO_ID = b"0" * 32
-
-
-@cache
-def _before(timeline: str | None) -> pa.Schema:
-    """The columns before those of the components, and what rerun says about every chunk."""
-    example: Any = _Example(rr.Scalars.descriptor_scalars(), pa.array([[0.0], [0.0]]))
-    times = [] if timeline is None else [rr.TimeColumn(timeline, sequence=[0, 0])]
-    found: Any = Chunk.from_columns("/", times, [example]).to_record_batch().schema
-    return pa.schema(list(found)[:-1], found.metadata)
-
-
 @dataclass(frozen=True)
-class _Example:
-    """A column as rerun takes it."""
+class Example:
+    """A column as rerun takes it, to ask what it makes of one."""
 
     descriptor: rr.ComponentDescriptor
     rows: pa.Array
@@ -151,7 +90,8 @@ class _Example:
         return self.rows
 
 
-def _parts(archetypes: Sequence[rr.AsComponents]) -> list[Column]:
+def of_archetypes(archetypes: Sequence[rr.AsComponents]) -> list[Column]:
+    """One row of each component."""
     batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
     return [_single(b.component_descriptor(), b.as_arrow_array()) for b in batches]
 

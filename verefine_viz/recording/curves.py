@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Branch
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
@@ -56,7 +56,7 @@ def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Piece, ...]:
         names = ["rotation of the kept pose [°]", "translation of the kept pose [mm]", "ADD(-S) of the best pose [mm]"]
         looks["error"] = (names, [_PURPLE, (150, 150, 150), STAGE_COLORS["best"]])
     return tuple(
-        columns.fixed(
+        chunks.fixed(
             curve(name, branch_name),
             rr.SeriesLines(
                 names=names,
@@ -73,7 +73,7 @@ def styles(branch_name: str, n_arms: int, has_truth: bool) -> tuple[Piece, ...]:
 def start(branch: Branch, before: int) -> Piece:
     """The initial scores, at the iteration before the object's first."""
     first = [*branch.initial_scores, max(branch.initial_scores)]
-    return columns.rows_of(curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
+    return chunks.rows_of(curve("score", branch.name), [before], [columns.numbers(_SCALARS, [first])])
 
 
 def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Piece]:
@@ -97,7 +97,7 @@ def curves(branch: Branch, rows: Sequence[Row], held: Float) -> Iterator[Piece]:
     if branch.has_truth:
         drawn["error"] = np.array([r.errors for r in rows])
     for name, values in drawn.items():
-        yield columns.rows_of(curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
+        yield chunks.rows_of(curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
 
 
 def _fit(rows: Sequence[Row]) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
-from verefine_viz.recording import columns, curves, entities
+from verefine_viz.recording import chunks, columns, curves, entities
 from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
@@ -99,8 +99,8 @@ class Drawing:
 def _object_styles(branch_name: str) -> tuple[Piece, ...]:
     root = f"{entities.OBJECTS}/{branch_name}"
     return (
-        columns.fixed(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])),
-        columns.fixed(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])),
+        chunks.fixed(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])),
+        chunks.fixed(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])),
     )
 
 
@@ -125,33 +125,33 @@ def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iter
     if hits.any():
         colors = columns.Ragged(lengths, np.where(hits, COLLISION_COLOR, CONTACT_COLOR))
         parts.append(columns.numbers(arrow.descriptor_colors(), colors, np.uint32))
-    yield columns.rows_of(f"{root}/contacts", iterations, parts)
+    yield chunks.rows_of(f"{root}/contacts", iterations, parts)
     paths = [shown[k][1] for k in iterations]
     ways = columns.Ragged([len(path) for path in paths], np.concatenate(paths)[:, :3, 3])
-    yield columns.rows_of(f"{root}/path", iterations, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
+    yield chunks.rows_of(f"{root}/path", iterations, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
 
 
 def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
     iterations = [r.index for r in rows]
     branches = {b.instance_id: b for b in layout.branches}
     lane = [[branches[r.instance_id].name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
-    yield columns.rows_of(entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
+    yield chunks.rows_of(entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
     logged = [(r.index, kind, text) for r in rows for kind, text in zip(r.event_kinds, r.event_texts, strict=True)]
     if logged:
         parts = [
             columns.texts(rr.TextLog.descriptor_text(), [[text] for _, _, text in logged]),
             columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(kind, "INFO")] for _, kind, _ in logged]),
         ]
-        yield columns.rows_of(entities.LOG, [k for k, _, _ in logged], parts)
+        yield chunks.rows_of(entities.LOG, [k for k, _, _ in logged], parts)
     texts = [[describe(r, layout)] for r in rows]
-    yield columns.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
+    yield chunks.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
     chosen = [r for r in rows if r.choice.shape[1]]
     if chosen:
         bars = [
             columns.bars(rr.BarChart.descriptor_values(), [_above_lowest(r.choice[3].tolist()) for r in chosen]),
             _numbers_of_bars(tuple(r.choice.shape[1] for r in chosen)),
         ]
-        yield columns.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
+        yield chunks.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
 
 
 def _above_lowest(ucb: Sequence[float]) -> list[float]:
@@ -201,8 +201,8 @@ def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Piece, ...
         colors[name], labels[name] = EVENT_COLORS[kind], short
     look = rr.StateConfiguration(values=list(colors), labels=list(labels.values()), colors=list(colors.values()))
     return (
-        columns.fixed(entities.LANE, look),
-        columns.fixed(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown")),
+        chunks.fixed(entities.LANE, look),
+        chunks.fixed(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown")),
     )
 
 

@@ -11,7 +11,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 from verefine_viz.recording.scene_parts import ALONE, Flat, SceneParts, flat_of, parts_of
@@ -48,7 +48,7 @@ def exact(rows: Sequence[Row]) -> Piece:
         sent.append(columns.numbers(_named("scene_poses"), [_upper(f.poses) for f in flat], np.float64))
         sent.append(columns.numbers(_named("scene_numbers"), [f.numbers for f in flat], np.float64))
         sent.append(columns.texts(_named("scene_texts"), [f.texts for f in flat]))
-    return columns.rows_of(entities.EXACT, [r.index for r in rows], sent)
+    return chunks.rows_of(entities.EXACT, [r.index for r in rows], sent)
 
 
 def _upper(poses: Sequence[Float]) -> Float:

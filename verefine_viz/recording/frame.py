@@ -9,7 +9,7 @@ from typing import Any
 import rerun as rr
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.background import background
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.graph import dependency_chunks
@@ -31,9 +31,9 @@ def frame_chunks(
 def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:
     """What a recording is about as it holds it, and its name."""
     values = [_property(name, value) for name, value in about.items()]
-    yield columns.fixed_row(f"/__properties/{entities.PROPERTY}", values)
+    yield chunks.fixed_row(f"/__properties/{entities.PROPERTY}", values)
     name = f"{about['title']} {about['frame']} {about['method']}".strip()
-    yield columns.fixed_row("/__properties", [columns.texts(_NAME, [[name]])])
+    yield chunks.fixed_row("/__properties", [columns.texts(_NAME, [[name]])])
 
 
 _NAME = rr.archetypes.RecordingInfo.descriptor_name()

@@ -9,7 +9,7 @@ import rerun as rr
 
 from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import OBJECT_COLORS
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.wording import plain
@@ -39,9 +39,9 @@ def dependency_chunks(graph: DependencyGraph, layout: Layout) -> Iterator[Piece]
         for pair in _arrows(e, names)
     ]
     # Nodes and edges of different entities would be different graphs.
-    yield columns.fixed(f"{entities.GRAPH}/objects", nodes, rr.GraphEdges(pairs, graph_type="directed"))
+    yield chunks.fixed(f"{entities.GRAPH}/objects", nodes, rr.GraphEdges(pairs, graph_type="directed"))
     text = rr.TextDocument(_evidence(graph, names), media_type="text/markdown")
-    yield columns.fixed(entities.EVIDENCE, text)
+    yield chunks.fixed(entities.EVIDENCE, text)
 
 
 def _places(clusters: Sequence[Sequence[int]]) -> list[tuple[float, float]]:

@@ -5,6 +5,7 @@ Of an iteration two poses side by side; of a pass over several objects the scene
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -14,6 +15,7 @@ import numpy as np
 import rerun as rr
 from numba import njit
 from numpy.typing import NDArray
+from PIL import Image
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, difference_scale, lookup_table
@@ -21,8 +23,7 @@ from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, ScoreMaps
-from verefine_viz.recording import columns, entities
-from verefine_viz.recording.background import png
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
 
@@ -73,7 +74,7 @@ class Maps:
         left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
-        return columns.at(f"{entities.MAPS}/{OBSERVED}", iteration, picture)
+        return chunks.at(f"{entities.MAPS}/{OBSERVED}", iteration, picture)
 
     def pair(self, row: Row, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of the two poses that an iteration had to choose from; what is computed, is computed at once."""
@@ -96,8 +97,8 @@ class Maps:
         of = rr.EncodedImage
         for name, image in images.items():
             palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
-            parts = [columns.blobs(of.descriptor_blob(), [png(image, palette)]), _png_type()]
-            yield columns.rows_of(f"{root}/{name}", [iteration], parts)
+            parts = [columns.blobs(of.descriptor_blob(), [_png(image, palette)]), _png_type()]
+            yield chunks.rows_of(f"{root}/{name}", [iteration], parts)
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
         """Palette indices of one map."""
@@ -147,6 +148,15 @@ def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], N
     rows = np.floor((v.min() + v.max()) / 2 + 0.5 + at * side)
     columns = np.floor((u.min() + u.max()) / 2 + 0.5 + at * side)
     return rows.astype(np.int64), columns.astype(np.int64)
+
+
+def _png(image: NDArray[np.uint8], palette: bytes) -> bytes:
+    """A fast indexed PNG of (H, W) places in an RGB ``palette`` (768 bytes)."""
+    picture = Image.fromarray(image)
+    picture.putpalette(palette)
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import PlacedPose
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
@@ -99,7 +99,7 @@ def _transforms(branch_name: str, moves: Moves) -> Piece:
         _children(branch_name, tuple([stage for _, stage, _ in moves])),
         _parents(len(moves)),
     ]
-    return columns.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", [k for k, _, _ in moves], parts)
+    return chunks.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", [k for k, _, _ in moves], parts)
 
 
 @lru_cache(maxsize=256)

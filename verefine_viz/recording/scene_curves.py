@@ -8,7 +8,7 @@ from functools import lru_cache
 import rerun as rr
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
-from verefine_viz.recording import columns
+from verefine_viz.recording import chunks, columns
 from verefine_viz.recording.curves import curve
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
@@ -32,10 +32,10 @@ def scene_styles(branch_names: tuple[str, ...]) -> tuple[Piece, ...]:
     made: list[Piece] = []
     for k, name in enumerate(branch_names):
         own = _lines([(name, OBJECT_COLORS[k % len(OBJECT_COLORS)])])
-        made += [columns.fixed(curve(group, name), own) for group in ("best", "add_s")]
+        made += [chunks.fixed(curve(group, name), own) for group in ("best", "add_s")]
         # Clusters have curves of their own, called after their first object.
         for group, lines in _LOOKS.items():
-            made.append(columns.fixed(curve(group, name), _lines(lines)))
+            made.append(chunks.fixed(curve(group, name), _lines(lines)))
     return tuple(made)
 
 
@@ -76,7 +76,7 @@ def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Pi
         iterations.append(row.index)
         numbers.append(values)
     for name, (iterations, numbers) in found.items():
-        yield columns.rows_of(curve(group, name), iterations, [columns.numbers(_SCALARS, numbers)])
+        yield chunks.rows_of(curve(group, name), iterations, [columns.numbers(_SCALARS, numbers)])
 
 
 def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
@@ -86,4 +86,4 @@ def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
 
 
 def _one(group: str, branch: Branch, iterations: Sequence[int], values: Sequence[float]) -> Piece:
-    return columns.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, [[v] for v in values])])
+    return chunks.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, [[v] for v in values])])

@@ -12,7 +12,7 @@ import rerun as rr
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.records import TreeStep
-from verefine_viz.recording import columns, entities
+from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
@@ -86,7 +86,7 @@ class Tree:
             columns.numbers(of.descriptor_colors(), colors, np.uint32),
             columns.of_arrow(rr.GraphEdges.descriptor_edges(), _pairs(edges)),
         ]
-        yield columns.rows_of(entities.TREE, iterations, parts)
+        yield chunks.rows_of(entities.TREE, iterations, parts)
 
     def _label(self, node: _Node) -> str:
         if not node.depth:
@@ -135,4 +135,4 @@ def _pairs(rows: Sequence[Sequence[tuple[str, str]]]) -> pa.ListArray:
 
 @cache
 def _directed() -> Piece:
-    return columns.fixed(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
+    return chunks.fixed(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
