@@ -90,6 +90,8 @@ def row_of(iteration: Iteration, errors: Float) -> Row:
 
 def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
     """The columns of records, each with its ``errors`` (3,)."""
+    if not iterations:
+        return []
     # Arrays of all of them are made at once and cut: many small arrays are what costs.
     judged = [score for i, _ in iterations for score in (*[s.score for s in i.stages], i.best.score)]
     scores = np.array([values_of(score) for score in judged], np.float64)
