@@ -2,12 +2,15 @@ from __future__ import annotations
 
 import os
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
@@ -85,13 +88,26 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
     assert "the same up to iteration 7" in found.in_words
 
 
-def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(maps=False), block=3)
-    content = (tmp_path / "run.rrd").read_bytes()
-    (tmp_path / "cut.rrd").write_bytes(content[: int(len(content) * 0.9)])
-    found = verdict(tmp_path / "cut.rrd", again)
-    assert found.ends_early
-    assert found.in_words.startswith("ended early")
+@given(share=st.floats(0.5, 0.99), more=st.integers(1, 15))
+@settings(max_examples=10, deadline=None)
+def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path_factory: pytest.TempPathFactory, share, more) -> None:
+    folder = tmp_path_factory.mktemp("cut")
+    recorded_run(folder / "run.rrd", session(maps=False), block=3)
+    content = (folder / "run.rrd").read_bytes()
+    # A little into the head of a message, which rerun takes for the end, and anywhere.
+    head, at = max(k for k in ends_of_messages(content) if k <= share * len(content)) + more, int(share * len(content))
+    for k in (head, at):
+        (folder / "cut.rrd").write_bytes(content[:k])
+        found = verdict(folder / "cut.rrd", again)
+        assert found.ends_early
+        assert found.in_words.startswith("ended early")
+
+
+def ends_of_messages(content: bytes) -> Iterator[int]:
+    at = 12
+    while at < len(content):
+        at += 16 + int.from_bytes(content[at + 8 : at + 16], "little")
+        yield at
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,6 +23,7 @@ from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.layout import Layout, layout_from_json
 from verefine_viz.recording.recorder import SCHEMA
 from verefine_viz.recording.row import Row
+from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import journal_path, part_path
 from verefine_viz.recording.viewer_process import executable
 
@@ -183,7 +184,7 @@ def _read(path: Path) -> tuple[dict[str, Any], list[Row], bool]:
     try:
         with readable(path) as file:
             properties, rows = _content(file, path)
-            return properties, rows, file == path
+            return properties, rows, file == path and not is_cut(path)
     except InputError:
         # Somebody writes it right now. The journal beside it has every iteration.
         if is_part(path) and journal_path(final_path(path)).is_file():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
 
 import pyarrow as pa
 import rerun as rr
@@ -84,6 +85,20 @@ def messages(content: bytes) -> bytes:
             break
         at += _MESSAGE.size + length
     return content[_HEAD_SIZE:at]
+
+
+def is_cut(path: Path) -> bool:
+    """Whether an .rrd file ends in the middle of a message, where rerun may take what is left for all of it."""
+    size, at = path.stat().st_size, _HEAD_SIZE
+    with path.open("rb") as file:
+        while at + _MESSAGE.size <= size:
+            file.seek(at)
+            kind, length = _MESSAGE.unpack(file.read(_MESSAGE.size))
+            at += _MESSAGE.size + length
+            if kind == _END:
+                # What follows the footer says where it begins.
+                return at > size
+    return at != size
 
 
 _CHUNK_ID = struct.Struct("<BBBQBQBB")
