@@ -144,10 +144,13 @@ def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
 
 def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
     """Rows of texts, each of any length."""
-    encoded = [text.encode() for text in chain.from_iterable(rows)]
+    flat = list(chain.from_iterable(rows))
+    together = "".join(flat)
+    # Bytes and characters are the same only there.
+    sizes = map(len, flat) if together.isascii() else [len(text.encode()) for text in flat]
     n_rows, nodes, buffers = _listed([len(row) for row in rows])
-    ends = _offsets([len(text) for text in encoded])
-    return Column(_texts(descriptor), n_rows, (*nodes, len(encoded), 0), (*buffers, b"", ends, b"".join(encoded)))
+    ends = _offsets(list(sizes))
+    return Column(_texts(descriptor), n_rows, (*nodes, len(flat), 0), (*buffers, b"", ends, together.encode()))
 
 
 def blobs(descriptor: rr.ComponentDescriptor, rows: Sequence[bytes]) -> Column:

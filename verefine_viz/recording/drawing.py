@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from itertools import accumulate
 
 import numpy as np
 import rerun as rr
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
 from verefine_viz.recording import chunks, columns, curves, entities
+from verefine_viz.recording.block import Block
 from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
@@ -67,22 +69,22 @@ class Drawing:
 
     def draw(self, rows: Sequence[Row]) -> Iterator[Piece]:
         """The rows, which follow the ones before without a gap."""
-        turns = self._turns(rows)
+        block, turns = Block(rows), self._turns(rows)
         for row in rows:
             self._poses.add(row)
         yield from self._poses.chunks()
         for branch in self._layout.branches:
-            own = [r for r in rows if r.instance_id == branch.instance_id]
-            yield from _contacts(branch, own, turns.get(branch.instance_id, []))
+            own = block.own(branch.instance_id)
+            yield from _contacts(branch, [rows[k] for k in own], turns.get(branch.instance_id, []))
             if own:
                 if branch.instance_id not in self._started:
                     self._started.add(branch.instance_id)
-                    yield curves.start(branch, own[0].index - 1)
-                yield from curves.curves(branch, own, self._held[branch.instance_id])
+                    yield curves.start(branch, rows[own[0]].index - 1)
+                yield from curves.curves(branch, block, own, self._held[branch.instance_id])
         if self._layout.is_scene or self._layout.has_tree:
-            yield from scene_curves(self._layout, rows)
+            yield from scene_curves(self._layout, block)
         yield from self._tree.draw(rows)
-        yield from _events(self._layout, rows)
+        yield from _events(self._layout, block)
         yield exact(rows)
 
     def _turns(self, rows: Sequence[Row]) -> dict[int, list[int]]:
@@ -131,8 +133,8 @@ def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iter
     yield chunks.rows_of(f"{root}/path", iterations, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
 
 
-def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
-    iterations = [r.index for r in rows]
+def _events(layout: Layout, block: Block) -> Iterator[Piece]:
+    rows, iterations = block.rows, block.iterations
     branches = {b.instance_id: b for b in layout.branches}
     lane = [[branches[r.instance_id].name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
     yield chunks.rows_of(entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
@@ -143,22 +145,29 @@ def _events(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
             columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(kind, "INFO")] for _, kind, _ in logged]),
         ]
         yield chunks.rows_of(entities.LOG, [k for k, _, _ in logged], parts)
-    texts = [[describe(r, layout)] for r in rows]
+    texts = [[describe(r, layout, *ways)] for r, ways in zip(rows, block.ways(), strict=True)]
     yield chunks.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
     chosen = [r for r in rows if r.choice.shape[1]]
     if chosen:
+        lengths = [r.choice.shape[1] for r in chosen]
+        heights = _above_lowest(np.concatenate([r.choice[3] for r in chosen]), lengths)
         bars = [
-            columns.bars(rr.BarChart.descriptor_values(), [_above_lowest(r.choice[3].tolist()) for r in chosen]),
-            _numbers_of_bars(tuple(r.choice.shape[1] for r in chosen)),
+            columns.bars(rr.BarChart.descriptor_values(), columns.Ragged(lengths, heights)),
+            _numbers_of_bars(tuple(lengths)),
         ]
         yield chunks.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
 
 
-def _above_lowest(ucb: Sequence[float]) -> list[float]:
-    """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number."""
-    known = [x for x in ucb if math.isfinite(x)]
-    lowest, highest = min(known, default=0.0), max(known, default=0.0)
-    return [(x if math.isfinite(x) else highest) - lowest for x in ucb]
+def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:
+    """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number and is as high
+    as the highest.
+    """
+    firsts, known = list(accumulate(lengths[:-1], initial=0)), np.isfinite(ucb)
+    lowest = np.minimum.reduceat(np.where(known, ucb, np.inf), firsts)
+    highest = np.maximum.reduceat(np.where(known, ucb, -np.inf), firsts)
+    none = lowest > highest
+    lowest[none], highest[none] = 0.0, 0.0
+    return np.where(known, ucb, np.repeat(highest, lengths)) - np.repeat(lowest, lengths)
 
 
 @lru_cache(maxsize=64)
@@ -185,6 +194,8 @@ room."""
 
 def _notable(row: Row) -> str:
     """One event per iteration for the lane; empty where nothing stands out."""
+    if not row.event_kinds:
+        return ""
     return next((kind.replace("_", " ") for kind in _NOTABLE if kind in row.event_kinds), "")
 
 

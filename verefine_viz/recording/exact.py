@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.row import Row
@@ -37,22 +37,27 @@ WORDS = ("accepted", "best_stage", "reason")
 
 def exact(rows: Sequence[Row]) -> Piece:
     """Rows as one chunk of :data:`entities.EXACT`."""
-    sent = [columns.numbers(_named("ids"), [[getattr(r, n) for n in INTEGERS] for r in rows], np.int64)]
-    sent += [columns.numbers(_named(n), [getattr(r, n)[..., :3, :] for r in rows], t) for n, t in POSES.items()]
+    sent = [columns.numbers(_named("ids"), np.array([_integers(r) for r in rows]), np.int64)]
+    sent += [columns.numbers(_named(n), _upper([getattr(r, n) for r in rows]), t) for n, t in POSES.items()]
     sent += [columns.numbers(_named(n), [getattr(r, n) for r in rows], t) for n, (t, _) in ARRAYS.items()]
     sent += [columns.texts(_named(n), [getattr(r, n) for r in rows]) for n in TEXTS]
     sent.append(columns.texts(_named("words"), [[getattr(r, n) for n in WORDS] for r in rows]))
     if any(r.parts is not ALONE for r in rows):
         flat = [flat_of(r.parts) for r in rows]
         sent.append(columns.numbers(_named("scene_ids"), [f.ids for f in flat], np.int64))
-        sent.append(columns.numbers(_named("scene_poses"), [_upper(f.poses) for f in flat], np.float64))
+        sent.append(columns.numbers(_named("scene_poses"), _upper([np.array(f.poses) for f in flat]), np.float64))
         sent.append(columns.numbers(_named("scene_numbers"), [f.numbers for f in flat], np.float64))
         sent.append(columns.texts(_named("scene_texts"), [f.texts for f in flat]))
     return chunks.rows_of(entities.EXACT, [r.index for r in rows], sent)
 
 
-def _upper(poses: Sequence[Float]) -> Float:
-    return np.array([T[:3] for T in poses], np.float64)
+_integers = attrgetter(*INTEGERS)
+
+
+def _upper(poses: Sequence[NDArray[Any]]) -> columns.Ragged:
+    """Rows of poses (…, 4, 4) each, without the last row of any."""
+    full = np.concatenate(poses, axis=None).reshape(-1, 4, 4)
+    return columns.Ragged([12 * (T.size // 16) for T in poses], full[:, :3])
 
 
 def row_from(index: int, values: Mapping[str, Any]) -> Row:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import TIMING, Contacts, Iteration
+from verefine_viz.core.records import TIMING, Choice, Contacts, Iteration, SimulatedPath
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.recording.scene_parts import ALONE, SceneParts
 
@@ -95,15 +96,17 @@ def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
     # Arrays of all of them are made at once and cut: many small arrays are what costs.
     judged = [score for i, _ in iterations for score in (*[s.score for s in i.stages], i.best.score)]
     scores = np.array([values_of(score) for score in judged], np.float64)
-    pixels = np.array([n for score in judged for n in pixels_of(score)], np.int64).reshape(-1, 7)
+    pixels = np.array([pixels_of(score) for score in judged], np.int64)
     poses = np.concatenate([T for i, _ in iterations for T in (*[s.T_cam_obj for s in i.stages], i.best.T_cam_obj)])
     poses = poses.reshape(-1, 4, 4)
     ms = np.array([t for i, _ in iterations for t in (*[s.ms for s in i.stages], i.score_ms)], np.float32)
+    paths = _paths([i.path for i, _ in iterations])
     contacts = _contacts([last_contacts(i) for i, _ in iterations])
+    choices = _choices([i.choice for i, _ in iterations])
     rows: list[Row] = []
     start = 0
-    for (i, errors), touching in zip(iterations, contacts, strict=True):
-        best, path, choice = i.best, i.path, i.choice
+    for (i, errors), path, touching, choice in zip(iterations, paths, contacts, choices, strict=True):
+        best = i.best
         end = start + len(i.stages)
         row = Row(
             index=i.index,
@@ -122,12 +125,10 @@ def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
             T_best=poses[end],
             best_score=scores[end],
             best_pixels=pixels[end],
-            path=NO_PATH if path is None else path.Ts_cam_obj.astype(np.float32),
+            path=path,
             contacts=touching,
-            choice=_NO_CHOICE
-            if choice is None
-            else np.concatenate((choice.plays, choice.mean, choice.exploration, choice.ucb)).reshape(4, -1),
-            reason="" if choice is None else choice.reason,
+            choice=choice,
+            reason="" if i.choice is None else i.choice.reason,
             event_kinds=tuple([e.kind for e in i.events]),
             event_texts=tuple([e.text for e in i.events]),
             errors=errors,
@@ -137,9 +138,6 @@ def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
         rows.append(row)
         start = end + 1
     return rows
-
-
-_NO_CHOICE = np.zeros((4, 0))
 
 
 def parts_of(iteration: Iteration) -> SceneParts:
@@ -166,15 +164,31 @@ def last_contacts(iteration: Iteration) -> Contacts | None:
     return path.contacts[-1] if path is not None and path.contacts else None
 
 
+def _paths(paths: Sequence[SimulatedPath | None]) -> list[NDArray[np.float32]]:
+    """``Row.path`` of each."""
+    known = [NO_PATH if path is None else path.Ts_cam_obj for path in paths]
+    together = np.concatenate(known, dtype=np.float32, casting="same_kind")
+    sizes = [len(path) for path in known]
+    return [together[end - n : end] for n, end in zip(sizes, accumulate(sizes), strict=True)]
+
+
+def _choices(choices: Sequence[Choice | None]) -> list[Float]:
+    """``Row.choice`` of each."""
+    columns = [x for c in choices if c is not None for x in (c.plays, c.mean, c.exploration, c.ucb)]
+    together = np.concatenate(columns) if columns else np.zeros(0)
+    sizes = [0 if c is None else 4 * len(c.plays) for c in choices]
+    return [together[end - n : end].reshape(4, n // 4) for n, end in zip(sizes, accumulate(sizes), strict=True)]
+
+
 def _contacts(of_rows: Sequence[Contacts | None]) -> list[NDArray[np.float32]]:
     """``Row.contacts`` of each."""
     known = [contacts for contacts in of_rows if contacts is not None]
-    ends = np.cumsum([0 if c is None else len(c.depths_m) for c in of_rows])
-    out = np.empty((int(ends[-1]), 9), np.float32)
+    sizes = [0 if c is None else len(c.depths_m) for c in of_rows]
+    out = np.empty((sum(sizes), 9), np.float32)
     if known:
         out[:, :3] = np.concatenate([c.points_cam for c in known])
         out[:, 3:6] = np.concatenate([c.normals_cam for c in known])
         out[:, 6] = np.concatenate([c.depths_m for c in known])
         out[:, 7] = np.concatenate([c.forces_n for c in known])
         out[:, 8] = np.concatenate([c.others for c in known])
-    return np.split(out, ends[:-1])
+    return [out[end - n : end] for n, end in zip(sizes, accumulate(sizes), strict=True)]

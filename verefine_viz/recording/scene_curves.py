@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+import numpy as np
 import rerun as rr
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.recording import chunks, columns
+from verefine_viz.recording.block import Block
 from verefine_viz.recording.curves import curve
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
@@ -43,20 +46,20 @@ def start_best(layout: Layout) -> Iterator[Piece]:
     """Every object's best first pose, before the first iteration."""
     for branch in layout.branches:
         if branch.n_arms:
-            yield _one("best", branch, [0], [max(branch.initial_scores)])
+            yield _one("best", branch, [0], np.array([[max(branch.initial_scores)]]))
 
 
-def scene_curves(layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
+def scene_curves(layout: Layout, block: Block) -> Iterator[Piece]:
     """The curves that go over all objects."""
     for branch in layout.branches:
-        own = [r for r in rows if r.instance_id == branch.instance_id]
+        own = block.own(branch.instance_id)
         if own:
-            iterations = [r.index for r in own]
-            yield _one("best", branch, iterations, [r.best_score[0] for r in own])
+            iterations = [block.iterations[k] for k in own]
+            yield _one("best", branch, iterations, block.best_scores[own, :1])
             if branch.has_truth:
-                yield _one("add_s", branch, iterations, [r.errors[2] for r in own])
-    yield from _per_cluster("scene", layout, rows)
-    yield from _per_cluster("cost", layout, rows)
+                yield _one("add_s", branch, iterations, block.errors[own, 2:])
+    yield from _per_cluster("scene", layout, block.rows)
+    yield from _per_cluster("cost", layout, block.rows)
 
 
 def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
@@ -85,5 +88,5 @@ def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
     return rr.SeriesLines(names=names, colors=colors, widths=[2.0] * len(lines), interpolation_mode="StepAfter")
 
 
-def _one(group: str, branch: Branch, iterations: Sequence[int], values: Sequence[float]) -> Piece:
-    return chunks.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, [[v] for v in values])])
+def _one(group: str, branch: Branch, iterations: Sequence[int], values: Float) -> Piece:
+    return chunks.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, values)])

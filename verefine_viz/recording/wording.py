@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import PlacedPose, SceneRecord, TreeStep
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.row import Row
 
 
-def describe(row: Row, layout: Layout) -> str:
-    """What happened in this iteration and why, for the text panel."""
+def describe(row: Row, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
+    """What happened in this iteration and why, for the text panel.
+
+    Args:
+        row: the iteration.
+        layout: what its numbers mean.
+        moved_mm: how far each stage is from the first.
+        turned_deg: the same as an angle.
+    """
     branch = layout.branch(row.instance_id)
     source = plain(branch.sources[row.arm]) if row.arm < branch.n_arms else ""
     in_pass = "" if row.parts.scene_pass is None else f", pass {row.parts.scene_pass}"
@@ -23,7 +28,7 @@ def describe(row: Row, layout: Layout) -> str:
     ]
     if row.reason:
         lines.append(f"Why this one: {plain(row.reason)}")
-    lines.append(_stages(row))
+    lines.append(_stages(row, moved_mm, turned_deg))
     score, *_ = row.best_score.tolist()
     where = f"iteration {row.best_iteration}" if row.best_iteration else "the start"
     lines.append(f"Best so far: {score:.3f}, hypothesis {row.best_arm + 1}, {row.best_stage}, {where}.")
@@ -39,11 +44,10 @@ def describe(row: Row, layout: Layout) -> str:
     return "\n\n".join(lines)
 
 
-def _stages(row: Row) -> str:
+def _stages(row: Row, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
     """The table of the stages."""
     # Plain floats: for a handful of numbers arrays cost more than they save.
     scores, pixels = row.scores.tolist(), row.pixels.tolist()
-    moved_mm, turned_deg = differences(row.Ts_cam_obj)
     lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
     for k, stage in enumerate(row.stages):
         f, depth_fit, normal_fit = scores[k]
@@ -92,19 +96,6 @@ def _names(poses: Sequence[PlacedPose], layout: Layout) -> str:
 def _name(pose: PlacedPose, layout: Layout) -> str:
     known = (b.name for b in layout.branches if b.instance_id == pose.instance_id)
     return plain(next(known, f"#{pose.instance_id}"))
-
-
-def differences(Ts_cam_obj: Float) -> tuple[list[float], list[float]]:
-    """How far each of the poses (n, 4, 4) is from the first: mm between origins, degrees."""
-    # A handful of poses: numbers one by one are faster than arrays here.
-    poses = Ts_cam_obj.reshape(-1, 16).tolist()
-    a, b, c, x, d, e, f, y, g, h, i, z, *_ = poses[0]
-    moved_mm, turned_deg = [0.0], [0.0]
-    for p in poses[1:]:
-        moved_mm.append(1e3 * math.hypot(p[3] - x, p[7] - y, p[11] - z))
-        trace = a * p[0] + b * p[1] + c * p[2] + d * p[4] + e * p[5] + f * p[6] + g * p[8] + h * p[9] + i * p[10]
-        turned_deg.append(math.degrees(math.acos(min(1.0, max(-1.0, (trace - 1) / 2)))))
-    return moved_mm, turned_deg
 
 
 @lru_cache(maxsize=4096)
