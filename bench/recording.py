@@ -1,8 +1,8 @@
 """What recording costs: frames with and without it, in turns.
 
-One object, a scene of several, and frames of a data set with reading them, which is what a batch takes per frame: the
-built-in scene as a BOP folder. The clock stops when the file is complete. The share is that of pairs of frames
-measured right after one another; processor time is that of all threads of the process.
+The run alone, and with reading the frame, which is what a batch takes per frame: the built-in scenes as BOP folders.
+The clock stops when the file is complete. The share is that of pairs of frames measured right after one another;
+processor time is that of all threads of the process.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from verefine_viz.scenes.write_bop import write_bop
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
-REPEATS = 15
+REPEATS = 40
 MUG: dict[str, Any] = {"method": {"name": "rir"}, "scene": {"demo": "mug"}}
 CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": {"demo": "clutter"}}
 
@@ -31,14 +31,20 @@ def run() -> list[dict[str, object]]:
     mug, clutter = _toolbox(MUG, maps=False), _toolbox(CLUTTER, maps=False)
     first, problems = [mug.problem(mug.frames[0])], [clutter.problem(frame) for frame in clutter.frames]
     with tempfile.TemporaryDirectory() as folder:
-        scene = {"source": "bop", "dataset": str(write_bop(Path(folder) / "clutter", problems))}
-        written = _toolbox({**CLUTTER, "scene": scene}, maps=False)
+        read_mug = _written(MUG, first, Path(folder) / "mug")
+        read_clutter = _written(CLUTTER, problems, Path(folder) / "clutter")
         return [
             _row("one object", mug, first, REPEATS),
-            _row("whole scene", clutter, problems[:1], REPEATS // 3),
-            _row("whole scenes, read from a data set", written, written.frames, REPEATS // 3),
-            _row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 3),
+            _row("one object, read from a data set", read_mug, read_mug.frames, REPEATS),
+            _row("whole scene", clutter, problems[:1], REPEATS // 4),
+            _row("whole scenes, read from a data set", read_clutter, read_clutter.frames, REPEATS // 8),
+            _row("one object, maps", _toolbox(MUG, maps=True), first, REPEATS // 4),
         ]
+
+
+def _written(session: dict[str, Any], problems: Sequence[Problem], folder: Path) -> Toolbox:
+    scene = {"source": "bop", "dataset": str(write_bop(folder, problems))}
+    return _toolbox({**session, "scene": scene}, maps=False)
 
 
 def _toolbox(session: dict[str, Any], maps: bool) -> Toolbox:

@@ -13,8 +13,9 @@ from tests.methods.test_physim_mcts import method_of
 from tests.recording.runs import new_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.journal import Journal, read_journal
-from verefine_viz.recording.row import row_of
+from verefine_viz.recording.row import rows_of
 from verefine_viz.session.engine import Run
 
 
@@ -24,10 +25,11 @@ def test_entries_come_back_as_rows(tmp_path: Path, name: str) -> None:
     run = Run(method_of(problem), problem) if name == "physim_mcts" else new_run(session(name, iterations=3), problem)
     run.finish()
     rng, path = np.random.default_rng(0), tmp_path / "a.journal"
-    expected = [row_of(iteration, rng.normal(size=3)) for iteration in run.iterations]
+    entries = [Entry.of(iteration, rng.normal(size=3)) for iteration in run.iterations]
+    expected = rows_of(entries)
     journal = Journal(path, {"title": "µ"})
-    for iteration, row in zip(run.iterations, expected, strict=True):
-        journal.append(iteration, row.errors)
+    for entry in entries:
+        journal.append(entry)
     journal.close()
     about, rows = read_journal(path)
     assert about == {"title": "µ"}

@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -14,11 +15,13 @@ from hypothesis import strategies as st
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.records import Iteration
 from verefine_viz.recording import recorder
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import Recorded
 from verefine_viz.recording.replay import open_viewer, verdict, verify
-from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.unfinished import part_path
 from verefine_viz.session.engine import Run
 
@@ -35,21 +38,26 @@ def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
     assert found.in_words == f"no difference in {found.n_planned} iterations"
 
 
-def record_changed(path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object]) -> None:
-    def changed(iterations) -> list[Row]:
-        return [replace(row, **change) if row.index == k else row for row in rows_of(iterations)]
+def record_changed(
+    path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: Callable[[Iteration], Iteration]
+) -> None:
+    def changed(iteration: Iteration, errors: Float) -> Entry:
+        return Entry.of(change(iteration) if iteration.index == k else iteration, errors)
 
     with monkeypatch.context() as patched:
-        patched.setattr(recorder, "rows_of", changed)
+        patched.setattr(recorder, "Entry", SimpleNamespace(of=changed))
         recorded_run(path, session())
 
 
 def test_one_bit_of_a_pose_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = new_run(session(), box_problem(3, 2))
-    run.finish()
-    poses = np.array([s.T_cam_obj for s in run.iterations[16].stages])
-    poses[2, 0, 3] = np.nextafter(poses[2, 0, 3], 1)
-    record_changed(tmp_path / "run.rrd", monkeypatch, 17, {"Ts_cam_obj": poses})
+    def change(iteration: Iteration) -> Iteration:
+        stages = list(iteration.stages)
+        T = stages[2].T_cam_obj.copy()
+        T[0, 3] = np.nextafter(T[0, 3], 1)
+        stages[2] = replace(stages[2], T_cam_obj=T)
+        return replace(iteration, stages=tuple(stages))
+
+    record_changed(tmp_path / "run.rrd", monkeypatch, 17, change)
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
     assert found.startswith("iteration 17: Ts_cam_obj")
@@ -57,10 +65,14 @@ def test_one_bit_of_a_pose_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize(
     ("k", "change", "named"),
-    [(1, {"accepted": "simulated"}, "accepted"), (30, {"best_arm": 7}, "best_arm"), (8, {"arm": 2}, "arm")],
+    [
+        (1, lambda i: replace(i, accepted="simulated"), "accepted"),
+        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best_arm"),
+        (8, lambda i: replace(i, arm=2), "arm"),
+    ],
 )
 def test_other_changes_are_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: dict[str, object], named: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: Callable[[Iteration], Iteration], named: str
 ) -> None:
     record_changed(tmp_path / "run.rrd", monkeypatch, k, change)
     found = verify(tmp_path / "run.rrd", again)
@@ -111,7 +123,7 @@ def ends_of_messages(content: bytes) -> Iterator[int]:
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    record_changed(tmp_path / "run.rrd", monkeypatch, 2, {"accepted": "mixed"})
+    record_changed(tmp_path / "run.rrd", monkeypatch, 2, lambda i: replace(i, accepted="mixed"))
     (tmp_path / "run.rrd").rename(part_path(tmp_path / "run.rrd"))
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
@@ -120,7 +132,7 @@ def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch
 
 def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder, "versions", lambda: {"numpy": "0.0.1"})
-    record_changed(tmp_path / "run.rrd", monkeypatch, 3, {"accepted": "mixed"})
+    record_changed(tmp_path / "run.rrd", monkeypatch, 3, lambda i: replace(i, accepted="mixed"))
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
     assert "recorded with numpy 0.0.1 (here " in found

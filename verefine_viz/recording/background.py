@@ -21,8 +21,10 @@ from verefine_viz.recording.layout import SUBSAMPLE, world_from_camera
 from verefine_viz.recording.meshes import object_pieces
 from verefine_viz.recording.piece import Piece
 
-CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 6_000, 30_000
-"""About how many pixels around the objects are drawn as points; the rest of the frame gets far fewer."""
+CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 3_000, 20_000
+"""About how many pixels of the objects are drawn as points; the rest of the frame gets far fewer."""
+AROUND = 3
+"""Around the objects, every so many-th in a row of those that would be drawn of the objects."""
 SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
 PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
@@ -105,13 +107,16 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
 
 
 def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
-    v0, v1, u0, u1 = _around_objects(observation.object_mask)
-    step = max(1, math.ceil(math.sqrt((v1 - v0) * (u1 - u0) / n_points)))
+    mask = observation.object_mask
+    if not mask.any():
+        mask = np.ones_like(mask)
+    window = _around_objects(mask)
+    step = math.ceil(math.sqrt(np.count_nonzero(mask) / n_points))
     rgb = _NO_COLORS if observation.rgb is None else observation.rgb
     # Far background would only shrink what matters when the view is fitted.
     camera, far_m = observation.camera, np.float32(2.5 * near_m)
     points, colors = _points(
-        observation.depth_m, rgb, camera.fx, camera.fy, camera.cx, camera.cy, far_m, (v0, v1, u0, u1), step
+        observation.depth_m, rgb, mask, camera.fx, camera.fy, camera.cx, camera.cy, far_m, window, step
     )
     cloud = rr.Points3D
     parts = [
@@ -129,6 +134,7 @@ _NO_COLORS = np.zeros((0, 0, 3), np.uint8)
 def _points(
     depth_m: NDArray[np.float32],
     rgb: NDArray[np.uint8],
+    mask: Mask,
     fx: float,
     fy: float,
     cx: float,
@@ -139,17 +145,21 @@ def _points(
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """Points (n, 3) nearer than ``far_m``, and their colours (n,) as rerun keeps them.
 
-    Of every ``step``-th pixel of the window (rows, then columns), then of every ``SPARSE_PX``-th of the whole image.
+    Of every ``step``-th pixel of the objects, every ``AROUND``-th of those in the window (rows, then columns), then of
+    every ``SPARSE_PX``-th of the whole image.
     """
     h, w = depth_m.shape
     v0, v1, u0, u1 = window
-    sparse = max(SPARSE_PX, step)
+    around = AROUND * step
+    sparse = max(SPARSE_PX, around)
     most = ((v1 - v0) // step + 1) * ((u1 - u0) // step + 1) + (h // sparse + 1) * (w // sparse + 1)
     points, colors = np.empty((most, 3), np.float32), np.empty(most, np.uint32)
     n = 0
     for top, bottom, left, right, every in ((v0, v1, u0, u1, step), (0, h, 0, w, sparse)):
         for v in range(top, bottom, every):
             for u in range(left, right, every):
+                if every == step and not mask[v, u] and ((v - v0) % around or (u - u0) % around):
+                    continue
                 z = depth_m[v, u]
                 if not 0 < z < far_m:
                     continue

@@ -4,7 +4,7 @@ The recording itself is made in large pieces, beside the run. Iterations reach t
 opens a recording whose writer was killed has them all. The journal is removed when the recording is complete.
 
 It begins with what the recording is about (JSON). An entry is its length and its CRC-32 (4 bytes each, little-endian),
-then the iteration and its errors as msgpack, field by field as in ``core.records``.
+then its bytes.
 """
 
 from __future__ import annotations
@@ -14,20 +14,14 @@ import os
 import struct
 import zlib
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
-import cattrs
-import numpy as np
-import ormsgpack
-
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.records import Contacts, Iteration
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.row import Row, rows_of
 
-MAGIC = b"VRFJ4\n"
+MAGIC = b"VRFJ5\n"
 _FRAME = struct.Struct("<II")
 
 
@@ -44,16 +38,12 @@ class Journal:
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         self._write(MAGIC + _framed(json.dumps(about).encode()))
 
-    def append(self, iteration: Iteration, errors: Float) -> None:
+    def append(self, entry: Entry) -> None:
         """
-        Args:
-            iteration: what happened.
-            errors: what ``Row.errors`` says.
-
         Raises:
             InputError: the disk does not take it.
         """
-        self._write(encode(iteration, errors))
+        self._write(_framed(entry.packed))
 
     def close(self) -> None:
         """Later calls do nothing."""
@@ -70,11 +60,6 @@ class Journal:
             raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
 
 
-def encode(iteration: Iteration, errors: Float) -> bytes:
-    """One entry. The run waits for this, so everything goes as it is; rows are made where they are drawn."""
-    return _framed(ormsgpack.packb((iteration, errors), np.ndarray.tolist, ormsgpack.OPT_SERIALIZE_NUMPY))
-
-
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     """What the journal is about and all its whole entries.
 
@@ -83,7 +68,7 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     content = path.read_bytes()
     found = _whole_entries(content) if content.startswith(MAGIC) else []
     about, *entries = found or [b"{}"]
-    return json.loads(about), tuple(rows_of([_decode(entry) for entry in entries]))
+    return json.loads(about), tuple(rows_of([Entry.read(packed) for packed in entries]))
 
 
 def _framed(body: bytes) -> bytes:
@@ -101,34 +86,3 @@ def _whole_entries(content: bytes) -> list[bytes]:
         found.append(body)
         at += _FRAME.size + length
     return found
-
-
-def _decode(entry: bytes) -> tuple[Iteration, Float]:
-    iteration, errors = ormsgpack.unpackb(entry)
-    return _converter().structure(iteration, Iteration), np.array(errors, np.float64)
-
-
-@cache
-def _converter() -> cattrs.Converter:
-    """From plain values to records."""
-    converter = cattrs.Converter()
-    converter.register_structure_hook_func(lambda kind: get_origin(kind) is np.ndarray, _array)
-    converter.register_structure_hook(Contacts, _contacts)
-    return converter
-
-
-def _array(values: Any, kind: Any) -> np.ndarray:
-    """As its annotation says: ``NDArray[np.float64]`` is an array of any shape and of that type."""
-    _, dtype = get_args(kind)
-    return np.array(values, get_args(dtype)[0])
-
-
-def _contacts(values: Mapping[str, Any], _: Any) -> Contacts:
-    """Plain values do not say how wide an empty array is."""
-    return Contacts(
-        np.reshape(values["points_cam"], (-1, 3)),
-        np.reshape(values["normals_cam"], (-1, 3)),
-        values["depths_m"],
-        values["forces_n"],
-        values["others"],
-    )

@@ -18,11 +18,12 @@ from rerun.chunk import Chunk, RrdReader
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
-from verefine_viz.recording.exact import row_from
+from verefine_viz.recording.entry import Entry
+from verefine_viz.recording.exact import entry_from
 from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.layout import Layout, layout_from_json
 from verefine_viz.recording.recorder import SCHEMA
-from verefine_viz.recording.row import Row
+from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import journal_path, part_path
 from verefine_viz.recording.viewer_process import executable
@@ -71,10 +72,11 @@ def read_recording(path: Path) -> Recorded:
         rows = _continued(rows, journalled)
     if "schema" not in properties:
         raise InputError(f"{path} is a rerun recording of another program; expected one that view or batch wrote")
-    if int(properties["schema"]) > SCHEMA:
+    schema = int(properties["schema"])
+    if schema != SCHEMA:
+        when, todo = ("a later", "update") if schema > SCHEMA else ("an earlier", "run its session again")
         raise InputError(
-            f"{path} was written by a later version (recording schema {properties['schema']}, this one reads up to"
-            f" {SCHEMA}); update"
+            f"{path} was written by {when} version (recording schema {schema}, this one reads {SCHEMA}); {todo}"
         )
     try:
         session = Session.model_validate_json(properties["settings"])
@@ -199,18 +201,18 @@ def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
         InputError: an iteration cannot be read.
     """
     properties: dict[str, Any] = {}
-    rows: dict[int, Row] = {}
+    entries: list[Entry] = []
     try:
         for chunk in chunks_of(file):
             if chunk.entity_path == PROPERTIES:
                 properties |= {name: values[0] for name, values in next(_records(chunk)).items()}
             elif chunk.entity_path == entities.EXACT:
-                rows |= {row.index: row for row in map(_row, _records(chunk))}
+                entries += map(entry_from, _records(chunk))
     except (RuntimeError, OSError) as error:
         raise InputError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise InputError(f"{path}: an iteration cannot be read ({type(error).__name__}: {error})") from None
-    return properties, _without_gap(rows)
+    return properties, _without_gap({row.index: row for row in rows_of(entries)})
 
 
 def _records(chunk: Chunk) -> Iterator[dict[str, Any]]:
@@ -230,10 +232,6 @@ def _value(scalar: Any) -> Any:
     if str(values.type) in ("double", "float", "int64"):
         return values.to_numpy(zero_copy_only=False)
     return values.to_pylist()
-
-
-def _row(values: Mapping[str, Any]) -> Row:
-    return row_from(int(values[entities.TIMELINE]), values)
 
 
 def _without_gap(rows: Mapping[int, Row]) -> list[Row]:

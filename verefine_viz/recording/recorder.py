@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import RunState, Verifier
@@ -21,20 +20,21 @@ from verefine_viz.core.settings import Session
 from verefine_viz.recording.against_truth import AgainstTruth
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.frame import frame_chunks
 from verefine_viz.recording.journal import Journal
 from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row, row_of, rows_of
+from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.threaded_file import ThreadedFile
 from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
 from verefine_viz.session.files import session_toml
 
-SCHEMA = 2
-"""Of the recording; a reader refuses a later one. 2: what iterations say about whole scenes."""
+SCHEMA = 3
+"""Of the recording; a reader refuses others. 3: iterations as msgpack."""
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
@@ -73,7 +73,7 @@ class Recorder:
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
-        self._pending: list[tuple[Iteration, Float]] = []
+        self._pending: list[Entry] = []
         self._maps: tuple[int, Maps] | None = None
         self._truth = AgainstTruth()
 
@@ -113,10 +113,11 @@ class Recorder:
         """
         assert self._file is not None, "on_start comes first"
         errors = self._truth.errors(self._targets[iteration.instance_id], iteration)
-        self._journal.append(iteration, errors)
-        self._pending.append((iteration, errors))
+        entry = Entry.of(iteration, errors)
+        self._journal.append(entry)
+        self._pending.append(entry)
         if self._verifier is not None:
-            for chunks in self._pictures(self._verifier, row_of(iteration, errors)):
+            for chunks in self._pictures(self._verifier, rows_of([entry])[0]):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
             self.draw_now()

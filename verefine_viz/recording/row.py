@@ -10,9 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import TIMING, Choice, Contacts, Iteration, SimulatedPath
+from verefine_viz.core.records import (
+    TIMING,
+    Choice,
+    Contacts,
+    Iteration,
+    PlacedPose,
+    SceneRecord,
+    SimulatedPath,
+    TreeStep,
+)
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.recording.scene_parts import ALONE, SceneParts
+from verefine_viz.recording.entry import Entry
 
 NOT_JUDGED = (np.nan, np.nan, np.nan)
 NO_PIXELS = (-1,) * 7
@@ -21,8 +30,22 @@ NO_CONTACTS = np.zeros((0, 9), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
+class SceneParts:
+    """What an iteration says about other objects than the one it worked on."""
+
+    placed: tuple[PlacedPose, ...] = ()
+    scene_pass: int | None = None
+    scene: SceneRecord | None = None
+    tree: TreeStep | None = None
+
+
+ALONE = SceneParts()
+"""Of an iteration that knows one object only."""
+
+
+@dataclass(frozen=True, eq=False)
 class Row:
-    """An iteration as flat columns; the same in the journal, in the rerun file and when read back.
+    """An iteration as flat columns, the same when read back.
 
     Poses are the run's float64 bits. Contacts and the way between the first and the last simulated pose are there to be
     drawn and are kept in single precision.
@@ -67,6 +90,8 @@ class Row:
     NaN where there is no ground truth."""
     ms: NDArray[np.float32] = field(metadata=TIMING)
     """(n + 1,) time for each pose, then for all scores [ms]."""
+    packed: bytes = field(metadata=TIMING)
+    """All of it, as an ``Entry``; its times differ from run to run."""
     parts: SceneParts = ALONE
     """What it says about other objects and the scene."""
 
@@ -86,27 +111,28 @@ class Row:
 
 def row_of(iteration: Iteration, errors: Float) -> Row:
     """The columns of a record, with the ``errors`` (3,) that :class:`Row` describes."""
-    return rows_of([(iteration, errors)])[0]
+    return rows_of([Entry.of(iteration, errors)])[0]
 
 
-def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
-    """The columns of records, each with its ``errors`` (3,)."""
-    if not iterations:
+def rows_of(entries: Sequence[Entry]) -> list[Row]:
+    """The columns of records."""
+    if not entries:
         return []
+    iterations = [entry.iteration for entry in entries]
     # Arrays of all of them are made at once and cut: many small arrays are what costs.
-    judged = [score for i, _ in iterations for score in (*[s.score for s in i.stages], i.best.score)]
+    judged = [score for i in iterations for score in (*[s.score for s in i.stages], i.best.score)]
     scores = np.array([values_of(score) for score in judged], np.float64)
     pixels = np.array([pixels_of(score) for score in judged], np.int64)
-    poses = np.concatenate([T for i, _ in iterations for T in (*[s.T_cam_obj for s in i.stages], i.best.T_cam_obj)])
+    poses = np.concatenate([T for i in iterations for T in (*[s.T_cam_obj for s in i.stages], i.best.T_cam_obj)])
     poses = poses.reshape(-1, 4, 4)
-    ms = np.array([t for i, _ in iterations for t in (*[s.ms for s in i.stages], i.score_ms)], np.float32)
-    paths = _paths([i.path for i, _ in iterations])
-    contacts = _contacts([last_contacts(i) for i, _ in iterations])
-    choices = _choices([i.choice for i, _ in iterations])
+    ms = np.array([t for i in iterations for t in (*[s.ms for s in i.stages], i.score_ms)], np.float32)
+    paths = _paths([i.path for i in iterations])
+    contacts = _contacts([last_contacts(i) for i in iterations])
+    choices = _choices([i.choice for i in iterations])
     rows: list[Row] = []
     start = 0
-    for (i, errors), path, touching, choice in zip(iterations, paths, contacts, choices, strict=True):
-        best = i.best
+    for entry, path, touching, choice in zip(entries, paths, contacts, choices, strict=True):
+        i, best = entry.iteration, entry.iteration.best
         end = start + len(i.stages)
         row = Row(
             index=i.index,
@@ -131,8 +157,9 @@ def rows_of(iterations: Sequence[tuple[Iteration, Float]]) -> list[Row]:
             reason="" if i.choice is None else i.choice.reason,
             event_kinds=tuple([e.kind for e in i.events]),
             event_texts=tuple([e.text for e in i.events]),
-            errors=errors,
+            errors=entry.errors,
             ms=ms[start : end + 1],
+            packed=entry.packed,
             parts=parts_of(i),
         )
         rows.append(row)

@@ -1,0 +1,76 @@
+"""An iteration as bytes, in the journal and in the recording: msgpack, field by field as in ``core.records``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, get_args, get_origin
+
+import cattrs
+import numpy as np
+import ormsgpack
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """What is kept of an iteration."""
+
+    iteration: Iteration
+    """Read back, its simulated path is in single precision and has the contacts of the last step alone."""
+    errors: Float
+    """(3,) as ``Row.errors``."""
+    packed: bytes
+
+    @staticmethod
+    def of(iteration: Iteration, errors: Float) -> Entry:
+        """The run waits for this, so as little as possible is made on the way."""
+        kept = {**vars(iteration), "path": None if iteration.path is None else _path(iteration.path)}
+        packed = ormsgpack.packb((kept, errors), np.ndarray.tolist, ormsgpack.OPT_SERIALIZE_NUMPY)
+        return Entry(iteration, errors, packed)
+
+    @staticmethod
+    def read(packed: bytes) -> Entry:
+        """
+        Raises:
+            ValueError: it is not what :meth:`of` made.
+        """
+        try:
+            kept, errors = ormsgpack.unpackb(packed)
+            return Entry(_converter().structure(kept, Iteration), np.array(errors, np.float64), packed)
+        except (TypeError, KeyError, cattrs.BaseValidationError) as error:
+            raise ValueError(f"not an iteration: {error}") from None
+
+
+def _path(path: SimulatedPath) -> dict[str, Any]:
+    """It is there to be drawn: single precision, and the contacts of the last step."""
+    return {"Ts_cam_obj": path.Ts_cam_obj.astype(np.float32), "contacts": path.contacts[-1:]}
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    """From plain values to records."""
+    converter = cattrs.Converter()
+    converter.register_structure_hook_func(lambda kind: get_origin(kind) is np.ndarray, _array)
+    converter.register_structure_hook(Contacts, _contacts)
+    return converter
+
+
+def _array(values: Any, kind: Any) -> np.ndarray:
+    """As its annotation says: ``NDArray[np.float64]`` is an array of any shape and of that type."""
+    _, dtype = get_args(kind)
+    return np.array(values, get_args(dtype)[0])
+
+
+def _contacts(values: Mapping[str, Any], _: Any) -> Contacts:
+    """Plain values do not say how wide an empty array is."""
+    return Contacts(
+        np.reshape(values["points_cam"], (-1, 3)),
+        np.reshape(values["normals_cam"], (-1, 3)),
+        values["depths_m"],
+        values["forces_n"],
+        values["others"],
+    )
