@@ -3,13 +3,12 @@
 The recording itself is made in large pieces, beside the run. Iterations reach the disk one by one here, and whoever
 opens a recording whose writer was killed has them all. The journal is removed when the recording is complete.
 
-It begins with what the recording is about (JSON). An entry is its length and its CRC-32 (4 bytes each, little-endian),
+It begins with what the recording is about (msgpack). An entry is its length and its CRC-32 (4 bytes each, little-endian),
 then its bytes.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 import zlib
@@ -17,12 +16,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import ormsgpack
+
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.row import Row, rows_of
 
 MAGIC = b"VRFJ5\n"
 _FRAME = struct.Struct("<II")
+_NOTHING = ormsgpack.packb({})
 
 
 class Journal:
@@ -36,7 +38,7 @@ class Journal:
         """
         self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        self._write(MAGIC + _framed(json.dumps(about).encode()))
+        self._write(MAGIC + _framed(ormsgpack.packb(dict(about))))
 
     def append(self, entry: Entry) -> None:
         """
@@ -67,8 +69,8 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     """
     content = path.read_bytes()
     found = _whole_entries(content) if content.startswith(MAGIC) else []
-    about, *entries = found or [b"{}"]
-    return json.loads(about), tuple(rows_of([Entry.read(packed) for packed in entries]))
+    about, *entries = found or [_NOTHING]
+    return ormsgpack.unpackb(about), tuple(rows_of([Entry.read(packed) for packed in entries]))
 
 
 def _framed(body: bytes) -> bytes:
