@@ -3,8 +3,8 @@
 The recording itself is made in large pieces, beside the run. Iterations reach the disk one by one here, and whoever
 opens a recording whose writer was killed has them all. The journal is removed when the recording is complete.
 
-It begins with what the recording is about (msgpack). An entry is its length and its CRC-32 (4 bytes each, little-endian),
-then its bytes.
+It begins with what the recording is about (msgpack). An entry is its length and its CRC-32 (4 bytes each,
+little-endian), then its bytes.
 """
 
 from __future__ import annotations

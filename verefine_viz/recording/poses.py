@@ -29,10 +29,10 @@ class Poses:
         self._branches = {b.instance_id: b for b in layout.branches}
         self._stages = entities.DRAWN_STAGES + (entities.IN_SCENE if layout.is_scene else ())
         self._moves: dict[int, Moves] = {i: [] for i in self._branches}
+        self._shown: dict[tuple[int, str], Float] = {}
         self._worked_on: int | None = None
         self._best: dict[int, Float] = {}
         self._placed: dict[int, Float] = {}
-        self._incumbent: dict[int, Float] = {}
 
     def start(self) -> Iterator[Piece]:
         """Nothing is shown before the first iteration."""
@@ -41,21 +41,20 @@ class Poses:
 
     def add(self, row: Row) -> None:
         """Takes the next iteration."""
-        k, own, before = row.index, self._moves[row.instance_id], self._worked_on
+        k, before = row.index, self._worked_on
         if before is not None and before != row.instance_id:
             # Another object's turn: of this one only what it came to stays.
-            self._moves[before] += [(k, stage, NOWHERE) for stage in entities.WORKED_ON]
+            for stage in entities.WORKED_ON:
+                self._move(k, before, stage, NOWHERE)
         self._worked_on = row.instance_id
         self._place(k, row)
         shown = dict(zip(row.stages, row.Ts_cam_obj, strict=True))
-        own += [(k, stage, shown.get(stage, NOWHERE)) for stage in entities.WORKED_ON]
-        own.append((k, "best", row.T_best))
+        for stage in entities.WORKED_ON:
+            self._move(k, row.instance_id, stage, shown.get(stage, NOWHERE))
+        self._move(k, row.instance_id, "best", row.T_best)
         self._best[row.instance_id] = row.T_best
         for pose in _incumbent(row):
-            known = self._incumbent.get(pose.instance_id)
-            if known is None or not np.array_equal(known, pose.T_cam_obj):
-                self._moves[pose.instance_id].append((k, "incumbent", pose.T_cam_obj))
-                self._incumbent[pose.instance_id] = pose.T_cam_obj
+            self._move(k, pose.instance_id, "incumbent", pose.T_cam_obj)
 
     def chunks(self) -> Iterator[Piece]:
         """What moved since the last call."""
@@ -70,16 +69,19 @@ class Poses:
         standing = {p.instance_id: p.T_cam_obj for p in (*row.parts.placed, *(tree.rollout if tree else ()))}
         standing.pop(row.instance_id, None)
         for instance_id in self._placed.keys() | standing.keys():
-            was, now = self._placed.get(instance_id), standing.get(instance_id)
-            if was is now or (was is not None and now is not None and np.array_equal(was, now)):
-                continue
-            moves = self._moves[instance_id]
-            moves.append((k, "placed", NOWHERE if now is None else now))
+            now = standing.get(instance_id, NOWHERE)
+            self._move(k, instance_id, "placed", now)
             best = self._best.get(instance_id)
             if best is not None and instance_id != row.instance_id:
-                hidden = now is not None and np.array_equal(best, now)
-                moves.append((k, "best", NOWHERE if hidden else best))
+                self._move(k, instance_id, "best", NOWHERE if np.array_equal(best, now) else best)
         self._placed = standing
+
+    def _move(self, k: int, instance_id: int, stage: str, T: Float) -> None:
+        """Shows it there from iteration ``k`` on, unless it is there already."""
+        was = self._shown.get((instance_id, stage), NOWHERE)
+        if was is not T and was.tobytes() != T.tobytes():
+            self._shown[instance_id, stage] = T
+            self._moves[instance_id].append((k, stage, T))
 
 
 def _incumbent(row: Row) -> Sequence[PlacedPose]:

@@ -20,11 +20,10 @@ from verefine_viz.core.records import (
     SimulatedPath,
     TreeStep,
 )
-from verefine_viz.core.scores import PoseScore
 from verefine_viz.recording.entry import Entry
 
-NOT_JUDGED = (np.nan, np.nan, np.nan)
-NO_PIXELS = (-1,) * 7
+_UNKNOWN = (np.nan, np.nan, np.nan)
+_NO_PIXELS = (-1,) * 7
 NO_PATH = np.zeros((0, 4, 4), np.float32)
 NO_CONTACTS = np.zeros((0, 9), np.float32)
 
@@ -121,8 +120,8 @@ def rows_of(entries: Sequence[Entry]) -> list[Row]:
     iterations = [entry.iteration for entry in entries]
     # Arrays of all of them are made at once and cut: many small arrays are what costs.
     judged = [score for i in iterations for score in (*[s.score for s in i.stages], i.best.score)]
-    scores = np.array([values_of(score) for score in judged], np.float64)
-    pixels = np.array([pixels_of(score) for score in judged], np.int64)
+    scores = np.array([_UNKNOWN if s is None else (s.score, s.depth_fit, s.normal_fit) for s in judged])
+    pixels = np.array([_NO_PIXELS if s is None else (s.n_pixels, s.n_rendered, *s.counts) for s in judged], np.int64)
     poses = np.concatenate([T for i in iterations for T in (*[s.T_cam_obj for s in i.stages], i.best.T_cam_obj)])
     poses = poses.reshape(-1, 4, 4)
     ms = np.array([t for i in iterations for t in (*[s.ms for s in i.stages], i.score_ms)], np.float32)
@@ -173,16 +172,6 @@ def parts_of(iteration: Iteration) -> SceneParts:
     if not i.placed and i.scene_pass is None and i.scene is None and i.tree is None:
         return ALONE
     return SceneParts(i.placed, i.scene_pass, i.scene, i.tree)
-
-
-def values_of(score: PoseScore | None) -> tuple[float, float, float]:
-    """A row of ``Row.scores``."""
-    return NOT_JUDGED if score is None else (score.score, score.depth_fit, score.normal_fit)
-
-
-def pixels_of(score: PoseScore | None) -> tuple[int, ...]:
-    """A row of ``Row.pixels``."""
-    return NO_PIXELS if score is None else (score.n_pixels, score.n_rendered, *score.counts)
 
 
 def last_contacts(iteration: Iteration) -> Contacts | None:
