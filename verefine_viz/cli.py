@@ -19,7 +19,7 @@ from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
 from verefine_viz.commands.evaluate import Evaluate
-from verefine_viz.commands.help import show_help
+from verefine_viz.commands.help import SETTINGS, show_help
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
@@ -99,6 +99,9 @@ def parse(words: list[str]) -> Command:
         show_help(COMMANDS[words[0]], f"{PROGRAM} {words[0]}", words[1:])
         command: Any = tyro.cli(COMMANDS[words[0]], prog=f"{PROGRAM} {words[0]}", args=words[1:])
         return command
+    if SETTINGS in words:
+        # They are the same for all commands that run a session.
+        show_help(COMMANDS["view"], f"{PROGRAM} view", words)
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
     one_of: Any = Union[tuple(names)]  # noqa: UP007
     return tyro.cli(one_of, prog=PROGRAM, args=words, description=verefine_viz.__doc__)

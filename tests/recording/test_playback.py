@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from tests.recording.runs import recorded_run, session
+from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.playback import iteration_of, played
 from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.row import row_of
 from verefine_viz.session import comparison
 from verefine_viz.session.alignment import aligned
@@ -76,3 +77,15 @@ def test_data_that_changed_since_are_told(tmp_path: Path) -> None:
         played(recorded, box_problem(2, 2))
     with pytest.raises(InputError, match="made of 1_box, which frame 0/1 does not hold"):
         played(recorded, box_problem(3, 1))
+
+
+@pytest.mark.parametrize(("n", "said"), [(0, "no iterations are"), (1, "1 iteration is"), (4, "4 iterations are")])
+def test_one_that_ended_early_says_so(tmp_path: Path, n: int, said: str) -> None:
+    s, problem = session(maps=False), box_problem(3, 2)
+    run = new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem),))
+    for _ in range(n):
+        run.step()
+    notes = played(read_recording(tmp_path / "run.rrd"), problem).problem.notes
+    assert notes[-1] == f"the recording ended early (it was stopped or cut off); {said} in it"
+    run.finish()
+    assert played(read_recording(tmp_path / "run.rrd"), problem).problem.notes == problem.notes

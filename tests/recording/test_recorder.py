@@ -13,6 +13,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.row import row_of
@@ -73,6 +74,7 @@ def test_initial_scores_and_errors_are_recorded(tmp_path: Path) -> None:
     first = run._states[0].initial[0]
     assert first is not None
     assert recorded.layout.branches[0].initial_scores == tuple(first.score)
+    assert first_difference(played(recorded, run.problem).state_at(0).initial[0], first) is None
     last = run.iterations[-1]
     T_gt = run.problem.instances[-1].T_cam_obj_gt
     assert T_gt is not None

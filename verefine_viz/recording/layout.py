@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,7 @@ from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
+from verefine_viz.core.scores import Scores
 from verefine_viz.recording.entities import branch
 
 SUBSAMPLE = 16
@@ -29,13 +29,18 @@ class Branch:
     """Of its entities: ``3_mug``."""
     sources: tuple[str, ...]
     """Where each hypothesis comes from."""
-    initial_scores: tuple[float, ...]
-    """f̄ of each hypothesis before the first iteration."""
+    initial: tuple[tuple[float, ...], ...]
+    """Of each hypothesis before the first iteration: f̄, mean f_d, mean f_n, N, rendered pixels, the five classes."""
     has_truth: bool
 
     @property
     def n_arms(self) -> int:
         return len(self.sources)
+
+    @property
+    def initial_scores(self) -> tuple[float, ...]:
+        """f̄ of each hypothesis before the first iteration."""
+        return tuple(values[0] for values in self.initial)
 
 
 @dataclass(frozen=True)
@@ -80,13 +85,22 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
     branches: list[Branch] = []
     for instance, scores in zip(problem.instances, state.initial, strict=True):
         sources = tuple(h.source for h in instance.hypotheses)
-        initial: Sequence[float] = scores.score.tolist() if scores is not None else [0.0] * len(sources)
+        initial = [_UNKNOWN] * len(sources) if scores is None else _rows(scores)
         has_truth = instance.T_cam_obj_gt is not None
         name = branch(instance, problem)
         branches.append(Branch(instance.instance_id, instance.obj_id, name, sources, tuple(initial), has_truth))
     solved = {b.instance_id for b in branches if b.n_arms}
     has_clusters = any(len(solved.intersection(cluster)) > 1 for cluster in problem.clusters)
     return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
+
+
+_UNKNOWN = (0.0,) * 10
+
+
+def _rows(scores: Scores) -> list[tuple[float, ...]]:
+    """As ``Branch.initial``."""
+    fits, pixels = (scores.score, scores.depth_fit, scores.normal_fit), (scores.n_pixels, scores.n_rendered)
+    return [tuple(row) for row in np.column_stack((*fits, *pixels, scores.counts)).tolist()]
 
 
 def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -117,7 +131,7 @@ def layout_from_json(text: str) -> Layout:
     """The inverse of :meth:`Layout.to_json`."""
     raw = json.loads(text)
     branches = (
-        Branch(**{**b, "sources": tuple(b["sources"]), "initial_scores": tuple(b["initial_scores"])})
+        Branch(**{**b, "sources": tuple(b["sources"]), "initial": tuple(tuple(row) for row in b["initial"])})
         for b in raw["branches"]
     )
     center, eye = tuple(raw["center_world"]), tuple(raw["eye_world"])

@@ -83,11 +83,10 @@ class Playback:
         return ObjectState(target, scores, arms, Best(entry.T_cam_obj, entry.score, first, 0, "initial"))
 
     def _initial(self, target: Target) -> Scores:
-        """Only f̄ of the first poses is in a recording; what it is made of was not kept."""
         branch = self._recorded.layout.branch(target.instance.instance_id)
-        value = np.array(branch.initial_scores, np.float64)
-        none = np.zeros(len(value), np.int64)
-        return Scores(value, value, value, none, none + 1, np.zeros((len(value), 5), np.int64))
+        values = np.array(branch.initial, np.float64).reshape(-1, 10)
+        pixels = values[:, 3:].astype(np.int64)
+        return Scores(values[:, 0], values[:, 1], values[:, 2], pixels[:, 0], pixels[:, 1], pixels[:, 2:])
 
 
 def played(recorded: Recorded, problem: Problem) -> Run:
@@ -101,10 +100,18 @@ def played(recorded: Recorded, problem: Problem) -> Run:
         InputError: the frame does not hold what was recorded.
     """
     problem = problem.only(_recorded_instances(recorded, problem))
+    if not recorded.is_complete:
+        problem = replace(problem, notes=(*problem.notes, _ended_early(recorded)))
     run = Run(cast(Any, Playback(recorded)), problem)
     run.finish()
     run.seek(0)
     return run
+
+
+def _ended_early(recorded: Recorded) -> str:
+    n = len(recorded.rows)
+    left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
+    return f"the recording ended early (it was stopped or cut off); {left}"
 
 
 def _recorded_instances(recorded: Recorded, problem: Problem) -> Sequence[int]:
