@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import ormsgpack
 import pytest
 import rerun as rr
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.records import Iteration
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.unfinished import part_path
@@ -90,3 +95,16 @@ def test_a_part_that_cannot_be_read_yet_is_read_from_its_journal(tmp_path: Path)
     assert recorded.n_drawn == 0
     part_path(tmp_path / "run.rrd").write_bytes(whole)
     run.close()
+
+
+@pytest.mark.parametrize("packed", [b"", b"x", ormsgpack.packb([{}, [0.0]]), ormsgpack.packb([{"index": "one"}, []])])
+def test_an_entry_that_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, packed: bytes) -> None:
+    made = Entry.of
+
+    def broken(iteration: Iteration, errors: Float) -> Entry:
+        return replace(made(iteration, errors), packed=packed)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Entry, "of", broken)
+        recorded_run(tmp_path / "run.rrd", session(maps=False))
+    assert "an iteration cannot be read" in error_of(tmp_path / "run.rrd")

@@ -24,6 +24,7 @@ class Entry:
     errors: Float
     """(3,) as ``Row.errors``."""
     packed: bytes
+    """Both as msgpack."""
 
     @staticmethod
     def of(iteration: Iteration, errors: Float) -> Entry:
