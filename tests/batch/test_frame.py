@@ -45,7 +45,7 @@ def test_the_recordings_that_were_asked_for_are_kept(
     recordings = list((tmp_path / "recordings").glob("*"))
     assert len(recordings) == n_kept
     for file in recordings:
-        assert len(read_recording(file).rows) == 9  # 3 objects, 3 iterations: the whole history
+        assert len(read_recording(file).entries) == 9  # 3 objects, 3 iterations: the whole history
 
 
 def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> None:

@@ -11,10 +11,10 @@ from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.recording.entities import CURVES, EXACT
+from verefine_viz.recording.entry import as_recorded
 from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.reader import chunks_of, read_recording
 from verefine_viz.recording.replay import completed
-from verefine_viz.recording.row import row_of
 from verefine_viz.recording.unfinished import journal_path, part_path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,30 +40,30 @@ def test_a_killed_run_keeps_all_its_iterations(tmp_path: Path, maps: bool) -> No
     assert not path.exists()
     recorded = read_recording(path)
     assert not recorded.is_complete
-    assert len(recorded.rows) >= last
+    assert len(recorded.entries) >= last
     run = new_run(session(iterations=1000, maps=maps), box_problem(3))
-    for row in recorded.rows:
-        assert first_difference(row, row_of(run.step(), row.errors)) is None
+    for iteration in recorded.iterations:
+        assert first_difference(iteration, as_recorded(run.step())) is None
 
 
 def test_a_killed_recording_is_completed_for_the_viewer(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     killed_run(path, 33, maps=False)
     before = read_recording(path)
-    assert before.n_drawn < len(before.rows)
+    assert before.n_drawn < len(before.entries)
     out = tmp_path / "out"
     out.mkdir()
     after = read_recording(completed(before, out))
     assert after.is_complete
-    assert after.n_drawn == len(before.rows)
-    assert first_difference(after.rows, before.rows) is None
+    assert after.n_drawn == len(before.entries)
+    assert first_difference(after.iterations, before.iterations) is None
 
 
 def test_completing_draws_what_the_killed_run_would_have_drawn(tmp_path: Path) -> None:
     """The curves of a completed recording are those of one that was never cut."""
     recorded_run(tmp_path / "whole.rrd", session(maps=False), block=4)
     stopped = new_run_with_journal(tmp_path / "cut.rrd")
-    assert 0 < stopped.n_drawn < len(stopped.rows)
+    assert 0 < stopped.n_drawn < len(stopped.entries)
     (tmp_path / "out").mkdir()
     fixed = completed(stopped, tmp_path / "out")
     assert curves(fixed) == curves(tmp_path / "whole.rrd")
@@ -109,9 +109,9 @@ def test_a_file_cut_in_a_message_gives_what_is_whole(tmp_path: Path) -> None:
     for share in (0.6, 0.75, 0.9, 0.99):
         cut = tmp_path / "cut.rrd"
         cut.write_bytes(content[: int(len(content) * share)])
-        rows = read_recording(cut).rows
-        assert first_difference(rows, whole.rows[: len(rows)]) is None
-        n_read.append(len(rows))
+        found = read_recording(cut).iterations
+        assert first_difference(found, whole.iterations[: len(found)]) is None
+        n_read.append(len(found))
     assert n_read == sorted(n_read)
     assert n_read[-1] > 0
 
@@ -119,21 +119,21 @@ def test_a_file_cut_in_a_message_gives_what_is_whole(tmp_path: Path) -> None:
 def test_a_cut_journal_gives_its_whole_entries(tmp_path: Path) -> None:
     killed_run(tmp_path / "run.rrd", 5, maps=False)
     journal = journal_path(tmp_path / "run.rrd")
-    (_, rows), content = read_journal(journal), journal.read_bytes()
+    (_, entries), content = read_journal(journal), journal.read_bytes()
     for cut in range(1, 400, 13):
         journal.write_bytes(content[:-cut])
         _, fewer = read_journal(journal)
-        assert len(rows) - 2 <= len(fewer) < len(rows)
-        assert first_difference(fewer, rows[: len(fewer)]) is None
+        assert len(entries) - 2 <= len(fewer) < len(entries)
+        assert [entry.packed for entry in fewer] == [entry.packed for entry in entries[: len(fewer)]]
 
 
 def test_a_journal_with_a_flipped_bit_ends_before_it(tmp_path: Path) -> None:
     killed_run(tmp_path / "run.rrd", 5, maps=False)
     journal = journal_path(tmp_path / "run.rrd")
-    (_, rows), content = read_journal(journal), bytearray(journal.read_bytes())
+    (_, entries), content = read_journal(journal), bytearray(journal.read_bytes())
     content[-10] ^= 1
     journal.write_bytes(bytes(content))
-    assert len(read_journal(journal)[1]) == len(rows) - 1
+    assert len(read_journal(journal)[1]) == len(entries) - 1
 
 
 def test_exact_columns_reach_the_file_in_blocks(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ def test_live_viewers_are_served_on_loopback_only(tmp_path: Path) -> None:
     served = [c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN]
     assert [a.ip for a in served if a.port == port] == ["127.0.0.1"]
     run.finish()
-    assert len(read_recording(tmp_path / "run.rrd").rows) == 4
+    assert len(read_recording(tmp_path / "run.rrd").entries) == 4
 
 
 def test_a_live_recording_is_drawn_at_once(tmp_path: Path) -> None:

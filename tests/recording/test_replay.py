@@ -60,14 +60,14 @@ def test_one_bit_of_a_pose_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     record_changed(tmp_path / "run.rrd", monkeypatch, 17, change)
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
-    assert found.startswith("iteration 17: Ts_cam_obj")
+    assert found.startswith("iteration 17: stages[2].T_cam_obj")
 
 
 @pytest.mark.parametrize(
     ("k", "change", "named"),
     [
         (1, lambda i: replace(i, accepted="simulated"), "accepted"),
-        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best_arm"),
+        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best.arm"),
         (8, lambda i: replace(i, arm=2), "arm"),
     ],
 )

@@ -122,6 +122,8 @@ def test_a_scene_without_maps_records_every_objects_error(tmp_path: Path) -> Non
     recorded = read_recording(tmp_path / "run.rrd")
     for branch in recorded.layout.branches:
         errors = column(tmp_path / "run.rrd", f"{entities.CURVES}/add_s/{branch.name}", "Scalars:scalars")
-        own = [r for r in recorded.rows if r.instance_id == branch.instance_id]
-        assert [e[0] for e in errors] == [r.errors[2] for r in own]
-    assert sum(r.instance_id == 1 for r in recorded.rows) == len([i for i in run.iterations if i.instance_id == 1])
+        own = [e for e in recorded.entries if e.iteration.instance_id == branch.instance_id]
+        assert [e[0] for e in errors] == [entry.errors[2] for entry in own]
+    assert sum(i.instance_id == 1 for i in recorded.iterations) == len(
+        [i for i in run.iterations if i.instance_id == 1]
+    )

@@ -20,7 +20,7 @@ class AgainstTruth:
         self._best: dict[int, tuple[Best, float]] = {}
 
     def errors(self, target: Target, iteration: Iteration) -> Float:
-        """What ``Row.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
+        """What ``Entry.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return _UNKNOWN

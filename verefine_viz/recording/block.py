@@ -1,4 +1,4 @@
-"""Rows that follow one another, and the numbers of all of them as arrays: made at once, they cost a fraction."""
+"""Iterations that follow one another, and the numbers of all of them as arrays: made at once, they cost a fraction."""
 
 from __future__ import annotations
 
@@ -12,78 +12,86 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.recording.row import Row
-
-FIT = (("simulated", 1), ("simulated", 2), ("refined", 1), ("refined", 2))
-"""Stage and column of ``Row.scores``: f_d and f_n of both candidates."""
+from verefine_viz.core.records import Contacts, Iteration, Stage
+from verefine_viz.recording.entry import NO_CONTACTS, Entry
 
 
 class Block:
-    """n rows with s poses in all: each row's stages in order, row after row."""
+    """n iterations with s poses in all: each one's stages in order, iteration after iteration."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
+    def __init__(self, entries: Sequence[Entry]) -> None:
         """There must be at least one."""
-        self.rows = rows
-        self.iterations = [r.index for r in rows]
-        self.n_stages = [len(r.stages) for r in rows]
-        self.firsts = np.fromiter(accumulate(self.n_stages[:-1], initial=0), np.int64, len(rows))
-        """(n,) where each row's poses begin."""
-        self.Ts_cam_obj: Float = np.concatenate([r.Ts_cam_obj for r in rows])
+        self.entries = entries
+        self.iterations = [entry.iteration for entry in entries]
+        self.indices = [i.index for i in self.iterations]
+        stages = [stage for i in self.iterations for stage in i.stages]
+        self.n_stages = [len(i.stages) for i in self.iterations]
+        self.firsts = list(accumulate(self.n_stages[:-1], initial=0))
+        """(n,) where each iteration's poses begin."""
+        self.Ts_cam_obj: Float = np.concatenate([stage.T_cam_obj for stage in stages]).reshape(-1, 4, 4)
         """(s, 4, 4) [m]."""
-        self.scores: Float = np.concatenate([r.scores for r in rows])
-        """(s, 3) as ``Row.scores``."""
         self.moved_mm, self.turned_deg = _ways(
-            self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(self.Ts_cam_obj))
+            self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(stages))
         )
-        """(s,) how far each pose is from the first of its row: origins, angle."""
+        """(s,) how far each pose is from the first of its iteration: origins, angle."""
 
     def ways(self) -> Iterator[tuple[list[float], list[float]]]:
-        """``moved_mm`` and ``turned_deg`` of each row."""
+        """``moved_mm`` and ``turned_deg`` of each iteration."""
         moved_mm, turned_deg = self.moved_mm.tolist(), self.turned_deg.tolist()
-        for first, n in zip(self.firsts.tolist(), self.n_stages, strict=True):
+        for first, n in zip(self.firsts, self.n_stages, strict=True):
             yield moved_mm[first : first + n], turned_deg[first : first + n]
 
     def own(self, instance_id: int) -> list[int]:
-        """Which rows are about that object."""
-        return [k for k, row in enumerate(self.rows) if row.instance_id == instance_id]
+        """Which iterations are about that object."""
+        return [k for k, i in enumerate(self.iterations) if i.instance_id == instance_id]
 
     @cached_property
     def fit(self) -> Float:
-        """(n, 4) the scores of :data:`FIT`; NaN where there are none."""
-        out = np.full((len(self.rows), len(FIT)), np.nan)
-        for k, (stage, column) in enumerate(FIT):
-            places = self._places(stage)
-            known = places >= 0
-            out[known, k] = self.scores[places[known], column]
-        return out
+        """(n, 4) f_d and f_n of the simulated and of the refined pose; NaN where there are none."""
+        pairs = ((i.stage("simulated"), i.stage("refined")) for i in self.iterations)
+        return np.array([(*_fits(simulated), *_fits(refined)) for simulated, refined in pairs])
 
     @cached_property
     def physics(self) -> Float:
         """(n, 6) moved [mm] and turned [°] by simulation and by refiner, contacts, deepest penetration [mm]."""
-        simulated, mixed, refined = (self._places(stage) for stage in ("simulated", "mixed", "refined"))
-        simulated, mixed = np.where(simulated < 0, self.firsts, simulated), np.where(mixed < 0, self.firsts, mixed)
-        out = np.empty((len(self.rows), 6))
+        places = [
+            {stage.name: first + k for k, stage in enumerate(i.stages)}
+            for first, i in zip(self.firsts, self.iterations, strict=True)
+        ]
+        simulated, mixed = (
+            [at.get(name, first) for at, first in zip(places, self.firsts, strict=True)]
+            for name in ("simulated", "mixed")
+        )
+        refined = [at.get("refined", start) for at, start in zip(places, mixed, strict=True)]
+        contacts = [last_contacts(i) for i in self.iterations]
+        out = np.empty((len(self.iterations), 6))
         out[:, 0], out[:, 1] = self.moved_mm[simulated], self.turned_deg[simulated]
-        out[:, 2], out[:, 3] = _ways(self.Ts_cam_obj, mixed, np.where(refined < 0, mixed, refined))
-        out[:, 4] = [len(r.contacts) for r in self.rows]
-        out[:, 5] = [1e3 * max([0.0, *r.contacts[:, 6].tolist()]) for r in self.rows]
+        out[:, 2], out[:, 3] = _ways(self.Ts_cam_obj, np.array(mixed), np.array(refined))
+        out[:, 4] = [len(c.depths_m) for c in contacts]
+        out[:, 5] = [1e3 * max([0.0, *c.depths_m.tolist()]) for c in contacts]
         return out
 
     @cached_property
     def errors(self) -> Float:
-        """(n, 3) as ``Row.errors``."""
-        return np.array([r.errors for r in self.rows])
+        """(n, 3) as ``Entry.errors``."""
+        return np.array([entry.errors for entry in self.entries])
 
     @cached_property
     def best_scores(self) -> Float:
-        """(n, 3) as ``Row.best_score``."""
-        return np.array([r.best_score for r in self.rows])
+        """(n,) f̄ of the best pose of each one's object so far."""
+        return np.array([i.best.score.score for i in self.iterations])
 
-    def _places(self, stage: str) -> NDArray[np.int64]:
-        """(n,) where the poses of that stage are; −1 in rows without it."""
-        found = [r.stages.index(stage) if stage in r.stages else -1 for r in self.rows]
-        within = np.array(found, np.int64)
-        return np.where(within < 0, within, within + self.firsts)
+
+def last_contacts(iteration: Iteration) -> Contacts:
+    """The contacts at the end of its simulation."""
+    path = iteration.path
+    return path.contacts[-1] if path is not None and path.contacts else NO_CONTACTS
+
+
+def _fits(stage: Stage | None) -> tuple[float, float]:
+    if stage is None or stage.score is None:
+        return math.nan, math.nan
+    return stage.score.depth_fit, stage.score.normal_fit
 
 
 @njit(cache=True)

@@ -75,27 +75,27 @@ def curves(branch: Branch, block: Block, own: Sequence[int], held: Float) -> Ite
 
     Args:
         branch: the object.
-        block: rows of all objects.
+        block: iterations of all objects.
         own: which of them are the object's; at least one.
-        held: (H,) latest kept score of each hypothesis before these rows; updated in place.
+        held: (H,) latest kept score of each hypothesis before them; updated in place.
     """
-    rows = [block.rows[k] for k in own]
-    scores = np.empty((len(rows), len(held) + 1))
-    for k, row in enumerate(rows):
-        kept = row.score(row.accepted)
-        if kept == kept:
-            held[row.arm] = kept
+    iterations = [block.iterations[k] for k in own]
+    scores = np.empty((len(own), len(held) + 1))
+    for k, i in enumerate(iterations):
+        kept = i.accepted_stage.score
+        if kept is not None:
+            held[i.arm] = kept.score
         scores[k, :-1] = held
-    scores[:, -1] = block.best_scores[own, 0]
+    scores[:, -1] = block.best_scores[own]
     drawn = {"score": scores, "fit": block.fit[own], "physics": block.physics[own]}
-    if rows[0].choice.shape[1]:
-        chosen = np.array([r.choice for r in rows])
-        drawn |= {"ucb": chosen[:, 3], "pulls": chosen[:, 0]}
+    choices = [i.choice for i in iterations if i.choice is not None]
+    if len(choices) == len(own):
+        drawn |= {"ucb": np.array([c.ucb for c in choices]), "pulls": np.array([c.plays for c in choices])}
     if branch.has_truth:
         drawn["error"] = block.errors[own]
-    iterations = [r.index for r in rows]
+    indices = [i.index for i in iterations]
     for name, values in drawn.items():
-        yield chunks.rows_of(curve(name, branch.name), iterations, [columns.numbers(_SCALARS, values)])
+        yield chunks.rows_of(curve(name, branch.name), indices, [columns.numbers(_SCALARS, values)])
 
 
 def _darker(color: RGB) -> RGB:

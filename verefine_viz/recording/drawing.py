@@ -1,4 +1,4 @@
-"""Rows as rerun draws them: poses, contacts, curves, bandit, events, text; one chunk per entity for many rows."""
+"""Iterations as rerun draws them: poses, contacts, curves, bandit, events, text; one chunk per entity for many."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
+from verefine_viz.core.records import Iteration
 from verefine_viz.recording import chunks, columns, curves, entities
-from verefine_viz.recording.block import Block
+from verefine_viz.recording.block import Block, last_contacts
+from verefine_viz.recording.entry import NO_CONTACTS, Entry
 from verefine_viz.recording.exact import exact
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.poses import Poses
-from verefine_viz.recording.row import NO_CONTACTS, NO_PATH, Row
 from verefine_viz.recording.scene_curves import scene_curves, scene_styles, start_best
 from verefine_viz.recording.tree import Tree
 from verefine_viz.recording.wording import describe
@@ -31,7 +32,7 @@ PATH_COLOR = STAGE_COLORS["simulated"]
 
 
 class Drawing:
-    """Draws rows in order, block by block; remembers what the next block needs of the ones before."""
+    """Draws iterations in order, block by block; remembers what the next block needs of the ones before."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -54,46 +55,48 @@ class Drawing:
             yield from start_best(self._layout)
         yield from self._tree.styles()
 
-    def skip(self, rows: Sequence[Row]) -> None:
-        """Takes rows as drawn already."""
-        for row in rows:
-            kept = row.score(row.accepted)
-            if not np.isnan(kept):
-                self._held[row.instance_id][row.arm] = kept
-            self._worked_on = row.instance_id
-            self._started.add(row.instance_id)
-            self._poses.add(row)
-            if row.parts.tree is not None:
-                self._tree.add(row.parts.tree)
+    def skip(self, entries: Sequence[Entry]) -> None:
+        """Takes iterations as drawn already."""
+        for i in (entry.iteration for entry in entries):
+            kept = i.accepted_stage.score
+            if kept is not None:
+                self._held[i.instance_id][i.arm] = kept.score
+            self._worked_on = i.instance_id
+            self._started.add(i.instance_id)
+            self._poses.add(i)
+            if i.tree is not None:
+                self._tree.add(i.tree)
         list(self._poses.chunks())
 
-    def draw(self, rows: Sequence[Row]) -> Iterator[Piece]:
-        """The rows, which follow the ones before without a gap."""
-        block, turns = Block(rows), self._turns(rows)
-        for row in rows:
-            self._poses.add(row)
+    def draw(self, entries: Sequence[Entry]) -> Iterator[Piece]:
+        """The iterations, which follow the ones before without a gap."""
+        block = Block(entries)
+        turns = self._turns(block.iterations)
+        for iteration in block.iterations:
+            self._poses.add(iteration)
         yield from self._poses.chunks()
         for branch in self._layout.branches:
             own = block.own(branch.instance_id)
-            yield from _contacts(branch, [rows[k] for k in own], turns.get(branch.instance_id, []))
+            mine = [block.iterations[k] for k in own]
+            yield from _contacts(branch, mine, turns.get(branch.instance_id, []))
             if own:
                 if branch.instance_id not in self._started:
                     self._started.add(branch.instance_id)
-                    yield curves.start(branch, rows[own[0]].index - 1)
+                    yield curves.start(branch, mine[0].index - 1)
                 yield from curves.curves(branch, block, own, self._held[branch.instance_id])
         if self._layout.is_scene or self._layout.has_tree:
             yield from scene_curves(self._layout, block)
-        yield from self._tree.draw(rows)
+        yield from self._tree.draw(block.iterations)
         yield from _events(self._layout, block)
-        yield exact(rows)
+        yield exact(block)
 
-    def _turns(self, rows: Sequence[Row]) -> dict[int, list[int]]:
+    def _turns(self, iterations: Sequence[Iteration]) -> dict[int, list[int]]:
         """Iterations at which another object's turn begins, by the object whose turn that ends."""
         turns: dict[int, list[int]] = {}
-        for row in rows:
-            if self._worked_on is not None and self._worked_on != row.instance_id:
-                turns.setdefault(self._worked_on, []).append(row.index)
-            self._worked_on = row.instance_id
+        for i in iterations:
+            if self._worked_on is not None and self._worked_on != i.instance_id:
+                turns.setdefault(self._worked_on, []).append(i.index)
+            self._worked_on = i.instance_id
         return turns
 
 
@@ -106,56 +109,60 @@ def _object_styles(branch_name: str) -> tuple[Piece, ...]:
     )
 
 
-def _contacts(branch: Branch, rows: Sequence[Row], turns: Sequence[int]) -> Iterator[Piece]:
+def _contacts(branch: Branch, iterations: Sequence[Iteration], turns: Sequence[int]) -> Iterator[Piece]:
     """Contacts and way of the simulation; nothing from an iteration of ``turns`` on."""
-    shown = {r.index: (r.contacts, r.path) for r in rows if len(r.path)}
-    shown |= {k: (NO_CONTACTS, NO_PATH) for k in turns}
+    shown = {i.index: (last_contacts(i), i.path.Ts_cam_obj) for i in iterations if i.path is not None}
+    shown |= {k: (NO_CONTACTS, _NO_PATH) for k in turns}
     if not shown:
         return
-    root, iterations = f"{entities.OBJECTS}/{branch.name}", sorted(shown)
+    root, indices = f"{entities.OBJECTS}/{branch.name}", sorted(shown)
+    contacts, paths = zip(*[shown[k] for k in indices], strict=True)
     # All at once: most iterations have a handful of contacts.
-    lengths = [len(shown[k][0]) for k in iterations]
-    contacts = np.concatenate([shown[k][0] for k in iterations])
+    lengths = [len(c.depths_m) for c in contacts]
+    origins = np.concatenate([c.points_cam for c in contacts])
+    normals = np.concatenate([c.normals_cam for c in contacts])
     # Light touches stay visible: an arrow is at least 10 mm long.
-    vectors = contacts[:, 3:6] * np.maximum(ARROW_M_PER_N * contacts[:, 7:8], 0.01)
+    lengths_m = np.maximum(ARROW_M_PER_N * np.concatenate([c.forces_n for c in contacts]), 0.01)
     arrow = rr.Arrows3D
     parts = [
-        columns.vectors(arrow.descriptor_origins(), columns.Ragged(lengths, contacts[:, :3]), 3),
-        columns.vectors(arrow.descriptor_vectors(), columns.Ragged(lengths, vectors), 3),
+        columns.vectors(arrow.descriptor_origins(), columns.Ragged(lengths, origins), 3),
+        columns.vectors(arrow.descriptor_vectors(), columns.Ragged(lengths, normals * lengths_m[:, None]), 3),
     ]
-    hits = contacts[:, 8] >= 0
+    hits = np.concatenate([c.others for c in contacts]) >= 0
     if hits.any():
         colors = columns.Ragged(lengths, np.where(hits, COLLISION_COLOR, CONTACT_COLOR))
         parts.append(columns.numbers(arrow.descriptor_colors(), colors, np.uint32))
-    yield chunks.rows_of(f"{root}/contacts", iterations, parts)
-    paths = [shown[k][1] for k in iterations]
+    yield chunks.rows_of(f"{root}/contacts", indices, parts)
     ways = columns.Ragged([len(path) for path in paths], np.concatenate(paths)[:, :3, 3])
-    yield chunks.rows_of(f"{root}/path", iterations, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
+    yield chunks.rows_of(f"{root}/path", indices, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
+
+
+_NO_PATH = np.zeros((0, 4, 4))
 
 
 def _events(layout: Layout, block: Block) -> Iterator[Piece]:
-    rows, iterations = block.rows, block.iterations
-    branches = {b.instance_id: b for b in layout.branches}
-    lane = [[branches[r.instance_id].name, f"hypothesis {r.arm + 1}", r.accepted, _notable(r)] for r in rows]
-    yield chunks.rows_of(entities.LANE, iterations, [columns.texts(rr.StateChange.descriptor_state(), lane)])
-    logged = [(r.index, kind, text) for r in rows for kind, text in zip(r.event_kinds, r.event_texts, strict=True)]
+    iterations, indices = block.iterations, block.indices
+    names = {b.instance_id: b.name for b in layout.branches}
+    lane = [[names[i.instance_id], f"hypothesis {i.arm + 1}", i.accepted, _notable(i)] for i in iterations]
+    yield chunks.rows_of(entities.LANE, indices, [columns.texts(rr.StateChange.descriptor_state(), lane)])
+    logged = [(i.index, event) for i in iterations for event in i.events]
     if logged:
         parts = [
-            columns.texts(rr.TextLog.descriptor_text(), [[text] for _, _, text in logged]),
-            columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(kind, "INFO")] for _, kind, _ in logged]),
+            columns.texts(rr.TextLog.descriptor_text(), [[event.text] for _, event in logged]),
+            columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(event.kind, "INFO")] for _, event in logged]),
         ]
-        yield chunks.rows_of(entities.LOG, [k for k, _, _ in logged], parts)
-    texts = [[describe(r, layout, *ways)] for r, ways in zip(rows, block.ways(), strict=True)]
-    yield chunks.rows_of(entities.CHOICE, iterations, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
-    chosen = [r for r in rows if r.choice.shape[1]]
+        yield chunks.rows_of(entities.LOG, [k for k, _ in logged], parts)
+    texts = [[describe(entry, layout, *ways)] for entry, ways in zip(block.entries, block.ways(), strict=True)]
+    yield chunks.rows_of(entities.CHOICE, indices, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
+    chosen = [(i.index, i.choice.ucb) for i in iterations if i.choice is not None]
     if chosen:
-        lengths = [r.choice.shape[1] for r in chosen]
-        heights = _above_lowest(np.concatenate([r.choice[3] for r in chosen]), lengths)
+        lengths = [len(ucb) for _, ucb in chosen]
+        heights = _above_lowest(np.concatenate([ucb for _, ucb in chosen]), lengths)
         bars = [
             columns.bars(rr.BarChart.descriptor_values(), columns.Ragged(lengths, heights)),
             _numbers_of_bars(tuple(lengths)),
         ]
-        yield chunks.rows_of(entities.BANDIT, [r.index for r in chosen], bars)
+        yield chunks.rows_of(entities.BANDIT, [k for k, _ in chosen], bars)
 
 
 def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:
@@ -192,11 +199,10 @@ _NOTABLE = {
 room."""
 
 
-def _notable(row: Row) -> str:
+def _notable(iteration: Iteration) -> str:
     """One event per iteration for the lane; empty where nothing stands out."""
-    if not row.event_kinds:
-        return ""
-    return next((kind.replace("_", " ") for kind in _NOTABLE if kind in row.event_kinds), "")
+    kinds = [event.kind for event in iteration.events]
+    return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "") if kinds else ""
 
 
 @lru_cache(maxsize=64)

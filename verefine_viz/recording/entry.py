@@ -14,22 +14,26 @@ import ormsgpack
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
 
+NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """What is kept of an iteration."""
+    """What is kept of an iteration: nothing that is shown has to be computed again."""
 
     iteration: Iteration
-    """Read back, its simulated path is in single precision and has the contacts of the last step alone."""
+    """Read back, every number is the run's, bit by bit, but for its simulated path: that is there to be drawn, in
+    single precision and with the contacts of the last step alone."""
     errors: Float
-    """(3,) as ``Row.errors``."""
+    """(3,) against ground truth: rotation [deg] and translation [mm] of the kept pose, ADD(-S) of the best pose [mm];
+    NaN where there is no ground truth."""
     packed: bytes
     """Both as msgpack."""
 
     @staticmethod
     def of(iteration: Iteration, errors: Float) -> Entry:
         """The run waits for this, so as little as possible is made on the way."""
-        kept = {**vars(iteration), "path": None if iteration.path is None else _path(iteration.path)}
+        kept = {**vars(iteration), "path": None if iteration.path is None else _kept(iteration.path)}
         packed = ormsgpack.packb((kept, errors), np.ndarray.tolist, ormsgpack.OPT_SERIALIZE_NUMPY)
         return Entry(iteration, errors, packed)
 
@@ -46,8 +50,12 @@ class Entry:
             raise ValueError(f"not an iteration: {error}") from None
 
 
-def _path(path: SimulatedPath) -> dict[str, Any]:
-    """It is there to be drawn: single precision, and the contacts of the last step."""
+def as_recorded(iteration: Iteration) -> Iteration:
+    """The iteration as it is read back from a recording."""
+    return Entry.read(Entry.of(iteration, np.zeros(3)).packed).iteration
+
+
+def _kept(path: SimulatedPath) -> dict[str, Any]:
     return {"Ts_cam_obj": path.Ts_cam_obj.astype(np.float32), "contacts": path.contacts[-1:]}
 
 
@@ -57,6 +65,7 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter()
     converter.register_structure_hook_func(lambda kind: get_origin(kind) is np.ndarray, _array)
     converter.register_structure_hook(Contacts, _contacts)
+    converter.register_structure_hook(SimulatedPath, _path)
     return converter
 
 
@@ -64,6 +73,12 @@ def _array(values: Any, kind: Any) -> np.ndarray:
     """As its annotation says: ``NDArray[np.float64]`` is an array of any shape and of that type."""
     _, dtype = get_args(kind)
     return np.array(values, get_args(dtype)[0])
+
+
+def _path(values: Mapping[str, Any], _: Any) -> SimulatedPath:
+    """With contacts for every step, as a run has them."""
+    poses, last = values["Ts_cam_obj"], [_contacts(contacts, Contacts) for contacts in values["contacts"]]
+    return SimulatedPath(np.array(poses), (NO_CONTACTS,) * (len(poses) - 1 - len(last)) + tuple(last))
 
 
 def _contacts(values: Mapping[str, Any], _: Any) -> Contacts:

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import rerun as rr
 
 from verefine_viz.recording import chunks, columns, entities
+from verefine_viz.recording.block import Block
 from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row
 
 
-def exact(rows: Sequence[Row]) -> Piece:
-    """Rows as one chunk of :data:`entities.EXACT`: the poses by their stages (float64, row by row) for whoever looks at
-    recordings with other tools, and everything as :class:`Entry`.
+def exact(block: Block) -> Piece:
+    """Iterations as one chunk of :data:`entities.EXACT`: the poses by their stages (float64, row by row) for whoever
+    looks at recordings with other tools, and everything as :class:`Entry`.
     """
-    sizes = [16 * len(row.stages) for row in rows]
-    poses = columns.Ragged(sizes, np.concatenate([row.Ts_cam_obj for row in rows]))
     sent = [
-        columns.texts(_named("stages"), [row.stages for row in rows]),
-        columns.numbers(_named("Ts_cam_obj"), poses),
-        columns.blobs(_named(ENTRY), [row.packed for row in rows]),
+        columns.texts(_named("stages"), [[stage.name for stage in i.stages] for i in block.iterations]),
+        columns.numbers(_named("Ts_cam_obj"), columns.Ragged([16 * n for n in block.n_stages], block.Ts_cam_obj)),
+        columns.blobs(_named(ENTRY), [entry.packed for entry in block.entries]),
     ]
-    return chunks.rows_of(entities.EXACT, [row.index for row in rows], sent)
+    return chunks.rows_of(entities.EXACT, block.indices, sent)
 
 
 def entry_from(values: Mapping[str, Any]) -> Entry:

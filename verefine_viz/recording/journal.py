@@ -20,7 +20,6 @@ import ormsgpack
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.entry import Entry
-from verefine_viz.recording.row import Row, rows_of
 
 MAGIC = b"VRFJ5\n"
 _FRAME = struct.Struct("<II")
@@ -62,7 +61,7 @@ class Journal:
             raise InputError(f"cannot write {self._path}: {error.strerror or error}") from None
 
 
-def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
+def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     """What the journal is about and all its whole entries.
 
     What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
@@ -70,7 +69,7 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Row, ...]]:
     content = path.read_bytes()
     found = _whole_entries(content) if content.startswith(MAGIC) else []
     about, *entries = found or [_NOTHING]
-    return ormsgpack.unpackb(about), tuple(rows_of([Entry.read(packed) for packed in entries]))
+    return ormsgpack.unpackb(about), tuple(Entry.read(packed) for packed in entries)
 
 
 def _framed(body: bytes) -> bytes:

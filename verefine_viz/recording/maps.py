@@ -22,10 +22,10 @@ from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, d
 from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, ScoreMaps
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row
 
 TILE_PX = 128
 """Every object is shown this large, whatever its size in the image; together with the pairs this bounds the bytes."""
@@ -76,16 +76,16 @@ class Maps:
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
         return chunks.at(f"{entities.MAPS}/{OBSERVED}", iteration, picture)
 
-    def pair(self, row: Row, placed: Sequence[Placed]) -> Iterator[Piece]:
+    def pair(self, iteration: Iteration, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of the two poses that an iteration had to choose from; what is computed, is computed at once."""
         (target,) = self._targets
-        made = [self._verifier.maps(target, row.Ts_cam_obj[k], placed, self._at) for k in compared(row)]
+        made = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
         images = {
             name: np.concatenate([self._index_image(name, made[0]), gap, self._index_image(name, made[-1])], axis=1)
             for name in MAP_NAMES
         }
-        return self._pictures(entities.MAPS, row.index, images)
+        return self._pictures(entities.MAPS, iteration.index, images)
 
     def scene(self, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Iterator[Piece]:
         """The maps of all objects together, at the poses (m, 4, 4)."""
@@ -132,10 +132,11 @@ def _png_type() -> columns.Column:
     return columns.texts(rr.EncodedImage.descriptor_media_type(), [["image/png"]])
 
 
-def compared(row: Row) -> Sequence[int]:
-    """Indices of the two stages shown side by side: simulated and refined, else what was there and what came of it."""
-    judged = [k for k in range(len(row.stages)) if not np.isnan(row.scores[k, 0])] or [0]
-    return judged[-2:] if len(judged) > 1 else [0, judged[0]]
+def compared(iteration: Iteration) -> Sequence[Stage]:
+    """The two stages shown side by side: simulated and refined, else what was there and what came of it."""
+    first = iteration.stages[0]
+    judged = [stage for stage in iteration.stages if stage.score is not None] or [first]
+    return judged[-2:] if len(judged) > 1 else [first, judged[0]]
 
 
 def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

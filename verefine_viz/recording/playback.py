@@ -11,11 +11,10 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.records import Best, Choice, Contacts, Event, Iteration, SimulatedPath, Stage
-from verefine_viz.core.scores import PoseScore, Scores
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.recording.reader import Recorded
-from verefine_viz.recording.row import Row
 from verefine_viz.session.engine import Run
 
 
@@ -38,11 +37,11 @@ class PlayedState:
 
 
 class Playback:
-    """Steps through the rows of a recording as a method steps through a run."""
+    """Steps through the iterations of a recording as a method steps through a run."""
 
     def __init__(self, recorded: Recorded) -> None:
         self._recorded = recorded
-        self._iterations = tuple(iteration_of(row) for row in recorded.rows)
+        self._iterations = recorded.iterations
 
     def start(self, problem: Problem) -> PlayedState:
         return PlayedState(problem, tuple(self._start(target) for target in problem.targets))
@@ -109,7 +108,7 @@ def played(recorded: Recorded, problem: Problem) -> Run:
 
 
 def _ended_early(recorded: Recorded) -> str:
-    n = len(recorded.rows)
+    n = len(recorded.entries)
     left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
     return f"the recording ended early (it was stopped or cut off); {left}"
 
@@ -145,49 +144,3 @@ def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
     return replace(
         before, arms=tuple(arms), best=iteration.best, n_done=before.n_done + 1, last_arm=min(j, len(arms) - 1)
     )
-
-
-def iteration_of(row: Row) -> Iteration:
-    """The record of a row; of the contacts only those at the end of the simulation were kept."""
-    stages = tuple(
-        Stage(cast(Any, name), T, _score(row.scores[k], row.pixels[k]), float(row.ms[k]))
-        for k, (name, T) in enumerate(zip(row.stages, row.Ts_cam_obj, strict=True))
-    )
-    best = _score(row.best_score, row.best_pixels)
-    assert best is not None, f"iteration {row.index} has no score of its best pose"
-    choice = Choice(row.arm, *row.choice, reason=row.reason) if row.choice.size else None
-    events = zip(row.event_kinds, row.event_texts, strict=True)
-    return Iteration(
-        index=row.index,
-        instance_id=row.instance_id,
-        obj_id=row.obj_id,
-        arm=row.arm,
-        arm_iteration=row.arm_iteration,
-        stages=stages,
-        accepted=cast(Any, row.accepted),
-        best=Best(row.T_best, best, row.best_arm, row.best_iteration, cast(Any, row.best_stage)),
-        path=_path(row),
-        choice=choice,
-        events=tuple(Event(cast(Any, kind), text) for kind, text in events),
-        score_ms=float(row.ms[-1]),
-    )
-
-
-def _score(values: Float, pixels: Any) -> PoseScore | None:
-    if np.isnan(values[0]):
-        return None
-    f, depth_fit, normal_fit = (float(v) for v in values)
-    n, n_rendered, *counts = (int(p) for p in pixels)
-    a, b, c, d, e = counts
-    return PoseScore(f, depth_fit, normal_fit, n, n_rendered, (a, b, c, d, e))
-
-
-def _path(row: Row) -> SimulatedPath | None:
-    if len(row.path) == 0:
-        return None
-    k = row.contacts.astype(np.float64)
-    last = Contacts(k[:, :3], k[:, 3:6], k[:, 6], k[:, 7], k[:, 8].astype(np.int64))
-    none = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
-    n_steps = len(row.path) - 1
-    contacts = (*(none,) * (n_steps - 1), last) if n_steps else ()
-    return SimulatedPath(row.path.astype(np.float64), contacts)

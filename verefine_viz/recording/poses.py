@@ -9,11 +9,10 @@ import numpy as np
 import rerun as rr
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import PlacedPose
+from verefine_viz.core.records import Iteration, PlacedPose
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row
 
 NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
 """Too small to be seen: what has no valid transform at all would be reported as an error in the view."""
@@ -23,7 +22,7 @@ Moves = list[tuple[int, str, Float]]
 
 
 class Poses:
-    """Follows the stages of all objects from row to row; knows what is shown, and sends what changes."""
+    """Follows the stages of all objects from iteration to iteration; knows what is shown, and sends what changes."""
 
     def __init__(self, layout: Layout) -> None:
         self._branches = {b.instance_id: b for b in layout.branches}
@@ -39,21 +38,21 @@ class Poses:
         for branch in self._branches.values():
             yield _nothing(branch.name, self._stages)
 
-    def add(self, row: Row) -> None:
-        """Takes the next iteration."""
-        k, before = row.index, self._worked_on
-        if before is not None and before != row.instance_id:
+    def add(self, iteration: Iteration) -> None:
+        """Takes the next one."""
+        k, own, before = iteration.index, iteration.instance_id, self._worked_on
+        if before is not None and before != own:
             # Another object's turn: of this one only what it came to stays.
             for stage in entities.WORKED_ON:
                 self._move(k, before, stage, NOWHERE)
-        self._worked_on = row.instance_id
-        self._place(k, row)
-        shown = dict(zip(row.stages, row.Ts_cam_obj, strict=True))
+        self._worked_on = own
+        self._place(iteration)
+        shown = {stage.name: stage.T_cam_obj for stage in iteration.stages}
         for stage in entities.WORKED_ON:
-            self._move(k, row.instance_id, stage, shown.get(stage, NOWHERE))
-        self._move(k, row.instance_id, "best", row.T_best)
-        self._best[row.instance_id] = row.T_best
-        for pose in _incumbent(row):
+            self._move(k, own, stage, shown.get(stage, NOWHERE))
+        self._move(k, own, "best", iteration.best.T_cam_obj)
+        self._best[own] = iteration.best.T_cam_obj
+        for pose in _incumbent(iteration):
             self._move(k, pose.instance_id, "incumbent", pose.T_cam_obj)
 
     def chunks(self) -> Iterator[Piece]:
@@ -63,16 +62,16 @@ class Poses:
                 yield _transforms(self._branches[instance_id].name, moves)
                 moves.clear()
 
-    def _place(self, k: int, row: Row) -> None:
+    def _place(self, iteration: Iteration) -> None:
         """Objects that stand while this one is worked on; where one stands at its best, only that is drawn."""
-        tree = row.parts.tree
-        standing = {p.instance_id: p.T_cam_obj for p in (*row.parts.placed, *(tree.rollout if tree else ()))}
-        standing.pop(row.instance_id, None)
+        k, own, tree = iteration.index, iteration.instance_id, iteration.tree
+        standing = {p.instance_id: p.T_cam_obj for p in (*iteration.placed, *(tree.rollout if tree else ()))}
+        standing.pop(own, None)
         for instance_id in self._placed.keys() | standing.keys():
             now = standing.get(instance_id, NOWHERE)
             self._move(k, instance_id, "placed", now)
             best = self._best.get(instance_id)
-            if best is not None and instance_id != row.instance_id:
+            if best is not None and instance_id != own:
                 self._move(k, instance_id, "best", NOWHERE if np.array_equal(best, now) else best)
         self._placed = standing
 
@@ -84,10 +83,10 @@ class Poses:
             self._moves[instance_id].append((k, stage, T))
 
 
-def _incumbent(row: Row) -> Sequence[PlacedPose]:
-    if row.parts.scene is not None:
-        return row.parts.scene.incumbent
-    return row.parts.tree.incumbent if row.parts.tree is not None else ()
+def _incumbent(iteration: Iteration) -> Sequence[PlacedPose]:
+    if iteration.scene is not None:
+        return iteration.scene.incumbent
+    return iteration.tree.incumbent if iteration.tree is not None else ()
 
 
 @lru_cache(maxsize=64)

@@ -6,9 +6,10 @@ import json
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import pydantic
 from rerun.chunk import Chunk, RrdReader
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
 from verefine_viz.recording.entry import Entry
@@ -23,7 +25,6 @@ from verefine_viz.recording.exact import entry_from
 from verefine_viz.recording.journal import read_journal
 from verefine_viz.recording.layout import Layout, layout_from_json
 from verefine_viz.recording.recorder import SCHEMA
-from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import journal_path, part_path
 from verefine_viz.recording.viewer_process import executable
@@ -46,7 +47,7 @@ class Recorded:
     versions: Mapping[str, str]
     layout: Layout
     """The objects, their hypotheses and initial scores."""
-    rows: tuple[Row, ...]
+    entries: tuple[Entry, ...]
     """Iterations 1, 2, …, without a gap."""
     n_drawn: int
     """How many of them are drawn in the file; the others come from the journal of a killed run."""
@@ -54,6 +55,10 @@ class Recorded:
     """Whether the writer finished the file, and nothing was cut off since."""
     properties: Mapping[str, Any]
     """All of the above that is not iterations, as it is written."""
+
+    @property
+    def iterations(self) -> tuple[Iteration, ...]:
+        return tuple(entry.iteration for entry in self.entries)
 
 
 def read_recording(path: Path) -> Recorded:
@@ -63,13 +68,13 @@ def read_recording(path: Path) -> Recorded:
         InputError: there is no such file, or it is not a recording of this program.
     """
     path = existing(path)
-    properties, rows, is_whole = _read(path)
-    n_drawn = len(rows)
+    properties, entries, is_whole = _read(path)
+    n_drawn = len(entries)
     if is_part(path):
         journal = journal_path(final_path(path))
         about, journalled = read_journal(journal) if journal.is_file() else ({}, ())
         properties = properties or about
-        rows = _continued(rows, journalled)
+        entries = _without_gap((*journalled, *entries))
     if "schema" not in properties:
         raise InputError(f"{path} is a rerun recording of another program; expected one that view or batch wrote")
     schema = int(properties["schema"])
@@ -92,7 +97,7 @@ def read_recording(path: Path) -> Recorded:
         properties["session"],
         versions,
         layout,
-        tuple(rows),
+        entries,
         n_drawn,
         is_whole and not is_part(path),
         properties,
@@ -175,27 +180,27 @@ def chunks_of(path: Path) -> list[Chunk]:
         return RrdReader(path).stream().to_chunks()
 
 
-def _read(path: Path) -> tuple[dict[str, Any], list[Row], bool]:
-    """Properties, rows, and whether nothing was cut off; nothing at all of a part that was just begun.
+def _read(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...], bool]:
+    """Properties, iterations, and whether nothing was cut off; nothing at all of a part that was just begun.
 
     Raises:
         InputError: there is something in it that cannot be read.
     """
     if is_part(path) and not has_content(path):
-        return {}, [], False
+        return {}, (), False
     try:
         with readable(path) as file:
-            properties, rows = _content(file, path)
-            return properties, rows, file == path and not is_cut(path)
+            properties, entries = _content(file, path)
+            return properties, entries, file == path and not is_cut(path)
     except InputError:
         # Somebody writes it right now. The journal beside it has every iteration.
         if is_part(path) and journal_path(final_path(path)).is_file():
-            return {}, [], False
+            return {}, (), False
         raise
 
 
-def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
-    """Properties and rows of a readable file.
+def _content(file: Path, path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
+    """Properties and iterations of a readable file.
 
     Raises:
         InputError: an iteration cannot be read.
@@ -212,7 +217,7 @@ def _content(file: Path, path: Path) -> tuple[dict[str, Any], list[Row]]:
         raise InputError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise InputError(f"{path}: an iteration cannot be read ({type(error).__name__}: {error})") from None
-    return properties, _without_gap({row.index: row for row in rows_of(entries)})
+    return properties, _without_gap(entries)
 
 
 def _records(chunk: Chunk) -> Iterator[dict[str, Any]]:
@@ -234,13 +239,7 @@ def _value(scalar: Any) -> Any:
     return values.to_pylist()
 
 
-def _without_gap(rows: Mapping[int, Row]) -> list[Row]:
-    found: list[Row] = []
-    while len(found) + 1 in rows:
-        found.append(rows[len(found) + 1])
-    return found
-
-
-def _continued(rows: list[Row], journalled: Sequence[Row]) -> list[Row]:
-    """Rows with those that only the journal has."""
-    return _without_gap({row.index: row for row in (*journalled, *rows)})
+def _without_gap(entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Iterations 1, 2, … as far as they are there."""
+    known = {entry.iteration.index: entry for entry in entries}
+    return tuple(known[k] for k in takewhile(known.__contains__, count(1)))

@@ -27,7 +27,6 @@ from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.live_file import LiveFile
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row, rows_of
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.threaded_file import ThreadedFile
 from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
@@ -117,7 +116,7 @@ class Recorder:
         self._journal.append(entry)
         self._pending.append(entry)
         if self._verifier is not None:
-            for chunks in self._pictures(self._verifier, rows_of([entry])[0]):
+            for chunks in self._pictures(self._verifier, iteration):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
             self.draw_now()
@@ -125,8 +124,8 @@ class Recorder:
     def draw_now(self) -> None:
         """Draws the iterations that wait for their block."""
         if self._pending and self._file is not None:
-            self._file.send(self._drawing.draw(rows_of(self._pending)))
-            self._pending.clear()
+            pending, self._pending = self._pending, []
+            self._file.send(self._drawing.draw(pending))
 
     def flush(self) -> None:
         """Waits until all that was drawn is in the file, for whoever opens it unfinished."""
@@ -153,22 +152,22 @@ class Recorder:
             self._journal.close()
         name_finished(self._path)
 
-    def _pictures(self, verifier: Verifier, row: Row) -> Iterator[Iterable[Piece]]:
+    def _pictures(self, verifier: Verifier, iteration: Iteration) -> Iterator[Iterable[Piece]]:
         """The maps of an iteration, and of the scene where it closes a pass."""
         tau_m = self._session.score.tau_m
-        placed = self._placed(row.parts.placed) if self._session.method.occluders == "placed" else ()
-        if self._maps is None or self._maps[0] != row.instance_id:
-            maps = Maps([self._targets[row.instance_id]], verifier, tau_m)
-            self._maps = (row.instance_id, maps)
-            yield [maps.observed(row.index)]
-        yield self._maps[1].pair(row, placed)
-        scene = row.parts.scene
+        placed = self._placed(iteration.placed) if self._session.method.occluders == "placed" else ()
+        if self._maps is None or self._maps[0] != iteration.instance_id:
+            maps = Maps([self._targets[iteration.instance_id]], verifier, tau_m)
+            self._maps = (iteration.instance_id, maps)
+            yield [maps.observed(iteration.index)]
+        yield self._maps[1].pair(iteration, placed)
+        scene = iteration.scene
         if scene is not None:
             targets = [self._targets[p.instance_id] for p in scene.poses]
             own = {p.instance_id for p in scene.poses}
             others = [p for p in placed if p.instance_id not in own]
             maps = Maps(targets, verifier, tau_m, SCENE_TILE_PX)
-            yield maps.scene(row.index, np.array([p.T_cam_obj for p in scene.poses]), others)
+            yield maps.scene(iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]

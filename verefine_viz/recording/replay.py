@@ -11,10 +11,10 @@ from pathlib import Path
 from rerun.chunk import Chunk
 
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.records import Iteration
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.entities import MAPS
+from verefine_viz.recording.entry import as_recorded
 from verefine_viz.recording.frame import property_chunks
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.reader import (
@@ -28,7 +28,6 @@ from verefine_viz.recording.reader import (
     readable,
 )
 from verefine_viz.recording.recorder import versions
-from verefine_viz.recording.row import Row, row_of
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.viewer_process import free_port, has_display, start_viewer
 from verefine_viz.session.engine import Run
@@ -66,8 +65,8 @@ def completed(recorded: Recorded, folder: Path) -> Path:
             chunks = chunks_of(file)
     has_maps = any(chunk.entity_path.startswith(MAPS) for chunk in chunks)
     drawing = Drawing(recorded.layout)
-    drawing.skip(recorded.rows[: recorded.n_drawn])
-    missing = recorded.rows[recorded.n_drawn :]
+    drawing.skip(recorded.entries[: recorded.n_drawn])
+    missing = recorded.entries[recorded.n_drawn :]
     file = RrdFile(target)
     if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
         file.send(property_chunks(recorded.properties))
@@ -126,13 +125,13 @@ def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
     run = (make_run or run_again)(recorded)
     difference = None
     n_compared = 0
-    for row in recorded.rows:
+    for iteration in recorded.iterations:
         if run.is_done:
-            difference = f"iteration {row.index}: recorded, but the new run ended after {run.length}"
+            difference = f"iteration {iteration.index}: recorded, but the new run ended after {run.length}"
             break
-        found = compare(row, run.step())
+        found = first_difference(iteration, as_recorded(run.step()))
         if found:
-            difference = f"iteration {row.index}: {found}"
+            difference = f"iteration {iteration.index}: {found}"
             break
         n_compared += 1
     if difference is not None:
@@ -148,11 +147,6 @@ def run_again(recorded: Recorded) -> Run:
     toolbox = Toolbox(recorded.session)
     problem = toolbox.problem(recorded.frame).only([b.instance_id for b in recorded.layout.branches])
     return toolbox.run(problem)
-
-
-def compare(row: Row, iteration: Iteration) -> str | None:
-    """The first difference between a recorded and a new iteration, or None; errors and timings are left out."""
-    return first_difference(row, row_of(iteration, row.errors))
 
 
 def _other(recorded: Recorded) -> str:

@@ -10,12 +10,12 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
+from verefine_viz.core.records import Iteration
 from verefine_viz.recording import chunks, columns
 from verefine_viz.recording.block import Block
 from verefine_viz.recording.curves import curve
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row
 
 _SCALARS = rr.Scalars.descriptor_scalars()
 _LOOKS: dict[str, tuple[tuple[str, RGB], ...]] = {
@@ -54,19 +54,19 @@ def scene_curves(layout: Layout, block: Block) -> Iterator[Piece]:
     for branch in layout.branches:
         own = block.own(branch.instance_id)
         if own:
-            iterations = [block.iterations[k] for k in own]
-            yield _one("best", branch, iterations, block.best_scores[own, :1])
+            indices = [block.indices[k] for k in own]
+            yield _one("best", branch, indices, block.best_scores[own, None])
             if branch.has_truth:
-                yield _one("add_s", branch, iterations, block.errors[own, 2:])
-    yield from _per_cluster("scene", layout, block.rows)
-    yield from _per_cluster("cost", layout, block.rows)
+                yield _one("add_s", branch, indices, block.errors[own, 2:])
+    yield from _per_cluster("scene", layout, block.iterations)
+    yield from _per_cluster("cost", layout, block.iterations)
 
 
-def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Piece]:
+def _per_cluster(group: str, layout: Layout, iterations: Sequence[Iteration]) -> Iterator[Piece]:
     found: dict[str, tuple[list[int], list[list[float]]]] = {}
     names = {b.instance_id: b.name for b in layout.branches}
-    for row in rows:
-        scene, tree = row.parts.scene, row.parts.tree
+    for iteration in iterations:
+        scene, tree = iteration.scene, iteration.tree
         if group == "scene" and scene is not None:
             values = [scene.reward, scene.score.score, scene.best_known.score, scene.incumbent_score]
             poses = scene.poses
@@ -74,12 +74,12 @@ def _per_cluster(group: str, layout: Layout, rows: Sequence[Row]) -> Iterator[Pi
             values, poses = [tree.cost_px, tree.incumbent_cost_px], tree.incumbent
         else:
             continue
-        first = min((p.instance_id for p in poses), default=row.instance_id)
-        iterations, numbers = found.setdefault(names[first], ([], []))
-        iterations.append(row.index)
+        first = min((p.instance_id for p in poses), default=iteration.instance_id)
+        indices, numbers = found.setdefault(names[first], ([], []))
+        indices.append(iteration.index)
         numbers.append(values)
-    for name, (iterations, numbers) in found.items():
-        yield chunks.rows_of(curve(group, name), iterations, [columns.numbers(_SCALARS, numbers)])
+    for name, (indices, numbers) in found.items():
+        yield chunks.rows_of(curve(group, name), indices, [columns.numbers(_SCALARS, numbers)])
 
 
 def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
@@ -88,5 +88,5 @@ def _lines(lines: Sequence[tuple[str, RGB]]) -> rr.SeriesLines:
     return rr.SeriesLines(names=names, colors=colors, widths=[2.0] * len(lines), interpolation_mode="StepAfter")
 
 
-def _one(group: str, branch: Branch, iterations: Sequence[int], values: Float) -> Piece:
-    return chunks.rows_of(curve(group, branch.name), iterations, [columns.numbers(_SCALARS, values)])
+def _one(group: str, branch: Branch, indices: Sequence[int], values: Float) -> Piece:
+    return chunks.rows_of(curve(group, branch.name), indices, [columns.numbers(_SCALARS, values)])

@@ -11,11 +11,10 @@ import pyarrow as pa
 import rerun as rr
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
-from verefine_viz.core.records import TreeStep
+from verefine_viz.core.records import Iteration, TreeStep
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.row import Row
 
 BESIDE, DEEPER = 34.0, 290.0
 """Between neighbouring leaves, one below the other, and from a node to its children, to the right."""
@@ -56,19 +55,19 @@ class Tree:
             nodes[n].visits += 1
             nodes[n].cost_px += step.cost_px
 
-    def draw(self, rows: Sequence[Row]) -> Iterator[Piece]:
-        """The tree after each of the rows that did something to it."""
-        iterations: list[int] = []
+    def draw(self, iterations: Sequence[Iteration]) -> Iterator[Piece]:
+        """The tree after each of the iterations that did something to it."""
+        indices: list[int] = []
         ids: list[list[str]] = []
         labels: list[list[str]] = []
         positions, colors, edges = [], [], []
-        for row in rows:
-            step = row.parts.tree
+        for iteration in iterations:
+            step = iteration.tree
             if step is None:
                 continue
             self.add(step)
             nodes = self._clusters[step.cluster]
-            iterations.append(row.index)
+            indices.append(iteration.index)
             ids.append([str(n) for n in nodes])
             labels.append([self._label(n) for n in nodes.values()])
             places = _places(nodes)
@@ -76,7 +75,7 @@ class Tree:
             marked = set(step.branch)
             colors.append([_packed(ON_BRANCH if n in marked else self._color(node)) for n, node in nodes.items()])
             edges.append([(str(node.parent), str(n)) for n, node in nodes.items() if n])
-        if not iterations:
+        if not indices:
             return
         of = rr.GraphNodes
         parts = [
@@ -86,7 +85,7 @@ class Tree:
             columns.numbers(of.descriptor_colors(), colors, np.uint32),
             columns.of_arrow(rr.GraphEdges.descriptor_edges(), _pairs(edges)),
         ]
-        yield chunks.rows_of(entities.TREE, iterations, parts)
+        yield chunks.rows_of(entities.TREE, indices, parts)
 
     def _label(self, node: _Node) -> str:
         if not node.depth:

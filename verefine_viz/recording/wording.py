@@ -5,66 +5,66 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from verefine_viz.core.records import PlacedPose, SceneRecord, TreeStep
+from verefine_viz.core.records import Iteration, PlacedPose, SceneRecord, TreeStep
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.layout import Layout
-from verefine_viz.recording.row import Row
 
 
-def describe(row: Row, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
+def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
     """What happened in this iteration and why, for the text panel.
 
     Args:
-        row: the iteration.
+        entry: the iteration.
         layout: what its numbers mean.
         moved_mm: how far each stage is from the first.
         turned_deg: the same as an angle.
     """
-    branch = layout.branch(row.instance_id)
-    source = plain(branch.sources[row.arm]) if row.arm < branch.n_arms else ""
-    in_pass = "" if row.parts.scene_pass is None else f", pass {row.parts.scene_pass}"
+    i = entry.iteration
+    branch = layout.branch(i.instance_id)
+    source = plain(branch.sources[i.arm]) if i.arm < branch.n_arms else ""
+    in_pass = "" if i.scene_pass is None else f", pass {i.scene_pass}"
     lines = [
-        f"## Iteration {row.index}: {branch.name}{in_pass}",
-        f"**Hypothesis {row.arm + 1} of {branch.n_arms}** ({source}), its iteration {row.arm_iteration}.",
+        f"## Iteration {i.index}: {branch.name}{in_pass}",
+        f"**Hypothesis {i.arm + 1} of {branch.n_arms}** ({source}), its iteration {i.arm_iteration}.",
     ]
-    if row.reason:
-        lines.append(f"Why this one: {plain(row.reason)}")
-    lines.append(_stages(row, moved_mm, turned_deg))
-    score, *_ = row.best_score.tolist()
-    where = f"iteration {row.best_iteration}" if row.best_iteration else "the start"
-    lines.append(f"Best so far: {score:.3f}, hypothesis {row.best_arm + 1}, {row.best_stage}, {where}.")
+    if i.choice is not None and i.choice.reason:
+        lines.append(f"Why this one: {plain(i.choice.reason)}")
+    lines.append(_stages(i, moved_mm, turned_deg))
+    best = i.best
+    where = f"iteration {best.iteration}" if best.iteration else "the start"
+    lines.append(f"Best so far: {best.score.score:.3f}, hypothesis {best.arm + 1}, {best.stage}, {where}.")
     if branch.has_truth:
-        rotation_deg, translation_mm, add_mm = row.errors.tolist()
+        rotation_deg, translation_mm, add_mm = entry.errors.tolist()
         lines.append(
             f"Against ground truth: kept pose {rotation_deg:.1f}° and {translation_mm:.1f} mm off;"
             f" best pose ADD(-S) {add_mm:.1f} mm."
         )
-    lines += _scene(row, layout)
-    if row.event_texts:
-        lines.append("\n".join(f"- {plain(text)}" for text in row.event_texts))
+    lines += _scene(i, layout)
+    if i.events:
+        lines.append("\n".join([f"- {plain(event.text)}" for event in i.events]))
     return "\n\n".join(lines)
 
 
-def _stages(row: Row, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
+def _stages(iteration: Iteration, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
     """The table of the stages."""
-    # Plain floats: for a handful of numbers arrays cost more than they save.
-    scores, pixels = row.scores.tolist(), row.pixels.tolist()
     lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
-    for k, stage in enumerate(row.stages):
-        f, depth_fit, normal_fit = scores[k]
-        judged = "– | – | – | –" if f != f else f"{f:.3f} | {depth_fit:.3f} | {normal_fit:.3f} | {pixels[k][0]}"
-        name = f"**{stage} ✔**" if stage == row.accepted else stage
-        lines.append(f"| {name} | {judged} | {moved_mm[k]:.1f} mm | {turned_deg[k]:.1f}° |")
+    for stage, mm, deg in zip(iteration.stages, moved_mm, turned_deg, strict=True):
+        s = stage.score
+        judged = "– | – | – | –"
+        if s is not None:
+            judged = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f} | {s.n_pixels}"
+        name = f"**{stage.name} ✔**" if stage.name == iteration.accepted else stage.name
+        lines.append(f"| {name} | {judged} | {mm:.1f} mm | {deg:.1f}° |")
     return "\n".join(lines)
 
 
-def _scene(row: Row, layout: Layout) -> Iterator[str]:
-    parts = row.parts
-    if parts.placed:
-        yield f"Already placed: {_names(parts.placed, layout)}."
-    if parts.scene is not None:
-        yield _scene_record(parts.scene)
-    if parts.tree is not None:
-        yield from _tree_step(parts.tree, layout)
+def _scene(iteration: Iteration, layout: Layout) -> Iterator[str]:
+    if iteration.placed:
+        yield f"Already placed: {_names(iteration.placed, layout)}."
+    if iteration.scene is not None:
+        yield _scene_record(iteration.scene)
+    if iteration.tree is not None:
+        yield from _tree_step(iteration.tree, layout)
 
 
 def _scene_record(scene: SceneRecord) -> str:

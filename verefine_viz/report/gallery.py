@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
+from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.row import Row
 from verefine_viz.report.loaded import Key, Loaded, key
 from verefine_viz.report.pictures import Pictures, pictures
 from verefine_viz.scenes.source import SceneSource, open_scene
@@ -187,24 +187,18 @@ def _curves(run: Loaded, frame: str, notes: list[str]) -> dict[int | None, Curve
     except VerefineError as error:
         notes.append(f"No curves of frame {frame}: {error}.")
         return {}
-    ids = dict.fromkeys(row.instance_id for row in recorded.rows)
-    return {i: _curve([row for row in recorded.rows if row.instance_id == i]) for i in ids}
+    ids = dict.fromkeys(i.instance_id for i in recorded.iterations)
+    return {k: _curve([e for e in recorded.entries if e.iteration.instance_id == k]) for k in ids}
 
 
-def _curve(rows: Sequence[Row]) -> Curve:
+def _curve(entries: Sequence[Entry]) -> Curve:
+    iterations = [entry.iteration for entry in entries]
+    kept = [i.accepted_stage.score for i in iterations]
+    errors_mm = [float(entry.errors[2]) for entry in entries]
     return Curve(
-        tuple(row.index for row in rows),
-        tuple(row.arm for row in rows),
-        tuple(_known(row.score(row.accepted)) for row in rows),
-        tuple(_running_best(rows)),
-        tuple(_known(float(row.errors[2])) for row in rows),
+        tuple(i.index for i in iterations),
+        tuple(i.arm for i in iterations),
+        tuple(None if score is None else score.score for score in kept),
+        tuple(i.best.score.score for i in iterations),
+        tuple(None if math.isnan(e) else e for e in errors_mm),
     )
-
-
-def _running_best(rows: Sequence[Row]) -> Iterator[float]:
-    for row in rows:
-        yield float(row.best_score[0])
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
