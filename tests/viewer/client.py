@@ -49,5 +49,7 @@ class FakeClient:
 @contextmanager
 def client(url: str, origin: str | None = None):
     """A connected :class:`FakeClient`; ``origin`` as a web page's browser would send it."""
-    with connect(url.replace("http", "ws"), subprotocols=[SUBPROTOCOL], origin=origin, max_size=None) as socket:  # type: ignore[arg-type, list-item]
+    # Nobody reads what comes: with a limit on what waits, the server's goodbye would wait behind it.
+    limits: dict[str, Any] = {"max_size": None, "max_queue": None}
+    with connect(url.replace("http", "ws"), subprotocols=[SUBPROTOCOL], origin=origin, **limits) as socket:  # type: ignore[arg-type, list-item]
         yield FakeClient(socket)

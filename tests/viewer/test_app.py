@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba import njit
 
 from tests.viewer.client import client
 from tests.viewer.tools import FakeTools
@@ -14,6 +15,7 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
@@ -120,6 +122,57 @@ def test_a_command_that_fails_is_told_and_the_page_lives_on(app: App) -> None:
     app.send(c.Step())
     app.wait_until_idle()
     assert cursor(app) == 1
+
+
+class Fresh(FakeTools):
+    """Compiles when it reads a frame, and when it starts again, as after installing."""
+
+    def problem(self, frame: str) -> Problem:
+        njit(lambda: 1)()
+        return super().problem(frame)
+
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
+        njit(lambda: 2)()
+        return super().restarted(settings)
+
+
+class Overheard(App):
+    """What it says on the page while nothing can be shown."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.said: list[str] = []
+
+    def _say(self, doing: str) -> None:
+        super()._say(doing)
+        self.said.append(self._loading.content if self._layout is None else self._layout.run._words._handle.content)
+
+
+def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path) -> None:
+    app = Overheard(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        assert any(f"Reading the scene: models, pictures, first poses. {COMPILING}" in said for said in app.said)
+        app.said.clear()
+        app.send(c.Restart((("method.exploration", 1.0),)))
+        app.wait_until_idle()
+        assert any(f">{COMPILING}<" in said for said in app.said), "the scene was read long ago"
+        assert COMPILING not in app.layout.run._words._handle.content, "it is over"
+    finally:
+        app.stop()
+
+
+def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path) -> None:
+    app = Overheard(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        app.said.clear()  # What the viewer itself uses may be compiled here for the first time.
+        app.send(c.Restart((("method.exploration", 1.0),)))
+        app.wait_until_idle()
+        assert app.said, "what is prepared is said"
+        assert not any(COMPILING in said for said in app.said)
+    finally:
+        app.stop()
 
 
 def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:

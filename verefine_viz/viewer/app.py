@@ -16,6 +16,7 @@ from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.session.compiling import COMPILING, told_of_compiling
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.gallery import Gallery
@@ -73,6 +74,8 @@ class App:
         self._stopping = False
         self._idle = False
         self._is_shallow = False
+        self._doing = ""
+        """What is being done, as long as nothing of it can be shown."""
         self._layout: Layout | None = None
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
@@ -140,6 +143,10 @@ class App:
     # The worker thread
 
     def _work(self) -> None:
+        with told_of_compiling(self._tell_of_compiling):
+            self._open_and_serve()
+
+    def _open_and_serve(self) -> None:
         try:
             self._open()
         except Exception as error:
@@ -181,6 +188,8 @@ class App:
             tell=self._tell,
             overlap=overlap,
         ).carry_out(self._first)
+        self._tell("Drawing the first picture.")
+        self.debugger.view(deep=False)  # Where kernels are compiled for it, the page can still say so.
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
         self.sides = SideNodes(self.server)
@@ -193,6 +202,14 @@ class App:
 
     def _tell(self, doing: str) -> None:
         """Says on the page what is being done, before something that may take seconds."""
+        self._doing = doing
+        self._say(doing)
+
+    def _tell_of_compiling(self) -> None:
+        """Says why it takes longer than usual."""
+        self._say(f"{self._doing} {COMPILING}".lstrip())
+
+    def _say(self, doing: str) -> None:
         if self._layout is None:
             self._loading.content = block(opening(doing))
         else:
@@ -254,7 +271,7 @@ class App:
             self.layout.show(self._view, hand_is_ahead)
         self.server.flush()
         self._shown_at = monotonic()
-        self._is_shallow = True
+        self._is_shallow, self._doing = True, ""
 
     def _show_deep(self) -> None:
         self._is_shallow = False

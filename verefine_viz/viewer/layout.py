@@ -183,13 +183,15 @@ class Layout:
         self.maps.show(view)
 
     def show_deep(self, view: View) -> None:
-        """The panels that tell of score maps and plausibility."""
+        """The panels that tell of score maps and plausibility, and the one that may have told what takes long."""
+        self.run.show(view)
         self.maps.show(view)
         self.score.show(view)
         self.physics.show(view)
 
     def show_physics(self, view: View) -> None:
-        """The panels that tell what physics says about the whole scene."""
+        """The panels that tell what physics says of the whole scene, and the one that may have told what takes long."""
+        self.run.show(view)
         self._show_objects(view)
         self.physics.show(view)
 

@@ -1,0 +1,74 @@
+"""Whoever waits for kernels to be compiled is told, and nobody else."""
+
+from __future__ import annotations
+
+import importlib.util
+import threading
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from numba import config, njit
+
+from verefine_viz.session.compiling import told_of_compiling
+
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+class Told:
+    """How often it was told."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self) -> None:
+        self.times += 1
+
+
+def started_with(path: Path) -> ModuleType:
+    """A module as a new start of the program reads it: with nothing in memory."""
+    spec = importlib.util.spec_from_file_location("kernel_of_test", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_told_once_after_installing_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    path = tmp_path / "kernel.py"
+    path.write_text(KERNEL)
+    starts = []
+    for _ in range(2):
+        told = Told()
+        with told_of_compiling(told):
+            kernel = started_with(path)
+            assert told.times == 0, "nothing was called yet"
+            assert kernel.twice(2) == kernel.twice(2) == 4
+        starts.append(told.times)
+    assert starts == [1, 0]
+
+
+def test_each_hears_of_its_own_thread_and_only_inside() -> None:
+    inner, outer, after = njit(lambda: 1), njit(lambda: 2), njit(lambda: 3)
+    here, there = Told(), Told()
+
+    def elsewhere() -> None:
+        with told_of_compiling(there):
+            inner()
+
+    with told_of_compiling(here):
+        thread = threading.Thread(target=elsewhere)
+        thread.start()
+        thread.join()
+        assert (here.times, there.times) == (0, 1)
+        outer()
+    after()
+    assert (here.times, there.times) == (1, 1)
