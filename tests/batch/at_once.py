@@ -25,12 +25,12 @@ def solved(frame: str) -> FrameResult:
 class AtOnce:
     """The workers."""
 
-    answer: Callable[[str], FrameResult | None] = solved
+    answer: Callable[[str], FrameResult | str | None] = solved
     needs: str = ""
     warning: str = ""
     is_closed: bool = False
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
         return map(self.answer, frames)
 
     def close(self) -> None:

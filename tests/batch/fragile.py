@@ -13,10 +13,12 @@ from verefine_viz.core.settings import Session
 
 DIES, EXITS = "0/13", "0/17"
 DIES_ONCE = "0/19"
+TAKES_LONG = "0/23", "0/29"
+WHY = "Compiling."
 
 
 def work(channel: connection.Connection, session: Session, out: Path, task: str) -> None:
-    """Answers each frame; is killed by one and leaves at another."""
+    """Answers each frame; is killed by one and leaves at another; says twice why one takes long."""
     while True:
         try:
             frame = channel.recv()
@@ -29,4 +31,7 @@ def work(channel: connection.Connection, session: Session, out: Path, task: str)
             os.kill(os.getpid(), signal.SIGKILL)
         if frame == EXITS:
             sys.exit(3)
+        if frame in TAKES_LONG:
+            channel.send(WHY)
+            channel.send(WHY)
         channel.send(FrameResult(frame=frame, failed=False, seconds=float(os.getpid()), objects=()))

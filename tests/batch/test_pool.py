@@ -86,6 +86,16 @@ def test_a_worker_within_its_limit_stays(tmp_path: Path) -> None:
     assert pool.warning == ""
 
 
+@pytest.mark.parametrize("n_workers", [1, 2])
+def test_why_it_takes_long_is_said_once_and_every_frame_is_answered(n_workers: int, tmp_path: Path) -> None:
+    frames = [*fragile.TAKES_LONG, "0/1", "0/2"]
+    pool = Pool(Session(), tmp_path, n_workers)
+    results = list(pool.solve(frames))
+    pool.close()
+    assert [r for r in results if isinstance(r, str)] == [fragile.WHY]
+    assert sorted(r.frame for r in results if not isinstance(r, str)) == sorted(frames)
+
+
 def test_the_last_frame_may_kill_its_worker(tmp_path: Path) -> None:
     assert "SIGKILL" in solved(["0/1", fragile.DIES], 1, tmp_path)[fragile.DIES]
 

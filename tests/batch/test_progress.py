@@ -67,6 +67,14 @@ def test_rate_rest_and_recall(frame_s: float | None, n_frames: int, said: str) -
     assert in_words(Progress(counted(), n_frames, 0, 10.0, frame_s)) == said
 
 
+def test_what_takes_long_is_a_line_of_its_own() -> None:
+    text = io.StringIO()
+    with shown_progress("run", Console(file=text, width=200)) as tell:
+        for doing in ("", "Compiling.", ""):
+            tell(Progress(Counts(), 100, 0, 1.0, doing=doing))
+    assert text.getvalue().splitlines() == ["Compiling."]
+
+
 def test_a_log_file_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "EVERY_S", 30.0)
     text = io.StringIO()

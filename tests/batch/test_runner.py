@@ -54,6 +54,16 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
     assert [row.im_id for row in read_results(tmp_path / "results.csv")] == [k for k in range(9) for _ in range(5)]
 
 
+def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = frames(3, monkeypatch)
+    made = AtOnce()
+    made.solve = lambda frames: iter(["Compiling.", *map(solved, frames)])  # type: ignore[method-assign]
+    seen: list[Progress] = []
+    outcome = run_batch(Session(), tmp_path, AtOncePlace(made=made), seen.append)
+    assert [now.doing for now in seen] == ["", "Compiling.", "", "", ""]
+    assert outcome.totals["frames_done"] == len(names)
+
+
 @pytest.mark.parametrize("end", [KeyboardInterrupt, UnavailableError("the scheduler is gone")])
 def test_what_is_done_when_it_ends_early_is_there(
     end: type[BaseException] | BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

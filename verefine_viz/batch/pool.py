@@ -38,8 +38,8 @@ class _Worker:
             self.channel.send(frame)
         self.out = out
 
-    def result(self) -> FrameResult | None:
-        """What it found; None where it died instead."""
+    def answer(self) -> FrameResult | str | None:
+        """What it found, or what takes long meanwhile; None where it died instead."""
         try:
             return self.channel.recv()
         except (EOFError, OSError):
@@ -74,6 +74,7 @@ class Pool:
         self._most = 1
         self._tries: dict[str, int] = {}
         self._again: deque[str] = deque()
+        self._said: set[str] = set()
         self._workers = [self._started()]
 
     @property
@@ -96,7 +97,7 @@ class Pool:
         self._tries.clear()
         self._again.clear()
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str]:
         """See :class:`Workers`."""
         waiting = iter(frames)
         idle, busy = list(self._workers), list[_Worker]()
@@ -114,8 +115,13 @@ class Pool:
         while busy:
             ready = connection.wait([worker.channel for worker in busy])
             for worker in [w for w in busy if w.channel in ready]:
+                result = worker.answer()
+                if isinstance(result, str):
+                    if result not in self._said:
+                        self._said.add(result)
+                        yield result
+                    continue
                 busy.remove(worker)
-                result = worker.result()
                 if result is not None and self._fits(worker):
                     idle.append(worker)
                 else:

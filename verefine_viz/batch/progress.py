@@ -28,6 +28,8 @@ def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress]
         def tell(now: Progress) -> None:
             nonlocal last_s
             bar.update(row, completed=now.counts.frames_done, total=now.n_frames, note=escape(in_words(now)))
+            if now.doing:
+                console.print(escape(now.doing), soft_wrap=True)
             if now.warning and not warned:
                 warned.add(now.warning)
                 console.print(escape(f"note: {now.warning}"), soft_wrap=True)

@@ -80,6 +80,8 @@ class Progress:
     frame_s: float | None = None
     """Time a frame takes, counted from the first one that was done: starting workers takes seconds."""
     warning: str = ""
+    doing: str = ""
+    """What takes longer than usual, in words, where it begins."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def run_batch(
         session: what to run.
         out: the folder of the batch.
         place: where to compute.
-        tell: told at the start and after each frame.
+        tell: told at the start, after each frame, and when something takes longer than usual.
         retry_failed: try frames again that failed in an earlier start.
         task: what to do with each frame.
         workers: that stand ready for this session and folder, and are left running; None: some are started.
@@ -169,9 +171,9 @@ class _Batch:
         try:
             tell(self._progress())
             for result in self.workers.solve(missing):
-                if result is not None:
+                if isinstance(result, FrameResult):
                     self._keep(result)
-                tell(self._progress())
+                tell(self._progress(result if isinstance(result, str) else ""))
         except BaseException:
             # The disk may be the reason that it ends; then it is that reason that is told.
             with suppress(InputError):
@@ -226,13 +228,13 @@ class _Batch:
         made_by = {**where, "machine": machine(), "packages": package_versions()}
         self.folder.write_json(RUN_FILE, {**facts, **when, "totals": totals, **made_by})
 
-    def _progress(self) -> Progress:
+    def _progress(self, doing: str = "") -> Progress:
         n_new, now_s, frame_s = self.counts.frames_done - self.n_resumed, self._seconds(), None
         if n_new == 1:
             self.first_s = now_s
         elif n_new > 1:
             frame_s = (now_s - self.first_s) / (n_new - 1)
-        return Progress(self.counts, len(self.frames), self.n_resumed, now_s, frame_s, self.workers.warning)
+        return Progress(self.counts, len(self.frames), self.n_resumed, now_s, frame_s, self.workers.warning, doing)
 
     def _seconds(self) -> float:
         return time.perf_counter() - self.started

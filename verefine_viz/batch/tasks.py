@@ -18,10 +18,11 @@ FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 class Workers(Protocol):
     """Where frames are computed: processes of this machine, or a cluster."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
         """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
 
-        ``frames`` are asked for when there is somebody to give them to, so they may be any number.
+        In between what takes longer than usual, in words, once. ``frames`` are asked for when there is somebody to give
+        them to, so they may be any number.
         """
         ...
 

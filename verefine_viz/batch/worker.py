@@ -17,23 +17,28 @@ ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "M
 
 
 def work(channel: connection.Connection, session: Session, out: Path, task: TaskName) -> None:
-    """The process's main: receives frames or another (session, out), sends results, until the channel closes."""
+    """The process's main: receives frames or another (session, out), sends results, until the channel closes.
+
+    Before a result it may send a word on what takes long meanwhile.
+    """
     # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     from verefine_viz.batch.tasks import task_named
+    from verefine_viz.session.compiling import COMPILING, told_of_compiling
     from verefine_viz.session.toolbox import Toolbox
 
     toolbox, run = Toolbox(session), task_named(task)
     try:
-        while True:
-            given = channel.recv()
-            if isinstance(given, str):
-                channel.send(run(toolbox, given, out))
-            else:
-                session, out = given
-                toolbox = Toolbox(session)
+        with told_of_compiling(lambda: channel.send(COMPILING)):
+            while True:
+                given = channel.recv()
+                if isinstance(given, str):
+                    channel.send(run(toolbox, given, out))
+                else:
+                    session, out = given
+                    toolbox = Toolbox(session)
     except (EOFError, BrokenPipeError):
         return
 
