@@ -29,9 +29,16 @@ class Replay:
 
 def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
-    from verefine_viz.recording.replay import verdict
+    from verefine_viz.commands.own_refiner import check_refiners
+    from verefine_viz.recording.reader import Recorded
+    from verefine_viz.recording.replay import run_again, verdict
+    from verefine_viz.session.engine import Run
 
-    found = verdict(recording)
+    def again(recorded: Recorded) -> Run:
+        check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")
+        return run_again(recorded)
+
+    found = verdict(recording, again)
     print(f"{recording}: {found.in_words}")
     if found.ends_early:
         return ENDED_EARLY

@@ -13,7 +13,7 @@ import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.gallery import Gallery
@@ -44,12 +44,14 @@ class View:
             session = _recorded_session(self.session)
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
+            from verefine_viz.commands.own_refiner import check_refiners
             from verefine_viz.viewer.gallery import read_gallery
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
             batch = read_gallery(self.session, overrides)
             session = batch.session(batch.worst.run)
+            check_refiners(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:
             _check_kind(self.session)
             from verefine_viz.session.files import load_session
@@ -99,12 +101,16 @@ def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) ->
 
 
 def _recorded_session(path: Path) -> Session:
-    """The session of a recording, on its frame only."""
+    """The frame of a recording, on which the page opens before it shows the recording itself.
+
+    The method with which it was made is left out: this program need not have its refiner to show what it did.
+    """
     from verefine_viz.recording.reader import read_recording
 
     recorded = read_recording(path)
     scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
-    return recorded.session.model_copy(update={"scene": scene})
+    method = MethodSettings(name="refine", refiner="identity")
+    return recorded.session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
 
 
 def has_desktop() -> bool:

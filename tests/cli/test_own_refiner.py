@@ -1,0 +1,156 @@
+"""What was made with a refiner of a user's own program, in a program that does not have it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from verefine_viz import cli
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.settings import Session
+from verefine_viz.recording import replay
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.refiners.identity import Identity
+from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.session.files import resolve
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import app
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.side_commands import OpenRecording
+
+MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}
+SETTINGS = {
+    "method": MADE_BY,
+    "physics": {"enabled": False},
+    "hypotheses": {"max_per_object": 1},
+    "recording": {"maps": False},
+}
+
+
+class Own:
+    """Moves away from the camera, millimetre by millimetre."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        T_refined = T_cam_obj.copy()
+        T_refined[2, 3] += 1e-3
+        return T_refined
+
+
+def make_recording(path: Path, session: Session) -> None:
+    toolbox = Toolbox(session)
+    problem = toolbox.problem(toolbox.frames[0])
+    toolbox.run(problem, [Recorder(path, session, problem, toolbox.verifier)]).finish()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a run with the refiner "own", which is not there any more."""
+    path = tmp_path_factory.mktemp("own") / "run.rrd"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setitem(REFINERS, "own", lambda session: Own())
+        make_recording(path, resolve(SETTINGS))
+    return path
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the page would be opened with."""
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(app, "serve", lambda session, **given: asked.update(given, session=session))
+    return asked
+
+
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
+    def line(*words: object) -> str:
+        assert cli.main([str(word) for word in words]) == 2
+        said = capsys.readouterr()
+        assert (said.out, said.err.count("\n")) == ("", 1)
+        return said.err.removeprefix("verefine-viz: ").rstrip("\n")
+
+    return line
+
+
+def test_it_is_verified_through_the_program_that_has_it(recording: Path, refused: Refused) -> None:
+    assert refused("replay", recording, "--verify") == (
+        f"recording {recording} was made with the refiner 'own', which this program does not have (it has icp, "
+        'trimmed_icp, identity); verify it through the program that does, as in the README\'s "Your own refiner": '
+        f"python PROGRAM.py replay {recording} --verify"
+    )
+
+
+def test_that_program_verifies_it(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(REFINERS, "own", lambda session: Own())
+    assert cli.main(["replay", str(recording), "--verify"]) == 0
+    assert "no difference in 2 iterations" in capsys.readouterr().out
+    monkeypatch.setitem(REFINERS, "own", lambda session: Identity())
+    assert cli.main(["replay", str(recording), "--verify"]) == 1
+
+
+def test_one_that_came_into_use_on_the_way_is_missed_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
+    change = {"after_iteration": 1, "settings": {"method": {"refiner": "own"}}}
+    with monkeypatch.context() as patched:
+        patched.setitem(REFINERS, "own", lambda session: Own())
+        session = resolve(SETTINGS | {"method": MADE_BY | {"refiner": "identity"}, "changes": [change]})
+        make_recording(tmp_path / "run.rrd", session)
+    assert "was made with the refiner 'own', which" in refused("replay", tmp_path / "run.rrd", "--verify")
+
+
+def test_a_search_has_a_refiner_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = resolve(SETTINGS | {"method": MADE_BY | {"name": "physim_mcts"}, "mcts": {"expansions": 2}})
+    make_recording(tmp_path / "run.rrd", session)
+    assert cli.main(["replay", str(tmp_path / "run.rrd"), "--verify"]) == 0
+    assert "no difference" in capsys.readouterr().out
+
+
+def test_the_rerun_viewer_opens_it(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Viewer:
+        def wait(self) -> int:
+            return 0
+
+        def terminate(self) -> None: ...
+
+    opened: list[list[str]] = []
+    monkeypatch.setattr(replay, "start_viewer", lambda arguments: opened.append(arguments) or Viewer())
+    assert cli.main(["replay", str(recording)]) == 0
+    assert opened[0][0] == str(recording)
+
+
+def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:
+    assert cli.main(["view", str(recording)]) == 0
+    app.check_names(served["session"])
+    assert served["recordings"] == (recording, None)
+    make_tools: Any = Toolbox
+    debugger = Debugger(served["session"], None, make_tools).carry_out([OpenRecording(str(recording))])
+    assert debugger.workspace.run.length == 2
+    assert debugger.workspace.session.method.refiner == "own"
+
+
+def test_a_batch_is_opened_through_the_program_that_has_it(
+    tmp_path: Path, served: dict[str, Any], refused: Refused
+) -> None:
+    run = RunFolder(tmp_path / "runs", resolve(SETTINGS))
+    row = ObjectRow(scene_id=0, im_id=0, instance_id=0, obj_id=1, status="ok")
+    result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(row,))
+    write_frames_csv(tmp_path / "runs" / "frames.csv", [result])
+    run.write_json("run.json", {"status": "finished"})
+    run.close()
+    line = refused("view", tmp_path / "runs")
+    assert line.startswith("run runs was made with the refiner 'own', which this program does not have")
+    assert line.endswith(f"python PROGRAM.py view {tmp_path / 'runs'}")
+    assert served == {}
+    # Another refiner may take its place.
+    assert cli.main(["view", str(tmp_path / "runs"), "--method.refiner", "icp"]) == 0
