@@ -16,6 +16,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import tables, words
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.panels.bandit import pull_lines
+from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.view import View
 
 
@@ -209,6 +211,31 @@ def test_the_arms_table_shows_the_numbers_that_chose() -> None:
     for j in range(3):
         assert f"<td>{choice.ucb[j]:.3f}</td>" in html
     assert f"{choice.arm + 1} ◂" in html
+
+
+def test_n_is_told_from_the_pulls() -> None:
+    view = after(c.Step(), c.Step(), c.Step())
+    assert view.shown is not None
+    assert view.shown.choice is not None
+    pulled = [line.values[-1] for line in pull_lines(view, 3)]
+    at_choice = [1 + n - (j == view.shown.arm) for j, n in enumerate(pulled)]
+    assert at_choice == view.shown.choice.plays.tolist(), "what the line says is what is counted"
+    html = tables.arms_table(view)
+    assert "n: 1 for the score of the first pose, and 1 for each pull before this choice." in html
+    fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
+    assert "earlier ones fade, ×0.9 a pass" in tables.what_n_counts(replace(view, session=fading))
+
+
+@pytest.mark.parametrize("name", ["pir", "refine"])
+def test_methods_that_do_not_choose_say_nothing_of_plays(name: str) -> None:
+    view = after(c.Restart((("method.name", name),)), c.Step())
+    assert "n: 1" not in tables.arms_table(view)
+
+
+def test_objects_that_wait_for_their_turn_count_their_first_scores() -> None:
+    html = scene_arms_table(after(c.OpenFrame("0/2"), c.ShowScene(), c.Step()))
+    assert html.count('title="1 · 1 · 1"') == 2
+    assert "n by hypothesis" in html
 
 
 def test_the_timeline_says_where_it_is() -> None:

@@ -6,22 +6,24 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.markup import Row, swatch, table, text
 from verefine_viz.viewer.scene_words import TERMS
-from verefine_viz.viewer.tables import cut, number
+from verefine_viz.viewer.tables import CHOOSING, N_MEANS, cut, number, plays_text, what_n_counts
 from verefine_viz.viewer.view import View
 
 
 def scene_arms_table(view: View) -> str:
     """A row per object: the hypothesis of its latest iteration, and what each one has got."""
     rows = []
+    past = view.iterations[: view.cursor]
+    chooses = view.session.method.name in CHOOSING
     for o in view.scene.objects:
-        past = view.iterations[: view.cursor]
         latest = next((i for i in reversed(past) if i.instance_id == o.instance_id), None)
         spent = [0] * len(o.target.instance.hypotheses)
         for i in past:
             if i.instance_id == o.instance_id and i.arm < len(spent):
                 spent[i.arm] += 1
         choice = latest.choice if latest else None
-        plays = " · ".join(f"{n:.1f}" for n in choice.plays) if choice else " · ".join(map(str, spent))
+        counted = choice.plays.tolist() if choice else [1.0] * len(spent) if chooses else spent
+        plays = " · ".join(plays_text(n) for n in counted)
         cells = [
             f"{swatch(o.color)}{cut(o.label)}",
             f"{latest.arm + 1}" if latest else "–",
@@ -32,10 +34,10 @@ def scene_arms_table(view: View) -> str:
     head = [
         ("object", "click a row for its hypotheses"),
         ("last", "hypothesis of its latest iteration"),
-        ("plays by hypothesis", "n_j as they were when it chose, or iterations spent where nothing is chosen"),
+        ("n by hypothesis" if chooses else "iterations by hypothesis", N_MEANS if chooses else "spent on each of them"),
         ("best", "score of the answer so far"),
     ]
-    return table(head, rows)
+    return table(head, rows) + what_n_counts(view)
 
 
 def passes_table(view: View, newest: int = 8) -> str:

@@ -24,6 +24,14 @@ CLASS_MEANING = {
     "hidden": "something nearer stands in front, outside the mask or known from a placed object; does not count",
     "unknown": "rendered, but nothing was measured there; does not count",
 }
+N_MEANS = (
+    "n_j, the plays that the bandit counted when it chose: the score of the first pose is one of them, and part of the "
+    "mean μ_j. The Pulls curves count choices only, up to and with this iteration."
+)
+WITH_UCB = ("rir", "vf_breadth", "vf_depth")
+"""Methods whose choice depends on c."""
+CHOOSING = (*WITH_UCB, "even", "expl")
+"""Methods that choose between hypotheses."""
 _NONE = "–"
 
 
@@ -108,7 +116,7 @@ def arms_table(view: View) -> str:
         return ""
     shown = view.shown
     choice = shown.choice if shown and shown.choice else None
-    if choice is None and shown is None and view.session.method.name in ("rir", "vf_breadth", "vf_depth"):
+    if choice is None and shown is None and view.session.method.name in WITH_UCB:
         choice = Ucb(view.session.method.exploration).choose(state)
     taken = shown.arm if shown else (choice.arm if choice else None)
     rows = []
@@ -135,7 +143,7 @@ def arms_table(view: View) -> str:
         rows.append(Row(cells, c.SelectArm(j), marked=j == view.arm))
     head = [
         ("arm", "hypothesis; ◂ = chosen; click a row for its history"),
-        ("n", "n_j, plays; the initial score counts as the first; VF_d counts those of earlier passes γ times as much"),
+        ("n", N_MEANS),
         ("μ", "μ_j, mean score over the plays"),
         ("bonus", "exploration term c·√(ln Σn / n_j)"),
         ("UCB", "mean + bonus; the largest is chosen"),
@@ -143,7 +151,17 @@ def arms_table(view: View) -> str:
         ("start", "rotation error of its first pose against ground truth"),
         ("ms", "computing time spent on it so far"),
     ]
-    return table(head, rows)
+    return table(head, rows) + what_n_counts(view)
+
+
+def what_n_counts(view: View) -> str:
+    """A line below a table of plays, which are not the pulls of the curves; empty where nothing is chosen."""
+    if view.session.method.name not in CHOOSING:
+        return ""
+    said = "n: 1 for the score of the first pose, and 1 for each pull before this choice"
+    if view.session.method.name == "vf_depth" and view.session.method.discount < 1:
+        said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
+    return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
 
 
 def arm_history(view: View, newest: int = 12) -> str:

@@ -11,15 +11,12 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
 from verefine_viz.viewer.scene_tables import scene_arms_table
-from verefine_viz.viewer.tables import arm_history, arms_table
+from verefine_viz.viewer.tables import CHOOSING, WITH_UCB, arm_history, arms_table
 from verefine_viz.viewer.tree import Tree, tree_of
 from verefine_viz.viewer.tree_drawing import tree_html
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Chart, Line, Send
 from verefine_viz.viewer.words import chosen
-
-WITH_UCB = ("rir", "vf_breadth", "vf_depth")
-"""Methods whose choice depends on c."""
 
 
 class BanditPanel:
@@ -104,7 +101,8 @@ class CurvesPanel:
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
         self._draw("Score", x, score_lines(view, n) if own else [], "score by arm")
         self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm")
-        self._draw("Pulls", x, pull_lines(view, n) if own else [], "times chosen, by arm")
+        counted = "chosen (n adds the start)" if view.session.method.name in CHOOSING else "iterations, by arm"
+        self._draw("Pulls", x, pull_lines(view, n) if own else [], counted)
         self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm")
 
     def _show_scene(self, view: View) -> None:
