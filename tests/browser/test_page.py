@@ -9,7 +9,10 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.core.geometry import apply
+from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.lost import lost_words
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
@@ -181,6 +184,20 @@ def test_two_browsers_show_the_same_run(look: Look, chromium: object) -> None:
     other.at(1)
     screen.at(1)
     other.page.close()
+
+
+def test_a_program_that_has_ended_is_told_until_it_is_back(look: Look) -> None:
+    screen = look(MUG)
+    line = "getComputedStyle(document.body, '::after').content"
+    assert screen.page.evaluate(line) == "none"
+    port = screen.app.server.get_port()
+    screen.app.stop()
+    screen.page.wait_for_function(f"{line} !== 'none'", timeout=SLOW_MS)
+    assert screen.page.evaluate(line) == f'"{lost_words(port)}"'
+    screen.app = App(load_session(MUG), MUG, port=port).start()
+    screen.page.wait_for_function(f"{line} === 'none'", timeout=SLOW_MS)
+    screen.text("Ready, before iteration 1")
+    assert screen.page.evaluate(line) == "none"
 
 
 def on_screen(screen: Screen, arm: int | None = None, along: int | None = None) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.layout import Layout, set_theme
+from verefine_viz.viewer.lost import lost_style
 from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
@@ -91,6 +92,7 @@ class App:
         """
         self.server = Server(self._host, self._port)
         set_theme(self.server.gui)
+        self.server.gui.add_html(lost_style(self.server.get_port()))
         self._loading = self.server.gui.add_html(block(opening(LOADING)))
         self._worker = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
         self._worker.start()

@@ -1,0 +1,26 @@
+"""A line over the page while its program cannot be reached, which the library tells by dimming everything alone."""
+
+from __future__ import annotations
+
+USUAL_PORT = 8080
+
+# While the websocket is lost, the library's client keeps the panels, inside an element that it makes translucent and
+# deaf (DisconnectedGate in its ControlPanel/Generated.tsx), and goes on trying to connect. A rule looks for that element
+# around one of our blocks. Should it look different one day, there is no line; nothing else depends on it.
+_LOST = 'body:has([style*="opacity: 0.5"][style*="pointer-events: none"] .vz)::after'
+
+
+def lost_words(port: int) -> str:
+    """What has happened, and what to do; the page finds the program again at its own port only."""
+    command = "verefine-viz view …" + (f" --port {port}" if port != USUAL_PORT else "")
+    said = "The program has ended (or cannot be reached). Start it again"
+    return f"{said}: {command}; this page then connects by itself."
+
+
+def lost_style(port: int) -> str:
+    """A style with the line, for a widget of HTML; ``port`` is the page's."""
+    return (
+        f'<style>{_LOST}{{content:"{lost_words(port)}";position:fixed;z-index:10000;top:8px;left:50%;'
+        "transform:translateX(-50%);width:max-content;max-width:90vw;padding:8px 14px;border-radius:4px;"
+        "background:#b3261e;color:#fff;font:14px/1.4 sans-serif;box-shadow:0 2px 10px rgba(0,0,0,.5)}</style>"
+    )
