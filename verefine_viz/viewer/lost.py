@@ -5,8 +5,8 @@ from __future__ import annotations
 USUAL_PORT = 8080
 
 # While the websocket is lost, the library's client keeps the panels, inside an element that it makes translucent and
-# deaf (DisconnectedGate in its ControlPanel/Generated.tsx), and goes on trying to connect. A rule looks for that element
-# around one of our blocks. Should it look different one day, there is no line; nothing else depends on it.
+# deaf (DisconnectedGate in its ControlPanel/Generated.tsx), and goes on trying to connect. The rule looks for it around
+# one of our blocks. Should it look different one day, there is no line; nothing else depends on it.
 _LOST = 'body:has([style*="opacity: 0.5"][style*="pointer-events: none"] .vz)::after'
 
 
