@@ -194,14 +194,38 @@ def test_out_is_a_file(desk: Desk) -> None:
     assert (desk.folder / "out").read_text() == "precious"
 
 
-def test_out_is_below_a_file(desk: Desk) -> None:
-    below = desk.file("thing", "") / "out"
-    assert f"cannot write to --out {below}: Not a directory" in desk.refused("batch", desk.bop(), "--out", below)
+BELOW: dict[str, Callable[[Desk], list[object]]] = {
+    "batch": lambda d: ["batch", d.bop(), "--out"],
+    "batch of several": lambda d: ["batch", d.bop(), "--methods", "pir", "sir", "--out"],
+    "estimate": lambda d: ["estimate", d.bop(), "--hypotheses.source", "ppf", "--out"],
+    "study": lambda d: ["study", "ablation", "--quick", "--out"],
+    "report": lambda d: ["report", batch_folder(d), "--out"],
+    "datasets": lambda d: ["datasets", "fetch", "ycbv", "--folder"],
+}
 
 
-def test_out_cannot_be_written(desk: Desk) -> None:
+@pytest.mark.parametrize("command", BELOW)
+def test_out_is_below_a_file(desk: Desk, command: str) -> None:
+    file = desk.file("thing", "precious")
+    words = BELOW[command](desk)
+    said = desk.refused(*words, file / "out")
+    assert said.startswith(f"cannot write to {words[-1]} {file / 'out'}")
+    assert said.endswith(f": {file} is a file, not a folder; choose another {words[-1]}")
+    assert file.read_text() == "precious"
+
+
+@pytest.mark.parametrize("command", BELOW)
+def test_out_cannot_be_written(desk: Desk, command: str) -> None:
     # /proc refuses even root.
-    assert "cannot write to --out /proc/runs" in desk.refused("batch", desk.bop(), "--out", "/proc/runs")
+    words = BELOW[command](desk)
+    said = desk.refused(*words, "/proc/runs")
+    assert said.startswith(f"cannot write to {words[-1]} /proc/runs")
+    assert said.endswith(f" in /proc (No such file or directory); choose another {words[-1]}")
+
+
+@pytest.mark.parametrize("command", ["estimate", "report"])
+def test_out_is_a_folder_instead_of_a_file(desk: Desk, command: str) -> None:
+    assert "is a folder, expected the name of a file, for example" in desk.refused(*BELOW[command](desk), desk.folder)
 
 
 def test_out_holds_other_files(desk: Desk) -> None:

@@ -22,6 +22,7 @@ import verefine_viz
 from verefine_viz.batch.journal import Journal
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.places import check_folder, why_not
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 
@@ -51,7 +52,7 @@ class RunFolder:
             self.journal.clear_parts()
         except OSError as error:
             self.close()
-            raise InputError(f"cannot write to {path}: {error.strerror}") from None
+            raise InputError(f"cannot write to {path}: {why_not(Path(error.filename or path), error)}") from None
         except BaseException:
             self.close()
             raise
@@ -134,13 +135,13 @@ def _flat(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:
 
 def _locked(path: Path) -> TextIO:
     """An open lock file in ``path``; the system lets go of it when this process ends, however it ends."""
-    if path.exists() and not path.is_dir():
-        raise InputError(f"--out {path} is a file, expected a folder")
+    check_folder(path)
+    file = path / ".lock"
     try:
         path.mkdir(parents=True, exist_ok=True)
-        lock = (path / ".lock").open("w")
+        lock = file.open("w")
     except OSError as error:
-        raise InputError(f"cannot write to --out {path}: {error.strerror}") from None
+        raise InputError(f"cannot write to --out {path}: {why_not(file, error)}; choose another --out") from None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
+from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
+from verefine_viz.core.places import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
 
@@ -86,11 +87,12 @@ def fetch(known: Entry, folder: Path) -> list[Path]:
 
     Raises:
         UnavailableError: huggingface_hub is not installed, the hub cannot be reached, or it does not have the data set.
-        InputError: the disk refuses.
+        InputError: nothing can be written there.
     """
     by_hand = "; ".join(how_to_fetch(known, folder))
     if not known.archives:
         raise UnavailableError(f"{known.name} cannot be downloaded: {known.by_hand}")
+    check_folder(folder, "--folder")
     try:
         from huggingface_hub import HfApi, hf_hub_download
     except ModuleNotFoundError as error:
@@ -107,8 +109,6 @@ def fetch(known: Entry, folder: Path) -> list[Path]:
             Path(hf_hub_download(repository, archive, repo_type="dataset", local_dir=folder))
             for archive in known.archives
         ]
-    except PermissionError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}") from None
     except Exception as error:
         # The hub's client lets through what its HTTP library raises, and that has changed between versions.
         why = " ".join(str(error).split())[:120] or type(error).__name__

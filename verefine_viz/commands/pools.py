@@ -14,7 +14,8 @@ from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.places import check_file
 from verefine_viz.core.settings import DependencySettings, Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.session.files import load_session
@@ -40,7 +41,7 @@ def write_pools(
             f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "
             "say --hypotheses.source ppf"
         )
-    _check(out)
+    check_file(out, "pool.csv")
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as tell:
         outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")
@@ -61,16 +62,6 @@ def _only_estimating(session: Session) -> Session:
     """The same without what estimators do not need, and what could therefore only fail: simulator and given order."""
     physics = session.physics.model_copy(update={"enabled": False})
     return session.model_copy(update={"physics": physics, "dependency": DependencySettings()})
-
-
-def _check(out: Path) -> None:
-    """Makes the folder of ``out``, so that a mistake shows before the work and not after it."""
-    if out.is_dir():
-        raise InputError(f"{out} is a folder, expected the name of a results file, for example {out / 'pool.csv'}")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write {out}: {error.strerror}") from None
 
 
 def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path) -> None:

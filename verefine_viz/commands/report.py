@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.places import check_file
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Report:
             raise SettingsError(f"--failures is {self.failures}, expected 0 or more")
         if self.workers < 1:
             raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        if self.out is not None:
+            check_file(self.out, "report.html")
         from verefine_viz.report.command import print_report
 
         print_report(self.folder, self.other, self.out, self.failures, self.workers)

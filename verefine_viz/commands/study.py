@@ -12,6 +12,7 @@ import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.places import check_folder
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Study:
             raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
         if self.seeds is not None and self.seeds < 1:
             raise SettingsError(f"--seeds is {self.seeds}, expected 1 or more")
+        check_folder(self.out)
         from verefine_viz.studies.command import run_one
 
         overrides = given(self.settings, arguments)
