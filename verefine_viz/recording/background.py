@@ -11,13 +11,13 @@ import rerun as rr
 from numba import njit
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Mask
+from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.observation import Observation
+from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.palette import OBJECT_COLORS
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording import chunks, columns, entities
-from verefine_viz.recording.layout import SUBSAMPLE, world_from_camera
+from verefine_viz.recording.layout import Layout, world_from_camera
 from verefine_viz.recording.meshes import object_pieces
 from verefine_viz.recording.piece import Piece
 
@@ -30,11 +30,12 @@ SPARSE_PX = 12
 PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
 
 
-def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
+def background(problem: Problem, layout: Layout, pictures: bool) -> Iterator[Piece]:
     """Everything static of a frame; transforms of the stages follow with the iterations.
 
     Args:
         problem: the frame.
+        layout: its layout.
         pictures: also colour, depth and masks as images, and a denser cloud.
     """
     observation = problem.observation
@@ -42,11 +43,11 @@ def background(problem: Problem, pictures: bool) -> Iterator[Piece]:
     yield _up()
     yield chunks.fixed_row(entities.SCENE, columns.transforms(T_world_cam[None]))
     if observation.support:
-        yield from _support(problem, T_world_cam)
+        yield from _support(observation.support, layout)
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
         yield from object_pieces(target, entities.branch(target.instance, problem), own)
-    near_m = _typical_depth_m(problem)
+    near_m = _depth_m(T_world_cam, layout.center_world)
     yield _camera(observation.camera, near_m)
     yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
     if pictures:
@@ -187,21 +188,15 @@ def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
     )
 
 
-def _support(problem: Problem, T_world_cam: NDArray[np.float64]) -> Iterator[Piece]:
-    support = problem.observation.support
-    assert support is not None
-    clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
-    if not clouds:
-        return
-    points = np.concatenate([cloud[::SUBSAMPLE] for cloud in clouds]) @ T_world_cam[:3, :3].T
-    # Masks leak: a few points far behind must not decide how much of the plane is drawn.
-    n_points = len(points)
-    low, middle, high = (n_points // 20, n_points // 2, n_points - 1 - n_points // 20)
-    points = np.partition(points, (low, middle, high), axis=0)
-    extent = points[high, :2] - points[low, :2]
-    center, reach = points[middle] + T_world_cam[:3, 3], max(0.15, 0.7 * float(extent.max()))
-    n = support.normal_world
-    corners = center + reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+def _depth_m(T_world_cam: Float, point_world: tuple[float, float, float]) -> float:
+    """How far in front of the camera a point is; 1 m for one that is not."""
+    depth_m = float(T_world_cam[:3, 2] @ (point_world - T_world_cam[:3, 3]))
+    return depth_m if depth_m > 0 else 1.0
+
+
+def _support(support: Support, layout: Layout) -> Iterator[Piece]:
+    n, reach_m = support.normal_world, max(0.15, 0.7 * layout.width_m)
+    corners = layout.center_world + reach_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.
     corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
     mesh, arrow = rr.Mesh3D, rr.Arrows3D
@@ -229,12 +224,3 @@ def _looks_of_support() -> tuple[columns.Column, ...]:
         columns.numbers(arrow.descriptor_colors(), [[GRAVITY_COLOR]], np.uint32),
         columns.texts(arrow.descriptor_labels(), [["gravity"]]),
     )
-
-
-def _typical_depth_m(problem: Problem) -> float:
-    """Median depth of the objects, of everything where there is none, 1 m in a frame without depth."""
-    # A part is enough to tell.
-    clouds = [i.points_cam[::SUBSAMPLE, 2] for i in problem.instances if len(i.points_cam)]
-    depth = problem.observation.depth_m[::4, ::4]
-    known = np.concatenate(clouds) if clouds else depth[depth > 0]
-    return float(np.median(known)) if len(known) else 1.0

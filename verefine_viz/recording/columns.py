@@ -144,13 +144,10 @@ def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
 
 def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
     """Rows of texts, each of any length."""
-    flat = list(chain.from_iterable(rows))
-    together = "".join(flat)
-    # Bytes and characters are the same only there.
-    sizes = map(len, flat) if together.isascii() else [len(text.encode()) for text in flat]
-    n_rows, nodes, buffers = _listed([len(row) for row in rows])
-    ends = _offsets(list(sizes))
-    return Column(_texts(descriptor), n_rows, (*nodes, len(flat), 0), (*buffers, b"", ends, together.encode()))
+    flat = [text.encode() for text in chain.from_iterable(rows)]
+    n_rows, nodes, buffers = _listed(list(map(len, rows)))
+    ends = _offsets(list(map(len, flat)))
+    return Column(_texts(descriptor), n_rows, (*nodes, len(flat), 0), (*buffers, b"", ends, b"".join(flat)))
 
 
 def blobs(descriptor: rr.ComponentDescriptor, rows: Sequence[bytes]) -> Column:

@@ -25,7 +25,7 @@ def frame_chunks(
     yield from drawing.start()
     if problem.dependencies is not None and layout.is_scene:
         yield from dependency_chunks(problem.dependencies, layout)
-    yield from background(problem, pictures)
+    yield from background(problem, layout, pictures)
 
 
 def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:

@@ -16,7 +16,7 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.recording.entities import branch
 
 SUBSAMPLE = 16
-"""Every so many-th point tells where objects are."""
+"""Every so many-th point tells where the objects are."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,8 @@ class Layout:
     """What the 3D view looks at, the middle of the objects [m]."""
     eye_world: tuple[float, float, float]
     """From where: near the camera, a little to the side [m]."""
+    width_m: float
+    """How far apart the objects reach on the table, along the world's x or y."""
     method: str = ""
     has_graph: bool = False
     """Whether it was looked at which objects depend on which."""
@@ -103,19 +105,20 @@ def _rows(scores: Scores) -> list[tuple[float, ...]]:
     return [tuple(row) for row in np.column_stack((*fits, *pixels, scores.counts)).tolist()]
 
 
-def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Center and eye of :class:`Layout`."""
+def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    """Center, eye and width of :class:`Layout`."""
     T_world_cam = world_from_camera(problem.observation)
-    clouds = [_middle(i.points_cam[::SUBSAMPLE]) for i in problem.instances if len(i.points_cam)]
-    center = apply(T_world_cam, np.mean(clouds or [[0.0, 0.0, 1.0]], axis=0)[None])[0]
+    # A part of the points is enough to tell.
+    clouds = [i.points_cam[::SUBSAMPLE] for i in problem.instances if len(i.points_cam)]
+    points = apply(T_world_cam, np.concatenate(clouds or [[[0.0, 0.0, 1.0]]]))
+    # Masks leak: a few points far behind must not decide where to look.
+    few = len(points) // 20
+    ends = (few, len(points) - 1 - few)
+    low, high = np.partition(points, ends, axis=0)[ends, :]
+    center = (low + high) / 2
     to_camera = 0.75 * (T_world_cam[:3, 3] - center)
     eye = center + _ASIDE @ to_camera
-    return (center[0], center[1], center[2]), (eye[0], eye[1], eye[2])
-
-
-def _middle(points: Float) -> Float:
-    """Of points (n, 3), whatever a few of them do: the middle value of each coordinate, faster than ``np.median``."""
-    return np.partition(points, len(points) // 2, axis=0)[len(points) // 2]
+    return (center[0], center[1], center[2]), (eye[0], eye[1], eye[2]), float((high - low)[:2].max())
 
 
 _ASIDE = axis_angle([0, 0, 1], np.radians(25))
@@ -136,4 +139,4 @@ def layout_from_json(text: str) -> Layout:
     )
     center, eye = tuple(raw["center_world"]), tuple(raw["eye_world"])
     rest = (raw.get("method", ""), raw.get("has_graph", False), raw.get("has_clusters", True))
-    return Layout(tuple(branches), center, eye, *rest)
+    return Layout(tuple(branches), center, eye, raw.get("width_m", 0.0), *rest)
