@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -9,16 +10,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from bench.diagnosis import named
 from bench.failing_scenes import broken_scene
 from bench.made_up_frames import Thing as Made
 from bench.made_up_frames import comes_right, frame_of, model, near, standing
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.compare import first_difference
-from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.core.geometry import apply, transform
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.session.trace import Trace, trace_of
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 FAILING = 2
@@ -62,6 +70,57 @@ def test_built_in_failures_get_their_name(name: str, settings: dict[str, Any], t
     (diagnosis,) = diagnose(run, toolbox, threshold)
     assert diagnosis.cause == cause
     assert diagnosis.is_confirmed
+
+
+class Nudge:
+    """A person's own refiner, which cannot turn anything (as in the README)."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        observed, model = target.instance.points_cam, apply(T_cam_obj, target.model.points)
+        nearest = model[KDTree(model).query(observed)[1]]
+        return transform(T_cam_obj[:3, :3], T_cam_obj[:3, 3] + np.median(observed - nearest, axis=0))
+
+
+def with_refiner(name: str, session: str) -> tuple[Diagnosis, Trace]:
+    """Why the only object of a shipped session fails when it is solved with another refiner."""
+    toolbox = Toolbox(load_session(SESSIONS / f"{session}.toml", {"method": {"refiner": name}}))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox, every_cause=True)
+    return diagnosis, trace_of(run)
+
+
+@pytest.mark.parametrize("name", ["nudge", "identity"])
+def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
+    diagnosis, trace = with_refiner(name, "mug")
+    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.REFINER, True)
+    assert f"The refiner {name} does not bring the mug to the truth" in diagnosis.sentence
+    assert "with ICP from the same hypotheses the error is 0%" in diagnosis.sentence
+    assert diagnosis.evidence["error_repaired"] < 0.02
+    assert Cause.POOL not in {other.cause for other in diagnosis.others}, "the pool leads there"
+    target = trace.problem.targets[0]
+    T_true = target.instance.T_cam_obj_gt
+    assert T_true is not None
+    error_of = ErrorOf(target.model, T_true)
+    n_away = 0
+    for iteration in trace.own[target.instance.instance_id]:
+        *_, before, after = iteration.stages
+        assert after.name == "refined"
+        n_away += error_of(after.T_cam_obj) > error_of(before.T_cam_obj)
+    assert diagnosis.evidence["calls"] == len(trace.own[target.instance.instance_id])
+    assert diagnosis.evidence["calls_that_took_it_away"] == n_away
+    assert (f"further away in {n_away} of" in diagnosis.sentence) == (2 * n_away > diagnosis.evidence["calls"])
+
+
+@pytest.mark.parametrize("name", ["nudge", "identity"])
+def test_no_refiner_is_blamed_for_a_pool_that_does_not_lead_there(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
+    diagnosis, _ = with_refiner(name, "failure_no_hypothesis_near")
+    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.POOL, True)
+    assert Cause.REFINER not in {other.cause for other in diagnosis.others}
 
 
 def test_every_cause_has_a_title() -> None:

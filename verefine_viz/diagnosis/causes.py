@@ -37,7 +37,7 @@ TITLES: dict[Cause, str] = {
     Cause.SIMULATION: "simulation pushed it away",
     Cause.ARM_STARVED: "best hypothesis starved",
     Cause.BUDGET: "budget too small",
-    Cause.REFINER: "refiner diverged",
+    Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
 }
 """For people: tables, bar charts, filters."""

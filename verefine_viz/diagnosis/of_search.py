@@ -15,7 +15,10 @@ from verefine_viz.diagnosis.together import Pools
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import SEARCH
+from verefine_viz.refiners.registry import make_refiner
 
+ICP = "icp"
+"""The refiner that others are measured against."""
 FAR = 0.35
 """A start further away than this share of the diameter is not near, whatever the refiner."""
 STARVED = 0.5
@@ -118,6 +121,11 @@ def _with_budget(case: Case, times: int) -> Rerun:
 
 
 def refiner(case: Case) -> Finding | None:
+    """The refiner led it astray, or does not get there from where ICP does."""
+    return _astray(case) or _outdone(case)
+
+
+def _astray(case: Case) -> Finding | None:
     """The answer is worse than a pose that it came from, and refinement made it so."""
     track = _track(case)
     if len(track) < 2 or case.answer is None:
@@ -149,8 +157,50 @@ def refiner(case: Case) -> Finding | None:
     )
 
 
+def _outdone(case: Case) -> Finding | None:
+    """Another refiner than ICP; decided by a re-run with ICP from the same hypotheses."""
+    session = case.lab.toolbox.session
+    name = session.method.refiner
+    if name == ICP or case.lab.name == SEARCH or not len(case.initial_errors):
+        return None
+    if case.company and case.rerun(ALONE).repaired:  # It gets there, but for the company.
+        return None
+    method = case.lab.method(case.lab.simulator, make_refiner(ICP, session))
+    again = case.rerun("ICP", method=method)
+    if not again.repaired:
+        return None
+    n_calls, n_away = _calls(case)
+    said = f"The refiner {name} does not bring the {case.name} to the truth"
+    if 2 * n_away > n_calls:
+        said += f" and took it further away in {n_away} of {n_calls} calls"
+    return Finding(
+        Cause.REFINER,
+        f"{said}; with ICP from the same hypotheses {instead(again.error, case.error)}.",
+        {
+            "calls": float(n_calls),
+            "calls_that_took_it_away": float(n_away),
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        True,
+    )
+
+
+def _calls(case: Case) -> tuple[int, int]:
+    """How often the refiner was called, and how often it took the object further from the truth."""
+    changes = [
+        case.error_of(after.T_cam_obj) - case.error_of(before.T_cam_obj)
+        for iteration in case.own
+        for before, after in zip(iteration.stages, iteration.stages[1:])  # noqa: B905
+        if after.name == "refined"
+    ]
+    return len(changes), sum(change > 0 for change in changes)
+
+
 def pool(case: Case) -> Finding | None:
     """No hypothesis leads there, and the truth itself as a start does."""
+    if _outdone(case) is not None:
+        return None
     if case.company and case.rerun(ALONE).repaired:
         alone = case.rerun(ALONE)
         return Finding(
