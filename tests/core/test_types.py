@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from verefine_viz.core.arrays import frozen
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.errors import InputError, ShapeError, listed, unknown
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import DependencySettings
 
@@ -108,6 +109,25 @@ def test_the_first_difference_is_named() -> None:
 def test_unknown_names_list_what_exists() -> None:
     assert unknown("refiner", "ipc", ["icp", "identity"]) == "unknown refiner 'ipc'; available: icp, identity"
     assert unknown("refiner", "ipc", []) == "unknown refiner 'ipc'; available: none"
+    assert unknown("object", 99, range(1, 22)) == "unknown object 99; available: 1-21"
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ([2, 5], "2, 5"),
+        ([3, 1, 2, 8, 9, 11, 12, 13, 14], "1, 2, 3, 8, 9, 11-14"),
+        ([7], "7"),
+        (range(0, 300, 2), ", ".join(map(str, range(0, 52, 2))) + ", … (150 in all)"),
+        ([*range(1, 3000), 4000], "1-2999, 4000"),
+        (["0/0", "0/1", "0/2"], "0/0, 0/1, 0/2"),
+        ([f"50/{k}" for k in range(100, 999)], ", ".join(f"50/{k}" for k in range(100, 127)) + ", … (899 in all)"),
+        (["x" * 300, "y"], "x" * 300 + ", … (2 in all)"),
+        (["x" * 300], "x" * 300),
+    ],
+)
+def test_long_lists_are_cut(names: Iterable[object], said: str) -> None:
+    assert listed(names) == said
 
 
 def test_files_appear_whole_or_not_at_all(tmp_path: Path) -> None:

@@ -289,6 +289,14 @@ def test_wrong_settings_are_one_clear_line(tmp_path: Path, scene: dict[str, Any]
         assert word in text
 
 
+def test_of_many_objects_the_ids_are_shown_as_ranges(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    model = (made.root / "models" / "obj_000002.ply").read_bytes()
+    for obj_id in (*range(1, 22), 30):
+        (made.root / "models" / f"obj_{obj_id:06d}.ply").write_bytes(model)
+    assert refusal(made, objects=(99,)) == "unknown object 99 in scene.objects; available: 1-21, 30"
+
+
 def test_an_unknown_frame_asked_for_later_is_refused_too(tmp_path: Path) -> None:
     source = make(tmp_path).open()
     for frame, words in (("7/4", "unknown image 4"), ("8/3", "unknown scene 8"), ("x", 'is not "scene/image"')):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.errors import LONGEST_NUMBERS, InputError, SettingsError, VerefineError, listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -172,7 +172,8 @@ class BopSource:
         library = self._dataset.models
         strange = [i for i in self._scene.objects if i not in library.ids]
         if strange:
-            available = ", ".join(f"{i} ({library.name(i)})" for i in library.ids)
+            named = ", ".join(f"{i} ({library.name(i)})" for i in library.ids)
+            available = named if len(named) <= LONGEST_NUMBERS else listed(library.ids)
             raise SettingsError(f"unknown object {strange[0]} in scene.objects; available: {available}")
 
     def _holds_a_wanted_object(self, ids: FrameIds) -> bool:
