@@ -5,7 +5,9 @@ Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -23,11 +25,14 @@ from verefine_viz.commands.help import SETTINGS, show_help
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
+from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.errors import SettingsError, VerefineError
 
 PROGRAM = "verefine-viz"
+USAGE = 2
+"""Exit code for bad usage or input."""
 COMMANDS: dict[str, type[Command]] = {
     "view": View,
     "batch": Batch,
@@ -72,6 +77,11 @@ def run_command(words: list[str]) -> int:
         return code
     except VerefineError as error:
         return fail(str(error))
+    except RuntimeError as error:
+        # Numba's, where the package belongs to somebody else and there is no home to write to.
+        if "no locator available" not in str(error):
+            raise
+        return fail("compiled code can be kept nowhere; set NUMBA_CACHE_DIR to a folder that can be written to")
     except BrokenPipeError:
         # The reader of our output (head, less) has gone.
         _drop_output()
@@ -94,7 +104,25 @@ def _drop_output() -> None:
 
 
 def parse(words: list[str]) -> Command:
-    """The command that the words ask for. Only its own options are built: that is what keeps --help instant."""
+    """The command that the words ask for.
+
+    Raises:
+        SettingsError: they make none.
+        SystemExit: help was asked for, and shown.
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return _parsed(words)
+    except SystemExit as end:
+        if end.code != USAGE:
+            raise
+        program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
+        raise SettingsError(one_line(said.getvalue(), program)) from None
+
+
+def _parsed(words: list[str]) -> Command:
+    """The command; only its own options are built: that is what keeps --help instant."""
     if words and words[0] in COMMANDS:
         show_help(COMMANDS[words[0]], f"{PROGRAM} {words[0]}", words[1:])
         command: Any = tyro.cli(COMMANDS[words[0]], prog=f"{PROGRAM} {words[0]}", args=words[1:])
@@ -118,7 +146,7 @@ def fail(text: str) -> int:
     """One line on stderr, whatever the text quotes from files (line breaks, terminal codes); exit code 2."""
     line = "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))
     print(f"{PROGRAM}: {line}", file=sys.stderr)
-    return 2
+    return USAGE
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -109,22 +110,59 @@ def test_batch_takes_several_sessions() -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], f"Expected one of {{{', '.join(cli.COMMANDS)}}}"),
-        (["veiw"], f"Available subcommands: {', '.join(cli.COMMANDS)}"),
-        (["view", "--scor.tau-m", "1"], "Unrecognized options: --scor.tau-m"),
-        (["view", "--score.tau-m", "ten"], "could not convert string to float: 'ten'"),
-        (["view", "--score.renderer", "vulkan"], "invalid choice 'vulkan'"),
-        (["batch", "a.toml"], "--out"),
-        (["replay"], "RUN.rrd"),
+        ([], f"expected one of {{{', '.join(cli.COMMANDS)}}}"),
+        (["veiw"], f"unrecognized options: veiw; available subcommands: {', '.join(cli.COMMANDS)}"),
+        (["view", "--scor.tau-m", "1"], "unrecognized options: --scor.tau-m"),
+        (
+            ["view", "--recording.kep", "all"],
+            "unrecognized options: --recording.kep, all; perhaps you meant --recording.keep or ",
+        ),
+        (["view", "--port", "abc"], "error parsing --port: invalid literal for int() with base 10: 'abc'"),
+        (["view", "--score.tau-m", "ten"], "error parsing --score.tau-m: could not convert string to float: 'ten'"),
+        (
+            ["view", "--score.renderer", "vulkan"],
+            "invalid choice 'vulkan' for argument '--score.renderer'. Expected one of ('auto', 'gl', 'cpu')",
+        ),
+        (["batch", "a.toml"], "missing from verefine-viz batch: --out PATH"),
+        (
+            ["batch", "a.toml", "--nosuch"],
+            "missing from verefine-viz batch: --out PATH; unrecognized options: --nosuch",
+        ),
+        (["replay"], "missing from verefine-viz replay: RUN.rrd"),
+        (["doctor", "now"], "unrecognized options: now"),
     ],
 )
 def test_words_that_make_no_command(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(words)
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert expected in " ".join(error.replace("│", " ").split())
-    assert "Traceback" not in error
+    assert cli.main(words) == 2
+    output, error = capsys.readouterr()
+    assert output == ""
+    program = " ".join(["verefine-viz", *(word for word in words[:1] if word in cli.COMMANDS)])
+    assert error.startswith(f"verefine-viz: {expected}")
+    assert error.endswith(f"; see {program} --help\n")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["batch", "a.toml", "--nosuch"], ["view", "--recording.kep", "all"], ["veiw"], []])
+def test_the_line_is_the_same_without_utf8(words: list[str]) -> None:
+    said = [
+        subprocess.run(
+            [sys.executable, "-m", "verefine_viz.cli", *words], capture_output=True, cwd=ROOT, check=False,
+            env=os.environ | {"PYTHONIOENCODING": encoding}
+        ).stderr
+        for encoding in ("utf-8", "ascii")
+    ]  # fmt: skip
+    assert said[0] == said[1]
+    assert said[0].count(b"\n") == 1
+
+
+def test_compiled_code_that_can_be_kept_nowhere(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    error = RuntimeError("cannot cache function 'score': no locator available for file '/opt/score.py'")
+    assert run_with(error, monkeypatch) == 2
+    assert "set NUMBA_CACHE_DIR to a folder that can be written to" in capsys.readouterr().err
+    with pytest.raises(RuntimeError):
+        run_with(RuntimeError("a bug"), monkeypatch)
 
 
 def run_with(error: BaseException, monkeypatch: pytest.MonkeyPatch) -> int:
