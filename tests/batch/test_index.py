@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -116,3 +117,14 @@ def test_runs_further_down_are_never_left_out_silently(
 def test_what_lies_in_a_run_is_no_run_of_its_own(index: BatchIndex) -> None:
     shutil.copytree(index.folder, index.folder / "recordings" / "copy", ignore=lambda *_: ["recordings"])
     assert find_runs(index.folder) == FoundRuns((index.folder,), "")
+
+
+def test_a_folder_that_nobody_may_look_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> Iterator[Path]:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    with pytest.raises(
+        InputError, match=r"cannot be looked into \(Permission denied\); expected the folder of a batch"
+    ):
+        find_runs(tmp_path)

@@ -55,10 +55,11 @@ Case = tuple[Callable[[Desk], Path], str]
 
 SESSION_FILES: dict[str, Case] = {
     "missing": (lambda d: d.folder / "none.toml", "none.toml does not exist"),
-    "a folder": (lambda d: d.folder, "cannot be read"),
+    "a folder": (lambda d: d.folder, "cannot be read: it is a folder, expected a .toml file"),
+    "the folder of a batch": (lambda d: batch_folder(d), "did you mean "),
     "not TOML": (lambda d: d.file("s.toml", "[scene\n"), "is not TOML"),
     "JSON instead of TOML": (lambda d: d.file("s.toml", '{"scene": {}}'), "is not TOML"),
-    "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read"),
+    "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read: it is no text, expected a .toml file"),
     "unknown section": (lambda d: d.file("s.toml", "[scnee]\n"), "unknown field 'scnee'; available: "),
     "unknown field": (
         lambda d: d.file("s.toml", "[method]\nbudget = 5\n"),
@@ -281,6 +282,25 @@ def test_view_of_a_missing_session(desk: Desk) -> None:
     assert "does not exist" in desk.refused("view", desk.folder / "none.toml")
 
 
+def test_view_of_something_that_is_not_there(desk: Desk) -> None:
+    expected = "nowhere does not exist; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
+    assert desk.refused("view", desk.folder / "nowhere").endswith(expected)
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_report_of_what_is_no_folder(desk: Desk, other: bool) -> None:
+    words = ["report", batch_folder(desk)] if other else ["report"]
+    file, missing = desk.file("thesis.tex", ""), desk.folder / "nowhere"
+    assert desk.refused(*words, file) == f"{file} is a file; expected the folder of a batch run, or of several"
+    assert (
+        desk.refused(*words, missing) == f"{missing} does not exist; expected the folder of a batch run, or of several"
+    )
+
+
+def test_a_file_is_no_data_set(desk: Desk) -> None:
+    assert "thesis.tex is a file; give the folder" in desk.refused("datasets", "check", desk.file("thesis.tex", ""))
+
+
 def test_view_of_a_session_that_cannot_be_opened(desk: Desk) -> None:
     session = desk.file("s.toml", '[scene]\ndemo = "teapot"\n')
     assert "unknown demo scene 'teapot'" in desk.refused("view", session, "--port", "0", "--no-open-browser")
@@ -328,8 +348,12 @@ def test_files_that_are_no_recordings(desk: Desk, content: bytes | None, expecte
     assert expected in desk.refused("replay", file, *verify)
 
 
-def test_a_folder_is_no_recording(desk: Desk) -> None:
-    assert "cannot be read" in desk.refused("replay", desk.folder)
+@pytest.mark.parametrize("verify", [[], ["--verify"]])
+def test_a_folder_is_no_recording(desk: Desk, verify: list[str]) -> None:
+    said = f"{desk.folder} is a folder, expected a recording (.rrd)"
+    assert desk.refused("replay", desk.folder, *verify) == said
+    run = batch_folder(desk)
+    assert desk.refused("replay", run, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
 
 
 def test_a_recording_of_another_program(desk: Desk) -> None:

@@ -23,7 +23,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
 
 def test_another_folder_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is no folder of a batch" in refused(capsys, tmp_path)
-    assert "is no folder of a batch" in refused(capsys, tmp_path / "nowhere")
+    assert "does not exist; expected the folder of a batch run" in refused(capsys, tmp_path / "nowhere")
 
 
 def test_a_run_without_a_result_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,10 +87,12 @@ def find_runs(folder: Path) -> FoundRuns:
     directly in it, those of the one folder further down that holds any.
 
     Raises:
-        InputError: there is none, or several folders further down hold some.
+        InputError: it is no folder, there is none in it, or several folders further down hold some.
     """
     if is_batch_folder(folder):
         return FoundRuns((folder,), "")
+    if why := _no_folder(folder):
+        raise InputError(f"{folder} {why}; expected the folder of a batch run, or of several")
     below = _runs_below(folder, LEVELS)
     here = below.pop(folder, ())
     listed = ", ".join(f"{path} ({_counted(runs)})" for path, runs in below.items())
@@ -103,6 +105,17 @@ def find_runs(folder: Path) -> FoundRuns:
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
     ((place, runs),) = below.items()
     return FoundRuns(runs, f"The runs in {place} ({_counted(runs)}).")
+
+
+def _no_folder(path: Path) -> str:
+    """Why nobody can look into it; empty where one can."""
+    try:
+        if not path.is_dir():
+            return "is a file" if path.exists() else "does not exist"
+        next(path.iterdir(), None)
+    except OSError as error:
+        return f"cannot be looked into ({error.strerror})"
+    return ""
 
 
 def run_folders(folder: Path) -> tuple[Path, ...]:

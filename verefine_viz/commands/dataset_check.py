@@ -71,7 +71,8 @@ def splits_of(folder: Path) -> tuple[str, ...]:
         InputError: the folder does not exist, or holds none.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder} does not exist; give the folder that holds models/ and the splits (test/, …)")
+        why = "is a file" if folder.exists() else "does not exist"
+        raise InputError(f"{folder} {why}; give the folder that holds models/ and the splits (test/, …)")
     found = _splits(folder)
     if not found:
         raise InputError(f"{folder} holds no split with scenes; {_meant(folder)}")

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import tyro
 
+from verefine_viz.core.errors import InputError
+
 ENDED_EARLY = 3
 """Exit code of --verify for a recording that is the same as the new run as far as it goes, but was stopped early."""
 
@@ -24,6 +26,10 @@ class Replay:
     differ, but was stopped before its end)."""
 
     def run(self, arguments: Sequence[str]) -> int:
+        if self.recording.is_dir():
+            inside = self.recording / "recordings"
+            hint = f"; those of a batch lie in {inside}" if inside.is_dir() else ""
+            raise InputError(f"{self.recording} is a folder, expected a recording (.rrd){hint}")
         return _verify(self.recording) if self.verify else _open(self.recording)
 
 

@@ -79,12 +79,11 @@ def is_recording(path: Path | None) -> bool:
 def _check_kind(path: Path | None) -> None:
     """
     Raises:
-        InputError: a file is there, but of a kind that cannot be opened.
+        InputError: it is of a kind that cannot be opened, or is not there.
     """
-    if path is not None and path.suffix != ".toml" and path.exists():
-        raise InputError(
-            f"{path} cannot be opened; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
-        )
+    if path is not None and path.suffix != ".toml":
+        why = "cannot be opened" if path.exists() else "does not exist"
+        raise InputError(f"{path} {why}; expected a session (.toml), the folder of a batch run, or a recording (.rrd)")
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:

@@ -39,8 +39,14 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"session file {path} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"session file {path} cannot be read: {error}") from None
+    except IsADirectoryError:
+        inside = path / "session.toml"
+        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"session file {path} cannot be read: it is no text, expected a .toml file") from None
+    except OSError as error:
+        raise InputError(f"session file {path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"session file {path} is not TOML: {error}") from None
     return resolve(_merged(_with_absolute_paths(raw, path.parent), top), str(path))
