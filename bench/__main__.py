@@ -37,7 +37,7 @@ def main(names: list[str]) -> int:
         started = time.perf_counter()
         with console.status(f"measuring {name}"):
             results[name] = importlib.import_module(f"bench.{name}").run()
-        console.print(_table(name, results[name], time.perf_counter() - started))
+        console.print(table(name, results[name], time.perf_counter() - started))
     part = OUT.with_name(OUT.name + ".part")
     made_by = {"machine": facts, "packages": package_versions()}
     part.write_text(json.dumps({**made_by, "results": results}, indent=2, ensure_ascii=False), encoding="utf-8")
@@ -46,15 +46,16 @@ def main(names: list[str]) -> int:
     return 0
 
 
-def _table(name: str, rows: list[dict[str, Any]], seconds: float) -> Table:
-    table = Table(title=f"{name} (measured in {seconds:.0f} s)", title_justify="left")
+def table(name: str, rows: list[dict[str, Any]], seconds: float) -> Table:
+    """Rows of one benchmark."""
+    shown = Table(title=f"{name} (measured in {seconds:.0f} s)", title_justify="left")
     columns = list(dict.fromkeys(column for row in rows for column in row))
     for column in columns:
         numeric = any(isinstance(row.get(column), int | float) for row in rows)
-        table.add_column(escape(column), justify="right" if numeric else "left")
+        shown.add_column(escape(column), justify="right" if numeric else "left")
     for row in rows:
-        table.add_row(*(escape(_shown(row.get(column))) for column in columns))
-    return table
+        shown.add_row(*(escape(_shown(row.get(column))) for column in columns))
+    return shown
 
 
 def _shown(value: object) -> str:
