@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import MethodSettings, RecordingSettings, Session
 from verefine_viz.methods.registry import make_method
+from verefine_viz.recording.entities import EXACT
+from verefine_viz.recording.reader import chunks_of
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.engine import Run
 
@@ -36,6 +39,19 @@ def recorded_run(path: Path, s: Session | None = None, problem: Problem | None =
     run = new_run(s, problem, (Recorder(path, s, problem, FakeVerifier(), block=block),))
     run.finish()
     return run
+
+
+def n_drawn(path: Path) -> int:
+    """How many iterations the file itself holds, whatever its journal has."""
+    return sum(chunk.num_rows for chunk in chunks_of(path) if chunk.entity_path == EXACT)
+
+
+def ends_of_messages(content: bytes) -> Iterator[int]:
+    """Where each message of a recording ends."""
+    at = 12
+    while at < len(content):
+        at += 16 + int.from_bytes(content[at + 8 : at + 16], "little")
+        yield at
 
 
 def enlarged(problem: Problem, factor: int = 8) -> Problem:

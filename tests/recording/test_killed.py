@@ -3,12 +3,13 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from tests.fakes import box_problem
-from tests.recording.runs import new_run, recorded_run, session
+from tests.recording.runs import ends_of_messages, n_drawn, new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.recording.entities import CURVES, EXACT
 from verefine_viz.recording.entry import as_recorded
@@ -50,12 +51,12 @@ def test_a_killed_recording_is_completed_for_the_viewer(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     killed_run(path, 33, maps=False)
     before = read_recording(path)
-    assert before.n_drawn < len(before.entries)
+    assert n_drawn(part_path(path)) < len(before.entries)
     out = tmp_path / "out"
     out.mkdir()
     after = read_recording(completed(before, out))
     assert after.is_complete
-    assert after.n_drawn == len(before.entries)
+    assert n_drawn(after.path) == len(before.entries)
     assert first_difference(after.iterations, before.iterations) is None
 
 
@@ -63,10 +64,42 @@ def test_completing_draws_what_the_killed_run_would_have_drawn(tmp_path: Path) -
     """The curves of a completed recording are those of one that was never cut."""
     recorded_run(tmp_path / "whole.rrd", session(maps=False), block=4)
     stopped = new_run_with_journal(tmp_path / "cut.rrd")
-    assert 0 < stopped.n_drawn < len(stopped.entries)
+    assert 0 < n_drawn(stopped.path) < len(stopped.entries)
     (tmp_path / "out").mkdir()
     fixed = completed(stopped, tmp_path / "out")
     assert curves(fixed) == curves(tmp_path / "whole.rrd")
+
+
+@pytest.mark.parametrize("maps", [True, False])
+def test_completing_draws_all_that_a_cut_file_still_holds(tmp_path: Path, maps: bool) -> None:
+    """Wherever it was cut: in the middle of a block there are iterations without curves."""
+    recorded_run(tmp_path / "whole.rrd", session(maps=maps), block=10)
+    content, whole = (tmp_path / "whole.rrd").read_bytes(), read_recording(tmp_path / "whole.rrd")
+    ends = list(ends_of_messages(content))
+    lengths = set()
+    for k, end in enumerate(ends[len(ends) // 3 :: 7]):
+        cut = tmp_path / f"{k}.rrd"
+        cut.write_bytes(content[:end])
+        recorded = read_recording(cut)
+        (tmp_path / f"{k}").mkdir()
+        fixed = completed(recorded, tmp_path / f"{k}")
+        n = len(recorded.entries)
+        lengths.add(n)
+        assert first_difference(read_recording(fixed).iterations, whole.iterations[:n]) is None
+        if n:
+            assert curves(fixed) == {at: v for at, v in curves(whole.path).items() if at[1] <= n}
+        if n == len(whole.entries):
+            assert numbers_of_rows(fixed) == numbers_of_rows(whole.path)
+    assert {10, 20, 30} <= lengths
+
+
+def numbers_of_rows(path: Path) -> Counter[str]:
+    """How much there is of everything that changes over the iterations, score maps aside."""
+    found: Counter[str] = Counter()
+    for chunk in chunks_of(path):
+        if not chunk.is_static and "maps/" not in chunk.entity_path:
+            found[chunk.entity_path] += chunk.num_rows
+    return found
 
 
 def new_run_with_journal(path: Path):

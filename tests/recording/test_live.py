@@ -5,9 +5,10 @@ from pathlib import Path
 import psutil
 
 from tests.fakes import box_problem
-from tests.recording.runs import new_run, session
+from tests.recording.runs import n_drawn, new_run, session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.unfinished import part_path
 from verefine_viz.recording.viewer_process import free_port
 
 
@@ -27,5 +28,5 @@ def test_a_live_recording_is_drawn_at_once(tmp_path: Path) -> None:
     run = new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem, live_port=free_port()),))
     for k in (1, 2, 3):
         run.step()
-        assert read_recording(tmp_path / "run.rrd").n_drawn == k
+        assert n_drawn(part_path(tmp_path / "run.rrd")) == k
     run.close()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import box_problem
-from tests.recording.runs import new_run, recorded_run, session
+from tests.recording.runs import ends_of_messages, new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
@@ -113,13 +113,6 @@ def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path_factory: pytest.
         found = verdict(folder / "cut.rrd", again)
         assert found.ends_early
         assert found.in_words.startswith("ended early")
-
-
-def ends_of_messages(content: bytes) -> Iterator[int]:
-    at = 12
-    while at < len(content):
-        at += 16 + int.from_bytes(content[at + 8 : at + 16], "little")
-        yield at
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

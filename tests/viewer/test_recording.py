@@ -42,7 +42,7 @@ def exported(debugger: Debugger) -> Path:
     assert path.is_absolute()
     recorded = read_recording(path)
     assert recorded.is_complete
-    assert recorded.n_drawn == len(recorded.entries) == debugger.workspace.run.length
+    assert len(recorded.entries) == debugger.workspace.run.length
     return path
 
 

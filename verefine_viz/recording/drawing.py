@@ -55,23 +55,12 @@ class Drawing:
             yield from start_best(self._layout)
         yield from self._tree.styles()
 
-    def skip(self, entries: Sequence[Entry]) -> None:
-        """Takes iterations as drawn already."""
-        for i in (entry.iteration for entry in entries):
-            kept = i.accepted_stage.score
-            if kept is not None:
-                self._held[i.instance_id][i.arm] = kept.score
-            self._worked_on = i.instance_id
-            self._started.add(i.instance_id)
-            self._poses.add(i)
-            if i.tree is not None:
-                self._tree.add(i.tree)
-        list(self._poses.chunks())
-
     def draw(self, entries: Sequence[Entry]) -> Iterator[Piece]:
         """The iterations, which follow the ones before without a gap."""
         block = Block(entries)
         turns = self._turns(block.iterations)
+        # First: where a file is cut, all else can be drawn again.
+        yield exact(block)
         for iteration in block.iterations:
             self._poses.add(iteration)
         yield from self._poses.chunks()
@@ -88,7 +77,6 @@ class Drawing:
             yield from scene_curves(self._layout, block)
         yield from self._tree.draw(block.iterations)
         yield from _events(self._layout, block)
-        yield exact(block)
 
     def _turns(self, iterations: Sequence[Iteration]) -> dict[int, list[int]]:
         """Iterations at which another object's turn begins, by the object whose turn that ends."""

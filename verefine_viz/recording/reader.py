@@ -49,8 +49,6 @@ class Recorded:
     """The objects, their hypotheses and initial scores."""
     entries: tuple[Entry, ...]
     """Iterations 1, 2, …, without a gap."""
-    n_drawn: int
-    """How many of them are drawn in the file; the others come from the journal of a killed run."""
     is_complete: bool
     """Whether the writer finished the file, and nothing was cut off since."""
     properties: Mapping[str, Any]
@@ -69,7 +67,6 @@ def read_recording(path: Path) -> Recorded:
     """
     path = existing(path)
     properties, entries, is_whole = _read(path)
-    n_drawn = len(entries)
     if is_part(path):
         journal = journal_path(final_path(path))
         about, journalled = read_journal(journal) if journal.is_file() else ({}, ())
@@ -98,7 +95,6 @@ def read_recording(path: Path) -> Recorded:
         versions,
         layout,
         entries,
-        n_drawn,
         is_whole and not is_part(path),
         properties,
     )

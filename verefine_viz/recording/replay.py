@@ -13,7 +13,7 @@ from rerun.chunk import Chunk
 from verefine_viz.core.compare import first_difference
 from verefine_viz.recording.blueprint import blueprint_messages
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.entities import MAPS
+from verefine_viz.recording.entities import MAPS, SCENE_MAPS
 from verefine_viz.recording.entry import as_recorded
 from verefine_viz.recording.frame import property_chunks
 from verefine_viz.recording.piece import Piece
@@ -57,23 +57,23 @@ def open_viewer(path: Path, web: bool | None = None) -> subprocess.Popen[bytes]:
 
 
 def completed(recorded: Recorded, folder: Path) -> Path:
-    """A copy of an unfinished recording in ``folder``, with the iterations drawn that only the journal had."""
+    """A copy of an unfinished recording in ``folder``, with all its iterations drawn."""
     target = folder / final_path(recorded.path).name
     chunks: list[Chunk] = []
-    if recorded.n_drawn or has_content(recorded.path):
+    if has_content(recorded.path):
         with readable(recorded.path) as file:
             chunks = chunks_of(file)
-    has_maps = any(chunk.entity_path.startswith(MAPS) for chunk in chunks)
+    maps = [chunk for chunk in chunks if chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))]
     drawing = Drawing(recorded.layout)
-    drawing.skip(recorded.entries[: recorded.n_drawn])
-    missing = recorded.entries[recorded.n_drawn :]
     file = RrdFile(target)
     if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
         file.send(property_chunks(recorded.properties))
-    file.send(Piece.of(chunk) for chunk in chunks)
-    if missing:
-        file.send(drawing.draw(missing))
-    file.close(blueprint_messages(recorded.layout, has_maps))
+    file.send(drawing.start())
+    # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.
+    file.send(Piece.of(chunk) for chunk in (*(c for c in chunks if c.is_static), *maps))
+    if recorded.entries:
+        file.send(drawing.draw(recorded.entries))
+    file.close(blueprint_messages(recorded.layout, has_maps=bool(maps)))
     return target
 
 
