@@ -296,6 +296,7 @@ def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
     assert "cannot be read: No such file" in desk.refused(tmp_path / "no.csv")
     assert "no results file given" in desk.refused("--split", "test")
     assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
+    assert "is a file, not a folder; give --dataset" in desk.refused(desk.results, "--dataset", desk.results)
     assert "has no folder test*; say which split is meant" in desk.refused(desk.results, "--dataset", tmp_path)
     assert "unknown split 'train'; available: test" in desk.refused(desk.results, "--split", "train")
     assert "neither here nor in" in desk.refused(desk.results, "--targets", "no.json")

@@ -83,6 +83,18 @@ def test_links_carry_commands_and_nothing_else(app: App) -> None:
         until(app, lambda: cursor(app) == 3)
 
 
+def test_settings_show_a_refiner_that_only_another_program_has(tmp_path: Path) -> None:
+    session = Session(method=MethodSettings(refiner="nudge", iterations=1))
+    running = App(session, port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        running.wait_until_idle()
+        shown = running.layout.settings._fields["method.refiner"]
+        assert shown.value == "nudge"
+        assert {"nudge", "icp"} <= set(shown.options)
+    finally:
+        running.stop()
+
+
 def test_two_browsers_show_the_same_run(app: App) -> None:
     with client(app.url) as one, client(app.url) as other:
         one.set(app.layout.run.moves, "Step ▶")

@@ -106,7 +106,8 @@ def default_split(dataset: Path) -> str:
         InputError: the folder is not there, or it is not clear which split is meant.
     """
     if not dataset.is_dir():
-        raise InputError(f"data set folder {dataset} does not exist; give --dataset a folder in BOP layout")
+        wrong = "is a file, not a folder" if dataset.exists() else "does not exist"
+        raise InputError(f"data set folder {dataset} {wrong}; give --dataset a folder in BOP layout")
     if (dataset / "test").is_dir():
         return "test"
     found = sorted(p.name for p in dataset.glob("test*") if p.is_dir())

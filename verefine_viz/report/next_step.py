@@ -96,7 +96,7 @@ def _lead(run: Loaded, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, i
 
 
 def _shown(counts: Sequence[tuple[str, int]]) -> str:
-    """``collider too coarse 2``; ``collider too coarse and refiner diverged 1 each``: the most frequent of these."""
+    """``collider too coarse 2``; ``collider too coarse and budget too small 1 each``: the most frequent of these."""
     n = counts[0][1]
     titles = [cause_title(cause) for cause, m in counts if m == n]
     return f"{' and '.join(titles)} {n}{' each' * (len(titles) > 1)}"

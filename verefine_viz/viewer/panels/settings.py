@@ -86,6 +86,9 @@ class SettingsPanel:
         if values != self._known:
             self._known = values
             for name, handle in self._fields.items():
+                # A recording may name a refiner that this program does not have.
+                if isinstance(handle, viser.GuiDropdownHandle) and values[name] not in handle.options:
+                    handle.options = (*handle.options, values[name])
                 handle.value = values[name]
         self._focus = view.target.instance.instance_id
         self._estimated = dict(view.session.hypotheses.estimate)
