@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from numba import njit
 
+from tests.fakes import FakeRefiner
 from tests.viewer.client import client
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
@@ -170,6 +171,21 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path)
         app.wait_until_idle()
         assert any(f">{COMPILING}<" in said for said in app.said), "the scene was read long ago"
         assert COMPILING not in app.layout.run._words._handle.content, "it is over"
+    finally:
+        app.stop()
+
+
+def test_after_installing_a_step_is_tried_before_the_page_is_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refined: list[object] = []
+    refine = FakeRefiner.refine
+    monkeypatch.setattr(FakeRefiner, "refine", lambda *given: refined.append(given) or refine(*given))
+    app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        assert len(refined) == 1
+        assert (cursor(app), app.debugger.workspace.run.length) == (0, 0)
     finally:
         app.stop()
 

@@ -95,8 +95,9 @@ def in_short(outcome: Outcome) -> str:
     """``8 frames, 28 objects, median ADD(-S) 2.2 mm, 86% below 10 % of the diameter``."""
     numbers = outcome.totals
     parts = [
-        f"{numbers['frames']} frames" + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
-        f"{numbers['objects']} objects",
+        f"{numbers['frames']} frame{'s' * (numbers['frames'] != 1)}"
+        + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
+        f"{numbers['objects']} object{'s' * (numbers['objects'] != 1)}",
     ]
     if numbers["objects_without_answer"]:
         parts.append(f"{numbers['objects_without_answer']} without a hypothesis")

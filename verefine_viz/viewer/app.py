@@ -7,6 +7,7 @@ import threading
 import webbrowser
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -76,6 +77,7 @@ class App:
         self._idle = False
         self._is_shallow = False
         self._doing = ""
+        self._compiled = False
         """What is being done, as long as nothing of it can be shown."""
         self._layout: Layout | None = None
         self._animation: Iterator[None] | None = None
@@ -192,6 +194,8 @@ class App:
         ).carry_out(self._first)
         self._tell("Drawing the first picture.")
         self.debugger.view(deep=False)  # Where kernels are compiled for it, the page can still say so.
+        if self._compiled:
+            self._try_step()
         self._loading.remove()
         self.scene = SceneView(self.server, self.send)
         self.sides = SideNodes(self.server)
@@ -207,8 +211,18 @@ class App:
         self._doing = doing
         self._say(doing)
 
+    def _try_step(self) -> None:
+        """Makes the first step and forgets it: else a person who makes it waits for the kernels that it needs."""
+        self._tell("Trying a step.")
+        run = self.debugger.workspace.run
+        if not run.is_done:
+            with suppress(Exception):  # When a person makes it, it is told.
+                run.method.step(run.state)
+        self.debugger.view()
+
     def _tell_of_compiling(self) -> None:
         """Says why it takes longer than usual."""
+        self._compiled = True
         self._say(f"{self._doing} {COMPILING}".lstrip())
 
     def _say(self, doing: str) -> None:

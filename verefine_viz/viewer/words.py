@@ -170,7 +170,8 @@ def _stage_sentence(view: View, iteration: Iteration) -> str:
     head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
     if k == 0:
         scored = f", which scores {stage.score.score:.2f}" if stage.score else ""
-        return f"{head} {chosen_because(iteration, view.n_arms).capitalize()} goes on from its current pose{scored}."
+        who = chosen_because(iteration, view.n_arms)
+        return f"{head} {who[:1].upper()}{who[1:]} goes on from its current pose{scored}."
     if stage.name == "mixed":
         return f"{head} The simulated rotation with the translation from before: where the refiner starts."
     did = _what_it_did(view, iteration, iteration.stages[k - 1], stage).removeprefix("then ")
