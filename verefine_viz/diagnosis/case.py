@@ -38,6 +38,8 @@ WHOLE_SCENE = frozenset({"vf_depth", SEARCH})
 """Methods in which the answer of one object depends on the others' poses as a scene."""
 ALONE = "alone"
 """Nothing otherwise, but the methods of whole scenes stood in for."""
+FAR = 0.35
+"""A start further away than this share of the diameter is not near, whatever the refiner."""
 CLEARLY = 0.8
 """A repair that leaves more than this share of the error repairs nothing."""
 
