@@ -17,6 +17,7 @@ from verefine_viz.viewer import tables, words
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.panels.bandit import pull_lines
+from verefine_viz.viewer.plays import what_n_counts
 from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.view import View
 
@@ -70,6 +71,7 @@ def test_the_end_names_the_answer_and_its_error() -> None:
 def test_stages_are_told_one_by_one() -> None:
     said = [words.headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
     assert "stage 1 of 4: current." in said[0]
+    assert "(best UCB: " in said[0]
     assert "goes on from its current pose, which scores 0." in said[0]
     assert "stage 2 of 4: simulated. Simulation " in said[1]
     assert "where the refiner starts" in said[2]
@@ -223,7 +225,7 @@ def test_n_is_told_from_the_pulls() -> None:
     html = tables.arms_table(view)
     assert "n: 1 for the score of the first pose, and 1 for each pull before this choice." in html
     fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
-    assert "earlier ones fade, ×0.9 a pass" in tables.what_n_counts(replace(view, session=fading))
+    assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
 
 
 @pytest.mark.parametrize("name", ["pir", "refine"])

@@ -5,8 +5,9 @@ from __future__ import annotations
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.markup import Row, swatch, table, text
+from verefine_viz.viewer.plays import CHOOSING, N_MEANS, plays_text, what_n_counts
 from verefine_viz.viewer.scene_words import TERMS
-from verefine_viz.viewer.tables import CHOOSING, N_MEANS, cut, number, plays_text, what_n_counts
+from verefine_viz.viewer.tables import cut, number
 from verefine_viz.viewer.view import View
 
 

@@ -13,6 +13,7 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
+from verefine_viz.viewer.plays import N_MEANS, WITH_UCB, plays_text, what_n_counts
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
@@ -24,25 +25,12 @@ CLASS_MEANING = {
     "hidden": "something nearer stands in front, outside the mask or known from a placed object; does not count",
     "unknown": "rendered, but nothing was measured there; does not count",
 }
-N_MEANS = (
-    "n_j, the plays that the bandit counted when it chose: the score of the first pose is one of them, and part of the "
-    "mean μ_j. The Pulls curves count choices only, up to and with this iteration."
-)
-WITH_UCB = ("rir", "vf_breadth", "vf_depth")
-"""Methods whose choice depends on c."""
-CHOOSING = (*WITH_UCB, "even", "expl")
-"""Methods that choose between hypotheses."""
 _NONE = "–"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
     """A number with its unit, or a dash."""
     return _NONE if value is None else f"{value:.{digits}f}{unit}"
-
-
-def plays_text(plays: float) -> str:
-    """A count of plays, which may be discounted."""
-    return f"{plays:.0f}" if plays == round(plays) else f"{plays:.2f}"
 
 
 def cut(name: str) -> str:
@@ -152,16 +140,6 @@ def arms_table(view: View) -> str:
         ("ms", "computing time spent on it so far"),
     ]
     return table(head, rows) + what_n_counts(view)
-
-
-def what_n_counts(view: View) -> str:
-    """A line below a table of plays, which are not the pulls of the curves; empty where nothing is chosen."""
-    if view.session.method.name not in CHOOSING:
-        return ""
-    said = "n: 1 for the score of the first pose, and 1 for each pull before this choice"
-    if view.session.method.name == "vf_depth" and view.session.method.discount < 1:
-        said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
-    return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
 
 
 def arm_history(view: View, newest: int = 12) -> str:
