@@ -1,6 +1,7 @@
 """The command line: ``verefine-viz view | batch | estimate | evaluate | study | report | datasets | replay | doctor``.
 
-Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
+130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations

@@ -77,8 +77,9 @@ class App:
         self._idle = False
         self._is_shallow = False
         self._doing = ""
-        self._compiled = False
         """What is being done, as long as nothing of it can be shown."""
+        self._compiled = False
+        """Whether kernels were not there yet."""
         self._layout: Layout | None = None
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
@@ -206,19 +207,19 @@ class App:
         if self._batch is not None and self._batch.worst.can_be_opened:
             self.send(self._batch.opens(self._batch.worst))
 
-    def _tell(self, doing: str) -> None:
-        """Says on the page what is being done, before something that may take seconds."""
-        self._doing = doing
-        self._say(doing)
-
     def _try_step(self) -> None:
         """Makes the first step and forgets it: else a person who makes it waits for the kernels that it needs."""
         self._tell("Trying a step.")
         run = self.debugger.workspace.run
-        if not run.is_done:
-            with suppress(Exception):  # When a person makes it, it is told.
+        with suppress(Exception):  # What is wrong is told when it is made, or shown, in earnest.
+            if not run.is_done:
                 run.method.step(run.state)
-        self.debugger.view()
+            self.debugger.view()
+
+    def _tell(self, doing: str) -> None:
+        """Says on the page what is being done, before something that may take seconds."""
+        self._doing = doing
+        self._say(doing)
 
     def _tell_of_compiling(self) -> None:
         """Says why it takes longer than usual."""
