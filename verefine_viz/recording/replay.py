@@ -63,18 +63,22 @@ def completed(recorded: Recorded, folder: Path) -> Path:
     if has_content(recorded.path):
         with readable(recorded.path) as file:
             chunks = chunks_of(file)
-    maps = [chunk for chunk in chunks if chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))]
+    has_maps = any(_is_map(chunk) for chunk in chunks)
     drawing = Drawing(recorded.layout)
     file = RrdFile(target)
     if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
         file.send(property_chunks(recorded.properties))
     file.send(drawing.start())
     # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.
-    file.send(Piece.of(chunk) for chunk in (*(c for c in chunks if c.is_static), *maps))
+    file.send(Piece.of(chunk) for chunk in chunks if chunk.is_static or _is_map(chunk))
     if recorded.entries:
         file.send(drawing.draw(recorded.entries))
-    file.close(blueprint_messages(recorded.layout, has_maps=bool(maps)))
+    file.close(blueprint_messages(recorded.layout, has_maps))
     return target
+
+
+def _is_map(chunk: Chunk) -> bool:
+    return chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))
 
 
 @dataclass(frozen=True)
