@@ -16,9 +16,8 @@ from verefine_viz.rendering.rasterizer import draw_frame
 def depth_of(model: ObjectModel, T: np.ndarray, camera: Camera = CAMERA) -> np.ndarray:
     mesh = render_mesh(model.vertices, model.faces)
     inv_z, face_of = np.zeros(camera.shape, np.float32), np.zeros(camera.shape, np.int32)
-    planes = mesh.face_normals, mesh.face_offsets
     intrinsics = camera.fx, camera.fy, camera.cx, camera.cy
-    draw_frame(T, mesh.vertices, mesh.faces, *planes, *intrinsics, inv_z, face_of)
+    draw_frame(T, *mesh.arrays, *intrinsics, inv_z, face_of)
     return np.divide(1.0, inv_z, out=np.zeros(camera.shape), where=inv_z > 0)
 
 

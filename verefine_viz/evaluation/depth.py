@@ -52,13 +52,16 @@ def model_depth(model: EvalModel, R: Float, t_mm: Float, K: Float, shape: tuple[
 
 
 @njit(cache=True, nogil=True)
-def _draw(T, vertices, faces, normals, offsets, fx, fy, cx, cy, height, width):
+def _draw(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, height, width):
     projected = np.empty((len(vertices), 3))
     x0, y0, columns, rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
     inv_z = np.zeros((rows, columns), np.float32)
     if columns > 0:
         face_of = np.empty((rows, columns), np.int32)
-        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
+        draw(
+            T, vertices, faces, normals, offsets, closed, projected, n_front,
+            fx, fy, cx, cy, inv_z, face_of, x0, y0, 0,
+        )  # fmt: skip
     for y in range(rows):
         for x in range(columns):
             if inv_z[y, x] > 0.0:

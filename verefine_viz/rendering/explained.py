@@ -69,8 +69,7 @@ class ExplainedPixels:
         for placed in scene:
             mesh = self._meshes.get(placed.model)
             T = np.array(placed.T_cam_obj, dtype=np.float64, order="C")
-            arrays = (mesh.vertices, mesh.faces, mesh.face_normals, mesh.face_offsets)
-            draw_frame(T, *arrays, *intrinsics(camera, self._settings), inv_z, face_of)
+            draw_frame(T, *mesh.arrays, *intrinsics(camera, self._settings), inv_z, face_of)
         return inv_z
 
 

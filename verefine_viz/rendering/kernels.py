@@ -77,12 +77,37 @@ def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects
         alpha: tolerance of 1 − n·n̂.
         sums: (9,) result.
     """
-    normals, offsets, face_starts = meshes[2], meshes[3], meshes[5]
     x0, y0, inv_z, face_of = _draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
-    rows, columns = inv_z.shape
-    eyes = np.empty((len(Ts), 3))
+    facing = _facing(Ts, meshes)
+    _sum(
+        inv_z, face_of, x0, y0, facing, meshes[6], far, observed, flags, own, placed, n_objects, n_own,
+        pixels, tau, alpha, sums,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _facing(Ts, meshes):
+    """(F, 3) normals of all faces, on the side that is seen, in the camera frame."""
+    normals, offsets, face_starts = meshes[2], meshes[3], meshes[6]
+    out = np.empty(normals.shape)
     for k in range(len(Ts)):
-        eyes[k, 0], eyes[k, 1], eyes[k, 2] = eye_in_object(Ts[k])
+        T = Ts[k]
+        eye_x, eye_y, eye_z = eye_in_object(T)
+        for f in range(face_starts[k], face_starts[k + 1]):
+            a, b, c = normals[f, 0], normals[f, 1], normals[f, 2]
+            side = -1.0 if a * eye_x + b * eye_y + c * eye_z < offsets[f] else 1.0
+            for i in range(3):
+                out[f, i] = side * (T[i, 0] * a + T[i, 1] * b + T[i, 2] * c)
+    return out
+
+
+@njit(cache=True)
+def _sum(
+    inv_z, face_of, x0, y0, facing, face_starts, far, observed, flags, own, placed, n_objects, n_own,
+    pixels, tau, alpha, sums,
+):  # fmt: skip
+    """Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
+    rows, columns = inv_z.shape
     per_tau, per_alpha = 1.0 / tau, 1.0 / alpha
     sum_d, sum_n, n_rendered, n_stray = 0.0, 0.0, 0, 0
     counts = np.zeros(5, np.int64)
@@ -124,15 +149,7 @@ def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects
                 if pixels != PUBLISHED and nx == 0.0 and ny == 0.0 and nz == 0.0:
                     sum_n += f_d
                     continue
-                T = Ts[k]
-                a, b, c = normals[f, 0], normals[f, 1], normals[f, 2]
-                dot = (
-                    nx * (T[0, 0] * a + T[0, 1] * b + T[0, 2] * c)
-                    + ny * (T[1, 0] * a + T[1, 1] * b + T[1, 2] * c)
-                    + nz * (T[2, 0] * a + T[2, 1] * b + T[2, 2] * c)
-                )
-                if a * eyes[k, 0] + b * eyes[k, 1] + c * eyes[k, 2] < offsets[f]:
-                    dot = -dot
+                dot = nx * facing[f, 0] + ny * facing[f, 1] + nz * facing[f, 2]
                 sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
     counts[MISSED] += n_own - n_covered
     sums[0], sums[1], sums[3] = sum_d, sum_n, n_rendered
@@ -153,7 +170,7 @@ def _draw_window(Ts, meshes, camera, height, width):
     Returns:
         Its first column and row, 1/z (rows, columns) [1/m] and the face that is seen, counted through all models.
     """
-    vertices, faces, normals, offsets, vertex_starts, face_starts = meshes
+    vertices, faces, normals, offsets, closed, vertex_starts, face_starts = meshes
     fx, fy, cx, cy = camera
     projected = np.empty((len(vertices), 3))
     n_front, shows = np.empty(len(Ts), np.int64), np.zeros(len(Ts), np.bool_)
@@ -170,7 +187,7 @@ def _draw_window(Ts, meshes, camera, height, width):
         if shows[k]:
             a, b, c, d = vertex_starts[k], vertex_starts[k + 1], face_starts[k], face_starts[k + 1]
             draw(
-                Ts[k], vertices[a:b], faces[c:d], normals[c:d], offsets[c:d], projected[a:b], n_front[k],
+                Ts[k], vertices[a:b], faces[c:d], normals[c:d], offsets[c:d], closed[c:d], projected[a:b], n_front[k],
                 fx, fy, cx, cy, inv_z, face_of, left, top, c,
             )  # fmt: skip
     return left, top, inv_z, face_of
@@ -192,7 +209,7 @@ def windows(Ts, meshes, camera, height, width):
     """The windows of the image, (N, m, 4) x0, y0, columns, rows [px], that hold each model of N combinations of poses
     (N, m, 4, 4); 0 columns for none.
     """
-    vertices, _, _, _, starts, _ = meshes
+    vertices, _, _, _, _, starts, _ = meshes
     fx, fy, cx, cy = camera
     out = np.zeros((Ts.shape[0], Ts.shape[1], 4), np.int64)
     projected = np.empty((len(vertices), 3))

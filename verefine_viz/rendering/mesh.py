@@ -22,13 +22,15 @@ class RenderMesh:
     """(F, 3) unit, by the winding of the face."""
     face_offsets: Float
     """(F,) distance of the face's plane from the origin along its normal [m]."""
+    closed: NDArray[np.bool_]
+    """(F,) whether the face is part of a closed surface, whose back is never seen."""
     radius_m: float
     """Of the sphere around the origin that holds all vertices [m]."""
 
     @property
-    def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float]:
+    def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float, NDArray[np.bool_]]:
         """What the rasteriser takes."""
-        return self.vertices, self.faces, self.face_normals, self.face_offsets
+        return self.vertices, self.faces, self.face_normals, self.face_offsets, self.closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +46,20 @@ class RenderMeshes:
     """(ΣF, 3)."""
     face_offsets: Float
     """(ΣF,) [m]."""
+    closed: NDArray[np.bool_]
+    """(ΣF,)."""
     vertex_starts: NDArray[np.int64]
     """(m + 1,) where each model's vertices begin."""
     face_starts: NDArray[np.int64]
     """(m + 1,)."""
 
     @property
-    def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float, NDArray[np.int64], NDArray[np.int64]]:
+    def arrays(
+        self,
+    ) -> tuple[Float, NDArray[np.int32], Float, Float, NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
         """What the kernels take."""
-        planes = self.face_normals, self.face_offsets
-        return self.vertices, self.faces, *planes, self.vertex_starts, self.face_starts
+        faces = self.faces, self.face_normals, self.face_offsets, self.closed
+        return self.vertices, *faces, self.vertex_starts, self.face_starts
 
     def model_of(self, face_of: NDArray[np.integer]) -> NDArray[np.intp]:
         """Which model each of some faces belongs to."""
@@ -64,7 +70,7 @@ class RenderMeshes:
 
 def render_meshes(meshes: tuple[RenderMesh, ...]) -> RenderMeshes:
     """Puts m ≥ 1 meshes end to end."""
-    fields = ("vertices", "faces", "face_normals", "face_offsets")
+    fields = ("vertices", "faces", "face_normals", "face_offsets", "closed")
     if len(meshes) == 1:
         joined = [getattr(meshes[0], name) for name in fields]
     else:
@@ -73,8 +79,11 @@ def render_meshes(meshes: tuple[RenderMesh, ...]) -> RenderMeshes:
     return RenderMeshes(meshes, *joined, *starts)
 
 
-def render_mesh(vertices: Float, faces: NDArray[np.int32]) -> RenderMesh:
-    """Prepares a mesh (V, 3), (F, 3) for drawing; triangles without area are left out."""
+def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bool_] | None = None) -> RenderMesh:
+    """Prepares a mesh (V, 3), (F, 3) for drawing; triangles without area are left out.
+
+    ``closed`` (F,) is what :func:`~verefine_viz.rendering.closed.closed_faces` found; without it all backs are drawn.
+    """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
@@ -86,5 +95,6 @@ def render_mesh(vertices: Float, faces: NDArray[np.int32]) -> RenderMesh:
         faces=kept,
         face_normals=normals,
         face_offsets=np.einsum("ij,ij->i", normals, vertices[kept[:, 0]]),
+        closed=np.zeros(len(kept), np.bool_) if closed is None else closed[flat],
         radius_m=float(np.linalg.norm(vertices, axis=1).max()),
     )

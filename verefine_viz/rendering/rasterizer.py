@@ -168,11 +168,14 @@ def eye_in_object(T):
 
 
 @njit(cache=True)
-def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, first_face):
+def draw(
+    T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, first_face
+):
     """Draws a model into a window, after :func:`window` filled ``projected``.
 
-    Faces turned to the camera come first. Most others then lie behind what is drawn; a coarse grid of the farthest
-    surface so far tells which, without a look at their pixels. The picture is that of all faces.
+    Faces turned to the camera come first. Others that are part of a closed surface are left out, unless the near plane
+    opens it. Most that remain lie behind what is drawn; a coarse grid of the farthest surface so far tells which,
+    without a look at their pixels. The picture is that of all faces.
 
     Args:
         T: (4, 4) T_cam_obj.
@@ -180,6 +183,7 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
         faces: (F, 3) vertex indices.
         normals: (F, 3) unit face normals, object frame.
         offsets: (F,) n·p of each face's plane [m].
+        closed: (F,) whether the face is part of a closed surface.
         projected: (V, 3) u, v, 1/z.
         n_front: how many vertices are in front of the near plane.
         fx: as fy, cx, cy: the camera [px].
@@ -198,8 +202,9 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
     later = np.empty(len(faces), np.int32)
     for f in range(len(faces)):
         if normals[f, 0] * eye_x + normals[f, 1] * eye_y + normals[f, 2] * eye_z < offsets[f]:
-            later[n_later] = f
-            n_later += 1
+            if not (closed[f] and all_in_front):
+                later[n_later] = f
+                n_later += 1
             continue
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if all_in_front or (projected[a, 2] > 0 and projected[b, 2] > 0 and projected[c, 2] > 0):
@@ -213,6 +218,8 @@ def draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, c
             later[n_later] = f
             n_later += 1
 
+    if n_later == 0:
+        return
     farthest = _coarse(inv_z)
     for i in range(n_later):
         f = later[i]
@@ -260,17 +267,20 @@ def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
 
 
 @njit(cache=True)
-def draw_frame(T, vertices, faces, normals, offsets, fx, fy, cx, cy, inv_z, face_of, first_face=0):
+def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of, first_face=0):
     """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
     height, width = inv_z.shape
     projected = np.empty((len(vertices), 3))
     _, _, columns, _, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
     if columns > 0:
-        draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, 0, 0, first_face)
+        draw(
+            T, vertices, faces, normals, offsets, closed, projected, n_front,
+            fx, fy, cx, cy, inv_z, face_of, 0, 0, first_face,
+        )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def draw_depth(T, vertices, faces, normals, offsets, fx, fy, cx, cy, depth):
+def draw_depth(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, depth):
     """Draws a model into an image of z [m], 0 = empty, where it is nearer than what is there."""
     height, width = depth.shape
     projected = np.empty((len(vertices), 3))
@@ -278,7 +288,7 @@ def draw_depth(T, vertices, faces, normals, offsets, fx, fy, cx, cy, depth):
     if columns == 0:
         return
     inv_z, face_of = np.zeros((rows, columns), np.float32), np.empty((rows, columns), np.int32)
-    draw(T, vertices, faces, normals, offsets, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
+    draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
     for y in range(rows):
         for x in range(columns):
             if inv_z[y, x] > 0.0:

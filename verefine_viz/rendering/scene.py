@@ -63,8 +63,7 @@ def render_scene(placed: Sequence[Placed], camera: Camera) -> Rendering:
 
 def _draw(T_cam_obj: Float, mesh: RenderMesh, camera: Camera, inv_z: NDArray, face_of: NDArray) -> None:
     T = np.ascontiguousarray(T_cam_obj)
-    planes = mesh.face_normals, mesh.face_offsets
-    draw_frame(T, mesh.vertices, mesh.faces, *planes, camera.fx, camera.fy, camera.cx, camera.cy, inv_z, face_of)
+    draw_frame(T, *mesh.arrays, camera.fx, camera.fy, camera.cx, camera.cy, inv_z, face_of)
 
 
 def _points(camera: Camera, rows: NDArray, columns: NDArray, inv_z: NDArray) -> Float:

@@ -13,18 +13,17 @@ import fast_simplification
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.rendering.closed import closed_faces, parts
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 
 log = logging.getLogger(__name__)
 
 Faces = NDArray[np.int32]
 
-ALGORITHM = 1
+ALGORITHM = 2
 """Part of the cached file's name; raised when the same input would give another mesh."""
 
 SMALL_PART_FACES = 64
@@ -55,7 +54,8 @@ def scoring_mesh(model: ObjectModel, simplify_mm: float, folder: Path | None = N
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        cached = simplified(model.vertices, model.faces, simplify_mm / 1000)
+        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000)
+        cached = vertices, faces, closed_faces(vertices, faces)
         _write(file, *cached)
     return render_mesh(*cached)
 
@@ -132,9 +132,7 @@ def _welded(vertices: Float, faces: Faces) -> tuple[Float, Faces]:
 
 
 def _in_small_part(vertices: Float, faces: Faces) -> NDArray[np.bool_]:
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    edges = coo_array((np.ones(len(start)), (start, end)), shape=(len(vertices), len(vertices)))
-    part_of = connected_components(edges, directed=False)[1][faces[:, 0]]
+    part_of = parts(len(vertices), faces)
     return np.bincount(part_of)[part_of] < SMALL_PART_FACES
 
 
@@ -143,28 +141,28 @@ def _joined(vertices_a: Float, faces_a: Faces, vertices_b: Float, faces_b: Faces
     return _welded(np.concatenate([vertices_a, vertices_b]), faces)
 
 
-def _read(file: Path) -> tuple[Float, Faces] | None:
+def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-            vertices, faces = data["vertices"], data["faces"]
+            vertices, faces, closed = data["vertices"], data["faces"], data["closed"]
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
         log.warning("the cached mesh %s is damaged and made again (%s)", file, error)
         return None
-    sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
+    sound = closed.shape == faces.shape[:1] and vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
     if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
         log.warning("the cached mesh %s is damaged and made again", file)
         return None
-    return vertices.astype(np.float64), faces.astype(np.int32)
+    return vertices.astype(np.float64), faces.astype(np.int32), closed.astype(np.bool_)
 
 
-def _write(file: Path, vertices: Float, faces: Faces) -> None:
+def _write(file: Path, vertices: Float, faces: Faces, closed: NDArray[np.bool_]) -> None:
     part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as stream:
-            np.savez(stream, vertices=vertices, faces=faces)
+            np.savez(stream, vertices=vertices, faces=faces, closed=closed)
         part.replace(file)
     except OSError as error:
         log.warning("the simplified mesh is not cached: %s", error)

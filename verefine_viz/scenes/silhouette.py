@@ -18,9 +18,8 @@ def silhouette(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Mask:
     mesh = render_mesh(model.vertices, model.faces)
     inv_z = np.zeros(camera.shape, np.float32)
     face_of = np.full(camera.shape, -1, np.int32)
-    planes = mesh.face_normals, mesh.face_offsets
     pinhole = camera.fx, camera.fy, camera.cx, camera.cy
-    draw_frame(np.ascontiguousarray(T_cam_obj), mesh.vertices, mesh.faces, *planes, *pinhole, inv_z, face_of)
+    draw_frame(np.ascontiguousarray(T_cam_obj), *mesh.arrays, *pinhole, inv_z, face_of)
     return face_of >= 0
 
 

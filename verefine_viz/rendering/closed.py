@@ -1,0 +1,54 @@
+"""Which triangles of a mesh belong to a closed surface, whose back is never seen from outside.
+
+A surface without border that does not cut itself, and whose faces look outward, bounds a solid: whatever looks at it
+from outside meets a face turned toward it first. Its faces that are turned away need not be drawn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from verefine_viz.core.arrays import Float
+
+
+def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(F,) whether each of the faces (F, 3) is part of a closed surface; parts are judged by themselves.
+
+    Vertices at the same place must be one vertex.
+    """
+    closed = np.zeros(len(faces), np.bool_)
+    part_of = parts(len(vertices), faces)
+    for part in range(part_of.max(initial=-1) + 1):
+        own = part_of == part
+        closed[own] = _bounds_a_solid(vertices, faces[own])
+    return closed
+
+
+def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
+    return np.unique(connected_components(edges, directed=False)[1][faces[:, 0]], return_inverse=True)[1]
+
+
+def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    # Each edge once in each direction: no border, and neighbours wound the same way.
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    forth, n_forth = np.unique(edges, axis=0, return_counts=True)
+    back = np.unique(edges[:, ::-1], axis=0)
+    if n_forth.max() > 1 or not np.array_equal(forth, back):
+        return False
+    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return volume > 0 and not _cuts_itself(vertices, faces)
+
+
+def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    # open3d takes seconds to import, and is needed only where no cached mesh exists.
+    import open3d as o3d
+
+    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
+    return bool(mesh.is_self_intersecting())
