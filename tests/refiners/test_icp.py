@@ -15,7 +15,7 @@ from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.problem import Target
 from verefine_viz.core.settings import IcpSettings
 from verefine_viz.refiners.icp import Icp, IcpTarget, gate_schedule_m, icp_align, largest_extent_m, observed_normals
-from verefine_viz.refiners.icp_kernel import icp_loop
+from verefine_viz.refiners.icp_kernel import icp_loop, nearest_rotation
 
 SEEDS = st.integers(0, 2**32 - 1)
 PLAIN = IcpSettings(gate="published", matches="all")
@@ -146,6 +146,27 @@ def test_equals_pcl(shared_data: Path, case: str, stop: str, max_iterations: int
     result = icp_align(observed, np.array(golden["model"]), setting)
     assert result.n_iterations == golden[case]["iters"]
     assert np.abs(result.T_target_source - golden[case]["T"]).max() < 1e-5
+
+
+@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["any", "flat", "mirrored", "a line", "nothing"]))
+@settings(max_examples=60)
+def test_the_nearest_rotation_is_that_of_the_singular_values(seed: int, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    H = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-6, 2)
+    if kind == "flat":
+        H = H @ np.diag([1.0, 1.0, 0.0])
+    elif kind == "a line":
+        H = np.outer(H[0], H[1])
+    elif kind == "nothing":
+        H = np.zeros((3, 3))
+    elif (np.linalg.det(H) < 0) != (kind == "mirrored"):
+        H[0] *= -1.0
+    R = nearest_rotation(H.copy())
+    assert np.allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
+    U, s, Vt = np.linalg.svd(H)
+    best = s[0] + s[1] + s[2] * np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    assert np.trace(R.T @ H) == pytest.approx(best, rel=1e-9, abs=1e-12 * s[0])
 
 
 def test_same_bits_every_time() -> None:

@@ -50,6 +50,21 @@ def test_recovers_a_known_motion(seed: int, trim: float) -> None:
     assert result.rms_m < 1e-6
 
 
+@given(seed=SEEDS, away_m=st.sampled_from([0.0, 0.3, 1.0]))
+@settings(max_examples=15)
+def test_one_pass_fits_the_points_to_their_nearest_ones_however_far(seed: int, away_m: float) -> None:
+    rng = np.random.default_rng(seed)
+    cloud = lumpy_cloud(rng)
+    source = apply(small_motion(rng, 10, 0.01), cloud[::2]) + away_m * FAR
+    result = trimmed_align(source, cloud, TricpSettings(trim=1.0, max_passes=1))
+    matched = cloud[cKDTree(cloud).query(source)[1]]
+    a, b = source - source.mean(axis=0), matched - matched.mean(axis=0)
+    U, _, Vt = np.linalg.svd(b.T @ a)
+    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    expected = transform(R, matched.mean(axis=0) - R @ source.mean(axis=0))
+    assert np.abs(result.T_target_source - expected).max() < 1e-9
+
+
 @given(seed=SEEDS)
 @settings(max_examples=10)
 def test_trimming_bears_outliers_and_using_all_points_does_not(seed: int) -> None:

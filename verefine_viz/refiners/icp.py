@@ -39,7 +39,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import IcpSettings
 from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop, refined_pose
-from verefine_viz.refiners.nearest import NearestIndex, model_index
+from verefine_viz.refiners.nearest import NearestIndex, model_index, neighbours_first
 
 FINAL_GATE = 0.1
 """Largest distance of a match as a share of the source's largest extent: the published one."""
@@ -73,12 +73,13 @@ class IcpTarget:
 
     index: NearestIndex
     normals: Float
-    """(M, 3) outward unit normals; (0, 3) where there are none."""
+    """(M, 3) outward unit normals of the index's points; (0, 3) where there are none."""
 
     @staticmethod
     def build(points: Float, normals: Float | None = None) -> IcpTarget:
         """The target of a cloud (M, 3) [m], M ≥ 1, and its outward unit normals (M, 3)."""
-        return IcpTarget(NearestIndex.build(points), _writable(_NO_NORMALS if normals is None else normals))
+        index = NearestIndex.build(points)
+        return IcpTarget(index, _writable(_NO_NORMALS if normals is None else normals[index.order]))
 
 
 def icp_align(
@@ -162,7 +163,7 @@ class _Observed:
     """What of a target does not depend on the pose."""
 
     points_cam: Float
-    """(N, 3) [m]."""
+    """(N, 3) [m], neighbours first."""
     normals_cam: Float
     """(N, 3), or (0, 3) where sides are not checked."""
     gates_m: Float
@@ -201,6 +202,7 @@ class Icp:
         observed = self._observed.get(target)
         if observed is None:
             points_cam = target.instance.points_cam
+            points_cam = points_cam[neighbours_first(points_cam)]
             checks_sides = self.settings.matches == "same_side" and len(target.model.point_normals) > 0
             normals_cam = observed_normals(target.observation, points_cam) if checks_sides else _NO_NORMALS
             gates_m = gate_schedule_m(largest_extent_m(points_cam), self.settings)
@@ -210,7 +212,8 @@ class Icp:
     def _target(self, model: ObjectModel) -> IcpTarget:
         ready = self._targets.get(model)
         if ready is None:
-            ready = self._targets[model] = IcpTarget(model_index(model), _writable(model.point_normals))
+            index, normals = model_index(model), model.point_normals
+            ready = self._targets[model] = IcpTarget(index, _writable(normals[index.order] if len(normals) else normals))
         return ready
 
 

@@ -25,13 +25,17 @@ PADDING = 0.3
 """How far the cubes reach beyond the cloud, as a share of its largest extent; farther away every point is compared."""
 BLOCK = 4
 """Cubes are filled in blocks of this many a side, which share one look at the whole cloud."""
+CELLS_ACROSS = 16
+"""Cells along the longest side of a cloud within which the order of its points does not matter."""
 
 
 class NearestIndex(NamedTuple):
     """What a query needs."""
 
     points: Float
-    """(N, 3) the cloud."""
+    """(N, 3) the cloud, in the order of :func:`neighbours_first`: queries near each other then read nearby memory."""
+    order: NDArray[np.int64]
+    """(N,) where each of ``points`` stood in the cloud."""
     bounds: Float
     """(2, 3) its lowest and highest coordinates."""
     low: Float
@@ -51,7 +55,8 @@ class NearestIndex(NamedTuple):
     def build(cloud: Float) -> NearestIndex:
         """The index of a cloud (N, 3) of at least one point."""
         # A plain copy: to numba a read-only array is another type, for which it would compile everything again.
-        points = np.array(cloud, dtype=np.float64, order="C")
+        order = neighbours_first(cloud)
+        points = np.array(cloud[order], dtype=np.float64, order="C")
         bounds = np.stack([points.min(axis=0), points.max(axis=0)])
         extents = bounds[1] - bounds[0]
         padding = max(PADDING * float(extents.max()), 1e-3)
@@ -61,13 +66,20 @@ class NearestIndex(NamedTuple):
         counts = np.ceil(size / side).astype(np.int64)
         low = bounds[0] - padding
         starts, candidates = _fill(points, low, side, counts)
-        return NearestIndex(points, bounds, low, side, 1.0 / side, counts, starts, candidates)
+        return NearestIndex(points, order, bounds, low, side, 1.0 / side, counts, starts, candidates)
 
     def query(self, points: Float) -> tuple[Float, NDArray[np.int64]]:
         """Distance to, and index of, the nearest neighbour of each of ``points`` (M, 3)."""
         found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
         nearest_of_all(np.array(points, dtype=np.float64, order="C"), np.inf, self, found, squared)
-        return np.sqrt(squared), found
+        return np.sqrt(squared), self.order[found]
+
+
+def neighbours_first(points: Float) -> NDArray[np.int64]:
+    """(N,) an order of points (N, 3) in which most stand beside points that are near them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    cells = ((points - low) * (CELLS_ACROSS / max(float((high - low).max()), 1e-9))).astype(np.int64)
+    return np.lexsort(cells.T)
 
 
 @lru_cache(maxsize=64)
@@ -86,7 +98,7 @@ def nearest_of_all(
         queries: (M, 3).
         limit_squared: how far one looks [m²].
         index: of the cloud.
-        found: (M,) filled with the nearest points' indices; 0 where they are surely beyond the limit.
+        found: (M,) filled with the nearest points' places in ``index.points``; 0 where they are surely beyond the limit.
         squared: (M,) filled with the squared distances; infinite there.
     """
     points, starts, candidates = index.points, index.starts, index.candidates

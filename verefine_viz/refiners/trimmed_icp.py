@@ -38,7 +38,12 @@ class TrimmedTarget:
     @staticmethod
     def build(points: Float) -> TrimmedTarget:
         """The target of a cloud (M, 3) [m], M ≥ 1."""
-        return TrimmedTarget(NearestIndex.build(points), Leaves.build(points))
+        return TrimmedTarget.of(NearestIndex.build(points))
+
+    @staticmethod
+    def of(index: NearestIndex) -> TrimmedTarget:
+        """The target of a cloud that has an index: both number its points the same way."""
+        return TrimmedTarget(index, Leaves.build(index.points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,5 +128,5 @@ class TrimmedIcp:
     def _target(self, model: ObjectModel) -> TrimmedTarget:
         ready = self._targets.get(model)
         if ready is None:
-            ready = self._targets[model] = TrimmedTarget(model_index(model), Leaves.build(model.points))
+            ready = self._targets[model] = TrimmedTarget.of(model_index(model))
         return ready
