@@ -100,6 +100,9 @@ class FakeVerifier:
         full = np.full(n, 100, np.int64)
         return Scores(value, value, value, full, full, counts)
 
+    def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
+        """Nothing: it is quick."""
+
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
     ) -> ScoreMaps:

@@ -257,7 +257,7 @@ class Iteration:
     tree: TreeStep | None = None
     """physim_mcts."""
     score_ms: float = field(default=0.0, metadata=TIMING)
-    """Time for all scores of this iteration [ms]."""
+    """Time the iteration waited for its scores [ms]; those worked out beside the refiner cost it none."""
 
     def stage(self, name: StageName) -> Stage | None:
         """The stage of that name, or None."""

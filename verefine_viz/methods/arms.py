@@ -44,12 +44,12 @@ class Arm:
 
     def moved(self, entry: Entry) -> Arm:
         """After one more iteration that kept ``entry``; its reward is still to come."""
-        return replace(self, entries=(*self.entries, entry), n_iterations=self.n_iterations + 1)
+        return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
 
     def rewarded(self, reward: float) -> Arm:
         """After one more play: μ ← (μ n + s)/(n + 1), n ← n + 1 (METHODS 1.4)."""
         mean = (self.mean * self.plays + reward) / (self.plays + 1)
-        return replace(self, plays=self.plays + 1, mean=mean)
+        return Arm(self.entries, self.plays + 1, mean, self.n_iterations)
 
     def discounted(self, discount: float) -> Arm:
         """After a pass whose earlier plays count less: the mean stays, n ← γ n (METHODS 1.6)."""
@@ -79,13 +79,13 @@ class ObjectState:
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
         """One iteration further, spent on arm ``j``."""
         arms = (*self.arms[:j], arm, *self.arms[j + 1 :])
-        return replace(self, arms=arms, best=best, n_done=self.n_done + 1, last_arm=j)
+        return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j)
 
     def rewarded(self, j: int, reward: float, discount: float = 1.0) -> ObjectState:
         """After arm ``j`` was played for ``reward``; what was played before counts ``discount`` times as much."""
         kept = [arm.discounted(discount) for arm in self.arms] if discount != 1.0 else list(self.arms)
         kept[j] = kept[j].rewarded(reward)
-        return replace(self, arms=tuple(kept))
+        return ObjectState(self.target, self.initial, tuple(kept), self.best, self.n_done, self.last_arm)
 
     def with_edited(self, j: int, T_cam_obj: Float, score: PoseScore, iteration: int) -> ObjectState:
         """The arm's current pose replaced by one a person chose; costs no play.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol
@@ -28,11 +28,18 @@ class Draft:
     """Whether a simulation belongs here but was not possible."""
 
 
+Judge = Callable[[Stage], None]
+"""Begins to score a pose of an iteration that is still going on."""
+
+
 class Chain(Protocol):
     """How a hypothesis moves on."""
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
-        """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``."""
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
+        """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``.
+
+        A pose that others are computed from may be given to ``judge`` right away: it is then scored meanwhile.
+        """
         ...
 
 

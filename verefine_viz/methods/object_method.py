@@ -15,8 +15,9 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.methods.bandit import Policy
-from verefine_viz.methods.chain import Chain, Draft
+from verefine_viz.methods.chain import Chain
 from verefine_viz.methods.events import events_of
+from verefine_viz.methods.judging import Judging
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,10 @@ class ObjectMethod:
         j = choice.arm if choice else 0
         arm = state.arms[j]
         k = arm.n_iterations + 1
-        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed)
+        judging = Judging(self.verifier, state.target, self._may_hide(fixed))
+        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed, judging.begin)
         began = perf_counter()
-        stages = self._judged(state.target, draft, fixed)
+        stages = judging.judged(draft)
         score_ms = (perf_counter() - began) * 1e3
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
@@ -126,14 +128,10 @@ class ObjectMethod:
         return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm))
 
     def _score(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed]) -> Scores:
-        return self.verifier.score(target, Ts_cam_obj, fixed if self.placed_may_hide else ())
+        return self.verifier.score(target, Ts_cam_obj, self._may_hide(fixed))
 
-    def _judged(self, target: Target, draft: Draft, fixed: Sequence[Placed]) -> tuple[Stage, ...]:
-        """Scores in one call; the mixed pose only where it may be kept, since it only starts the refiner."""
-        judged = [s for s in draft.stages if s.name != "mixed" or "mixed" in draft.candidates]
-        scores = self._score(target, np.array([s.T_cam_obj for s in judged]), fixed)
-        of_stage = {s.name: scores[i] for i, s in enumerate(judged)}
-        return tuple(Stage(s.name, s.T_cam_obj, of_stage.get(s.name), s.ms) for s in draft.stages)
+    def _may_hide(self, fixed: Sequence[Placed]) -> Sequence[Placed]:
+        return fixed if self.placed_may_hide else ()
 
     def _first(self, arms: Sequence[Arm]) -> int:
         """The arm whose initial pose is the answer before the first iteration."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
-from verefine_viz.methods.chain import Draft, refined, simulate
+from verefine_viz.methods.chain import Draft, Judge, refined, simulate
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class PhysAfter:
     n_steps: int
     iterations: int
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
         after = refined(self.refiner, target, T_cam_obj, fixed)
         is_last = k == self.iterations
         settled = simulate(self.simulator, target, after.T_cam_obj, fixed, self.n_steps) if is_last else None

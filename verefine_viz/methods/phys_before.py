@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
-from verefine_viz.methods.chain import Draft, refined, simulate
+from verefine_viz.methods.chain import Draft, Judge, refined, simulate
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,11 @@ class PhysBefore:
     refiner: Refiner
     n_steps: int
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
         settled = simulate(self.simulator, target, T_cam_obj, fixed, self.n_steps) if k == 1 else None
         if settled is None:
             return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=k == 1)
         simulated, path = settled
+        judge(simulated)
         after = refined(self.refiner, target, simulated.T_cam_obj, fixed)
         return Draft((simulated, after), ("refined",), path)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
-from verefine_viz.methods.chain import Draft, mixed, refined, simulate
+from verefine_viz.methods.chain import Draft, Judge, mixed, refined, simulate
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,12 @@ class Pir:
     refiner: Refiner
     n_steps: int
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
         settled = simulate(self.simulator, target, T_cam_obj, fixed, self.n_steps)
         if settled is None:
             return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=True)
         simulated, path = settled
+        judge(simulated)
         start = mixed(simulated, T_cam_obj)
         after = refined(self.refiner, target, start.T_cam_obj, fixed)
         return Draft((simulated, start, after), ("refined",), path)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.methods.chain import Draft, refined
+from verefine_viz.methods.chain import Draft, Judge, refined
 
 
 @dataclass(frozen=True)
@@ -17,5 +17,5 @@ class Refine:
 
     refiner: Refiner
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
         return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",))

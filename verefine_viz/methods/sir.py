@@ -13,7 +13,7 @@ from typing import Literal
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import StageName
-from verefine_viz.methods.chain import Draft
+from verefine_viz.methods.chain import Draft, Judge
 from verefine_viz.methods.pir import Pir
 
 
@@ -25,7 +25,7 @@ class Sir:
     sim_candidate: Literal["full", "rotation_only"] = "full"
     """Whether the simulator's whole pose may be kept (authors' code) or its rotation only."""
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed]) -> Draft:
-        draft = self.pir.draft(target, T_cam_obj, k, fixed)
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
+        draft = self.pir.draft(target, T_cam_obj, k, fixed, judge)
         simulated: StageName = "simulated" if self.sim_candidate == "full" else "mixed"
         return replace(draft, candidates=(simulated, "refined"))

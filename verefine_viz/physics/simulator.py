@@ -6,6 +6,7 @@ METHODS 1.0 and 1.8 #9, #19, #20, #23, #24.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,15 @@ PLANE_ID = -1
 """What :class:`Contacts` calls the support plane."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """What a support plane comes to, for Bullet and back."""
+
+    support: Support
+    T_cam_world: Float
+    plane_quat_xyzw: tuple[float, float, float, float]
+
+
 class BulletSimulator:
     """Bullet with the paper's settings; same arguments, same bits, after any history and in any process."""
 
@@ -43,6 +53,8 @@ class BulletSimulator:
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
+        self._ground: _Ground | None = None
+        """Of the last call; it is mostly that of the next one as well."""
 
     def collider(self, model: ObjectModel) -> Collider:
         """The collider that stands for ``model``; built at its first use, which may take seconds.
@@ -71,7 +83,8 @@ class BulletSimulator:
             return SimulatedPath(T_cam_obj[None], ())
         others = sorted(fixed, key=lambda placed: placed.instance_id)
         bodies, ids = self._bodies((moving, *others), support.T_world_cam)
-        self._world.place(bodies, _plane_quat_xyzw(support.normal_world))
+        ground = self._under(support)
+        self._world.place(bodies, ground.plane_quat_xyzw)
 
         world, body = self._world, bodies[0].body
         poses: list[tuple[Sequence[float], Sequence[float]]] = []
@@ -84,14 +97,19 @@ class BulletSimulator:
             touched += [p for p in world.contacts(body) if p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0]
             ends.append(len(touched))
 
-        R_cam_world = support.T_world_cam[:3, :3].T
-        T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
         Ts = np.empty((n_steps + 1, 4, 4))
         Ts[0] = T_cam_obj
         if n_steps:
-            Ts[1:] = T_cam_world @ _transforms(poses) @ self.collider(moving.model).T_com_obj
+            Ts[1:] = ground.T_cam_world @ _transforms(poses) @ self.collider(moving.model).T_com_obj
         Ts.flags.writeable = False
-        return SimulatedPath(Ts, self._contacts(touched, ids, T_cam_world).split(ends))
+        return SimulatedPath(Ts, self._contacts(touched, ids, ground.T_cam_world).split(ends))
+
+    def _under(self, support: Support) -> _Ground:
+        if self._ground is None or self._ground.support is not support:
+            R_cam_world = support.T_world_cam[:3, :3].T
+            T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
+            self._ground = _Ground(support, T_cam_world, _plane_quat_xyzw(support.normal_world))
+        return self._ground
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
         """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""

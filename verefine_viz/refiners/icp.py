@@ -168,6 +168,7 @@ class _Observed:
     """(N, 3), or (0, 3) where sides are not checked."""
     gates_m: Float
     """(max_iterations,)."""
+    n_shrinking: int
 
 
 class Icp:
@@ -192,7 +193,7 @@ class Icp:
             model.index,
             model.normals,
             observed.gates_m,
-            _n_shrinking(observed.gates_m, self.settings),
+            observed.n_shrinking,
             _STOP[self.settings.stop],
             self.settings.metric == "plane",
         )
@@ -206,7 +207,9 @@ class Icp:
             checks_sides = self.settings.matches == "same_side" and len(target.model.point_normals) > 0
             normals_cam = observed_normals(target.observation, points_cam) if checks_sides else _NO_NORMALS
             gates_m = gate_schedule_m(largest_extent_m(points_cam), self.settings)
-            observed = self._observed[target] = _Observed(_writable(points_cam), _writable(normals_cam), gates_m)
+            n_shrinking = _n_shrinking(gates_m, self.settings)
+            observed = _Observed(_writable(points_cam), _writable(normals_cam), gates_m, n_shrinking)
+            self._observed[target] = observed
         return observed
 
     def _target(self, model: ObjectModel) -> IcpTarget:

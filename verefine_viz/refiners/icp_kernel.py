@@ -95,7 +95,7 @@ def icp_loop(
     return R, t, len(gates_m), n_matches, mse
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def refined_pose(
     R: np.ndarray,
     t: np.ndarray,

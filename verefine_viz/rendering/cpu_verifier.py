@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba.core import config
@@ -42,6 +44,19 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(config.NUMBA_NUM_THREADS, "score")  # pyright: ignore
 
 
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What the kernel takes of the targets, whatever their poses."""
+
+    targets: tuple[Target, ...]
+    whole_frame: bool
+    before_placed: tuple[Any, ...]
+    after_placed: tuple[Any, ...]
+
+    def is_of(self, targets: Sequence[Target], whole_frame: bool) -> bool:
+        return self.whole_frame == whole_frame and self.targets == tuple(targets)
+
+
 class CpuVerifier:
     """Scores poses with the numba rasteriser; may be used from any thread, one at a time.
 
@@ -56,12 +71,29 @@ class CpuVerifier:
         self._targets = TargetStore()
         self._meshes = MeshStore(settings.simplify_mm, cache_folder)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
+        self._scene: _Scene | None = None
+        """Of the last call; it is mostly that of the next one as well."""
         self._placed_key: tuple[object, ...] | None = None
         self._placed_m = NOTHING_PLACED
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``)."""
         return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
+
+    def begin(
+        self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()
+    ) -> Callable[[], Scores] | None:
+        """Scores in another thread what :meth:`score` would, until the answer is called for; None if there is none."""
+        if self._n_threads < 2:
+            return None
+        arguments = self._arguments((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
+        working = _pool().submit(kernels.score_every, 0, 1, *arguments)
+
+        def answer() -> Scores:
+            working.result()
+            return scores_from_sums(arguments[-1], self.settings)
+
+        return answer
 
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
@@ -100,32 +132,31 @@ class CpuVerifier:
         return self._maps(targets, Ts[0], placed, whole_frame, at)
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
-        prepared, settings = self._targets.scene(targets, whole_frame), self.settings
-        meshes = self._meshes.together([target.model for target in targets])
-        sums = np.empty((len(Ts), kernels.N_SUMS))
-        arguments = (
-            Ts,
-            meshes.arrays,
-            intrinsics(targets[0].observation.camera, settings),
-            far_m(settings),
-            prepared.observed,
-            prepared.flags,
-            prepared.own,
-            self._placed_depth(targets, placed),
-            prepared.n_objects,
-            prepared.n_own,
-            PIXELS[settings.pixels],
-            settings.tau_m,
-            settings.alpha,
-            sums,
-        )
-        n_faces = len(Ts) * len(meshes.faces)
+        arguments = self._arguments(targets, Ts, placed, whole_frame)
+        n_faces = len(Ts) * sum(len(self._meshes.get(target.model).faces) for target in targets)
         n = max(1, min(len(Ts), self._n_threads, n_faces // FACES_PER_THREAD))
         others = [_pool().submit(kernels.score_every, k, n, *arguments) for k in range(1, n)]
         kernels.score_every(0, n, *arguments)
         for other in others:
             other.result()
-        return scores_from_sums(sums, settings)
+        return scores_from_sums(arguments[-1], self.settings)
+
+    def _arguments(
+        self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool
+    ) -> tuple[Any, ...]:
+        """What the kernel takes after its first two arguments; the last one is where it leaves the sums."""
+        if self._scene is None or not self._scene.is_of(targets, whole_frame):
+            self._scene = self._prepared(targets, whole_frame)
+        before, after = self._scene.before_placed, self._scene.after_placed
+        return (Ts, *before, self._placed_depth(targets, placed), *after, np.empty((len(Ts), kernels.N_SUMS)))
+
+    def _prepared(self, targets: Sequence[Target], whole_frame: bool) -> _Scene:
+        prepared, settings = self._targets.scene(targets, whole_frame), self.settings
+        meshes = self._meshes.together([target.model for target in targets])
+        pinhole = intrinsics(targets[0].observation.camera, settings)
+        before = meshes.arrays, pinhole, far_m(settings), prepared.observed, prepared.flags, prepared.own
+        after = prepared.n_objects, prepared.n_own, PIXELS[settings.pixels], settings.tau_m, settings.alpha
+        return _Scene(tuple(targets), whole_frame, before, after)
 
     def _maps(
         self,

@@ -50,6 +50,9 @@ class GlVerifier:
         """
         return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
+    def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
+        """Nothing: the context belongs to one thread, which draws when it is asked to."""
+
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
     ) -> ScoreMaps:

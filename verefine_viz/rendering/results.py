@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
@@ -13,7 +14,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
-from verefine_viz.rendering.kernels import HIDDEN, UNKNOWN
+from verefine_viz.rendering.kernels import HIDDEN, N_SUMS, UNKNOWN
 from verefine_viz.rendering.map_kernel import fill_maps
 from verefine_viz.rendering.mesh import RenderMeshes
 from verefine_viz.rendering.prepared import PreparedTarget
@@ -63,16 +64,26 @@ def in_order(targets: Sequence[Target], Ts: Float) -> tuple[tuple[Target, ...], 
 
 def scores_from_sums(sums: Float, settings: ScoreSettings) -> Scores:
     """Scores of N poses from their sums (N, ``N_SUMS``)."""
-    n = np.maximum(sums[:, 2], 1.0)
-    depth_fit, normal_fit = sums[:, 0] / n, sums[:, 1] / n
-    score = 0.5 * (depth_fit + normal_fit)
-    whole = sums[:, 2:].astype(np.int64)
-    counts = whole[:, 2:]
-    if settings.pixels == "classes":
-        rendered = np.maximum(whole[:, 1], 1)
-        judged = 1.0 - (counts[:, HIDDEN] + counts[:, UNKNOWN]) / rendered
-        score = score * np.minimum(1.0, judged / LEAST_JUDGED_SHARE)
-    return Scores(score, depth_fit, normal_fit, whole[:, 0], whole[:, 1], counts)
+    fits, whole = _means(sums, settings.pixels == "classes")
+    return Scores(fits[0], fits[1], fits[2], whole[:, 0], whole[:, 1], whole[:, 2:])
+
+
+@njit(cache=True)
+def _means(sums: np.ndarray, classes: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(3, N) score, depth fit and normal fit, and (N, 7) the counts. Compiled, as numpy takes as long to divide two
+    numbers as the kernels take for a small object.
+    """
+    fits, whole = np.empty((3, len(sums))), np.empty((len(sums), N_SUMS - 2), np.int64)
+    for i in range(len(sums)):
+        for k in range(N_SUMS - 2):
+            whole[i, k] = int(sums[i, 2 + k])
+        n = max(sums[i, 2], 1.0)
+        fits[1, i], fits[2, i] = sums[i, 0] / n, sums[i, 1] / n
+        fits[0, i] = 0.5 * (fits[1, i] + fits[2, i])
+        if classes:
+            judged = 1.0 - (whole[i, 2 + HIDDEN] + whole[i, 2 + UNKNOWN]) / max(whole[i, 1], 1)
+            fits[0, i] *= min(1.0, judged / LEAST_JUDGED_SHARE)
+    return fits, whole
 
 
 def score_maps(
