@@ -77,7 +77,8 @@ def test_the_second_call_reads_the_first_one_s_file(tmp_path: Path) -> None:
     assert file.stat().st_mtime_ns == written
     assert np.array_equal(first.vertices, second.vertices)
     assert np.array_equal(first.faces, second.faces)
-    assert first.closed.all() and second.closed.all()
+    assert first.closed.all()
+    assert np.array_equal(first.closed, second.closed)
     scoring_mesh(model, 0.5, tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 

@@ -38,9 +38,7 @@ class Verifier(Protocol):
         """Scores of N poses (N, 4, 4) in one call; ``placed`` objects may hide parts of them."""
         ...
 
-    def begin(
-        self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()
-    ) -> Callable[[], Scores] | None:
+    def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
         """Starts what :meth:`score` does while the caller goes on; the answer is had by calling what is returned.
 
         None where it can only be done when it is asked for, or there is no second processor to do it.

@@ -112,6 +112,12 @@ class Stage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"{self.name} pose"))
 
+    def judged(self, score: PoseScore | None) -> Stage:
+        """The same with its score; made without another look at the pose."""
+        stage = object.__new__(Stage)
+        stage.__dict__.update(self.__dict__, score=score)
+        return stage
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -131,7 +137,7 @@ class Choice:
 
     def __post_init__(self) -> None:
         for name in ("plays", "mean", "exploration", "ucb"):
-            object.__setattr__(self, name, frozen(getattr(self, name), name, (None,)))
+            self.__dict__[name] = frozen(self.__dict__[name], name, (None,))
 
 
 @dataclass(frozen=True, eq=False)

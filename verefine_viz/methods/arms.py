@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid
@@ -67,14 +65,6 @@ class ObjectState:
     n_done: int = 0
     """Iterations spent on this object."""
     last_arm: int | None = None
-
-    @property
-    def plays(self) -> Float:
-        return np.array([arm.plays for arm in self.arms], dtype=np.float64)
-
-    @property
-    def means(self) -> Float:
-        return np.array([arm.mean for arm in self.arms], dtype=np.float64)
 
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
         """One iteration further, spent on arm ``j``."""

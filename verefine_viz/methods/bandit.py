@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,6 +10,9 @@ import numpy as np
 
 from verefine_viz.core.records import Choice
 from verefine_viz.methods.arms import ObjectState
+
+Numbers = list[float]
+"""One per arm. A handful of them is dealt with faster in plain floats than by numpy."""
 
 
 class Policy(Protocol):
@@ -24,12 +28,13 @@ class Ucb:
     c: float
 
     def choose(self, state: ObjectState) -> Choice:
-        plays, mean = state.plays, state.means
+        plays, mean = [arm.plays for arm in state.arms], [arm.mean for arm in state.arms]
         # The logarithm of a discounted count can be negative; an exploration term cannot (METHODS 1.8 #14).
-        exploration = self.c * np.sqrt(max(np.log(plays.sum()), 0.0) / plays)
-        ucb = mean + exploration
-        j = int(np.argmax(ucb))
-        return Choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
+        log_total = max(math.log(sum(plays)), 0.0)
+        exploration = [self.c * math.sqrt(log_total / n) for n in plays]
+        ucb = [m + e for m, e in zip(mean, exploration, strict=True)]
+        j = ucb.index(max(ucb))
+        return _choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
 
 
 @dataclass(frozen=True)
@@ -50,16 +55,22 @@ class BestInitial:
 
 
 def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
-    mean = state.means
+    plays, mean = [arm.plays for arm in state.arms], [arm.mean for arm in state.arms]
     reason = f"hypothesis {j + 1} of {len(state.arms)}: {why}"
-    return Choice(j, state.plays, mean, np.zeros_like(mean), mean, reason)
+    return _choice(j, plays, mean, [0.0] * len(mean), mean, reason)
 
 
-def _why(j: int, mean: np.ndarray, exploration: np.ndarray, ucb: np.ndarray) -> str:
+def _choice(j: int, plays: Numbers, mean: Numbers, exploration: Numbers, ucb: Numbers, reason: str) -> Choice:
+    columns = [np.array(numbers, dtype=np.float64) for numbers in (plays, mean, exploration, ucb)]
+    for column in columns:
+        column.flags.writeable = False  # Kept without a copy.
+    return Choice(j, *columns, reason)
+
+
+def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
     own = f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}"
     if len(ucb) == 1:
         return f"{own}, the only one"
-    bounds = ucb.tolist()
-    rival = max((k for k in range(len(bounds)) if k != j), key=bounds.__getitem__)
-    sign = "=" if bounds[rival] == bounds[j] else ">"
+    rival = max((k for k in range(len(ucb)) if k != j), key=ucb.__getitem__)
+    sign = "=" if ucb[rival] == ucb[j] else ">"
     return f"{own} {sign} hypothesis {rival + 1}: {mean[rival]:.2f} + {exploration[rival]:.2f}"

@@ -40,4 +40,4 @@ class Judging:
         scores = self.verifier.score(self.target, np.array([s.T_cam_obj for s in left]), self.placed)
         of_stage = {s.name: scores[i] for i, s in enumerate(left)}
         of_stage |= {name: begun()[0] for name, begun in self._begun.items()}
-        return tuple(Stage(s.name, s.T_cam_obj, of_stage.get(s.name), s.ms) for s in draft.stages)
+        return tuple(s.judged(of_stage.get(s.name)) for s in draft.stages)

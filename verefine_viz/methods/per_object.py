@@ -32,9 +32,10 @@ class FrameState:
     def best(self) -> tuple[Best | None, ...]:
         return tuple(o.best if o else None for o in self.objects)
 
-    def with_object(self, i: int, state: ObjectState) -> Self:
-        """The same with one object replaced."""
-        return replace(self, objects=(*self.objects[:i], state, *self.objects[i + 1 :]))
+    def with_object(self, i: int, state: ObjectState, n_done: int | None = None) -> Self:
+        """The same with one object replaced, and ``n_done`` iterations made where that is given."""
+        objects = (*self.objects[:i], state, *self.objects[i + 1 :])
+        return replace(self, objects=objects, n_done=self.n_done if n_done is None else n_done)
 
     def placed(self, i: int) -> Placed:
         """The i-th instance where its answer so far puts it."""
@@ -68,7 +69,7 @@ class PerObject:
         if fixed and before.n_done == 0:
             before = self.method.judged_among(before, fixed)
         after, iteration = self.method.step(before, state.n_done + 1, fixed)
-        return replace(state.with_object(i, after), n_done=state.n_done + 1), iteration
+        return state.with_object(i, after, state.n_done + 1), iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
         state = self._adopted(state)

@@ -140,7 +140,7 @@ class VfDepth(PerObject):
         entry = after.arms[iteration.arm].current
         kept = Best(entry.T_cam_obj, entry.score, iteration.arm, entry.iteration, entry.stage)
         scene = replace(scene, passing=(*scene.passing, kept), played=(*scene.played, iteration.arm))
-        state = replace(state.with_object(i, after), n_done=state.n_done + 1)
+        state = state.with_object(i, after, state.n_done + 1)
         iteration = replace(iteration, scene_pass=scene.n_passes + 1)
         scene = self._without_spent(state, scene)
         if len(scene.passing) == len(scene.members):

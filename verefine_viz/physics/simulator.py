@@ -134,15 +134,14 @@ class BulletSimulator:
 
     def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
         """Bullet's contact points as records."""
-        n = len(touched)
-        flat = np.array([x for p in touched for x in p[_POINT] + p[_NORMAL]]).reshape(n, 6)
-        R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
-        points, normals = flat[:, :3] @ R.T + t, flat[:, 3:] @ R.T
         # Bullet measures between surfaces grown by the margin; a plane has none.
         margins_m = {body: self._settings.margin_m * (1 if i == PLANE_ID else 2) for body, i in ids.items()}
-        depths_m = np.array([-p[_DISTANCE] - margins_m[p[_OTHER]] for p in touched])
+        flat = np.array([(*p[_POINT], *p[_NORMAL], -p[_DISTANCE] - margins_m[p[_OTHER]], p[_FORCE]) for p in touched])
+        flat = flat.reshape(len(touched), 8)
+        R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
+        points, normals = flat[:, :3] @ R.T + t, flat[:, 3:6] @ R.T
         # Bullet divides the last sub-step's impulse by the whole step.
-        forces_n = np.array([p[_FORCE] for p in touched]) * self._settings.substeps
+        depths_m, forces_n = flat[:, 6], flat[:, 7] * self._settings.substeps
         others = np.array([ids[p[_OTHER]] for p in touched], dtype=np.int64)
         for column in (points, normals, depths_m, forces_n, others):
             column.flags.writeable = False  # Kept without a copy.

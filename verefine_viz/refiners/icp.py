@@ -216,7 +216,9 @@ class Icp:
         ready = self._targets.get(model)
         if ready is None:
             index, normals = model_index(model), model.point_normals
-            ready = self._targets[model] = IcpTarget(index, _writable(normals[index.order] if len(normals) else normals))
+            if len(normals) > 0:
+                normals = normals[index.order]
+            ready = self._targets[model] = IcpTarget(index, _writable(normals))
         return ready
 
 

@@ -98,7 +98,7 @@ def nearest_of_all(
         queries: (M, 3).
         limit_squared: how far one looks [m²].
         index: of the cloud.
-        found: (M,) filled with the nearest points' places in ``index.points``; 0 where they are surely beyond the limit.
+        found: (M,) filled with the nearest ones' places in ``index.points``; 0 where they are surely beyond the limit.
         squared: (M,) filled with the squared distances; infinite there.
     """
     points, starts, candidates = index.points, index.starts, index.candidates

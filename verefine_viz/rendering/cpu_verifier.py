@@ -80,9 +80,7 @@ class CpuVerifier:
         """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``)."""
         return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
-    def begin(
-        self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()
-    ) -> Callable[[], Scores] | None:
+    def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
         """Scores in another thread what :meth:`score` would, until the answer is called for; None if there is none."""
         if self._n_threads < 2:
             return None

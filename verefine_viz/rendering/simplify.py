@@ -150,7 +150,8 @@ def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:
     except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
         log.warning("the cached mesh %s is damaged and made again (%s)", file, error)
         return None
-    sound = closed.shape == faces.shape[:1] and vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
+    sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
+    sound = sound and closed.shape == (len(faces),)
     if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
         log.warning("the cached mesh %s is damaged and made again", file)
         return None
