@@ -61,10 +61,7 @@ def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
 
 
 def _choice(j: int, plays: Numbers, mean: Numbers, exploration: Numbers, ucb: Numbers, reason: str) -> Choice:
-    columns = [np.array(numbers, dtype=np.float64) for numbers in (plays, mean, exploration, ucb)]
-    for column in columns:
-        column.flags.writeable = False  # Kept without a copy.
-    return Choice(j, *columns, reason)
+    return Choice(j, np.array(plays), np.array(mean), np.array(exploration), np.array(ucb), reason)
 
 
 def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:

@@ -27,7 +27,7 @@ def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]
     return closed
 
 
-def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.int32]:
+def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
     """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
