@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 from verefine_viz.core.records import Iteration, PlacedPose, SceneRecord, TreeStep
@@ -100,11 +101,15 @@ def _name(pose: PlacedPose, layout: Layout) -> str:
 def plain(text: str) -> str:
     """Text from data, so that markdown shows it as it is."""
     text = " ".join(text.split())
-    # Half the time of ``translate`` or a regular expression, which look at one character after another.
+    if _SIGN.search(text) is None:
+        return text
+    # Half the time of ``translate`` or of a regular expression that replaces them.
     for sign, escaped in _ESCAPED:
         text = text.replace(sign, escaped)
     return text
 
 
-_ESCAPED = tuple((sign, f"\\{sign}") for sign in "\\`*_{}[]<>|#!&~")
+_SIGNS = "\\`*_{}[]<>|#!&~"
+_SIGN = re.compile(f"[{re.escape(_SIGNS)}]")
+_ESCAPED = tuple((sign, f"\\{sign}") for sign in _SIGNS)
 """The backslash, which the others bring along, comes first."""
