@@ -6,7 +6,7 @@ from bench.staged import staged
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
-REPEATS = 20
+REPEATS = 100
 
 
 def run() -> list[dict[str, object]]:
