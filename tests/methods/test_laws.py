@@ -197,6 +197,27 @@ def test_without_support_the_run_goes_on_and_says_so() -> None:
     assert [e.text for e in run.iterations[0].events if e.kind == "no_physics"] == ["No simulation: no plane found"]
 
 
+class Foreseeing(FakeVerifier):
+    """Scores what it is told of beforehand, as another thread would."""
+
+    def begin(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
+        scores = self.score(target, Ts_cam_obj, placed)
+        return lambda: scores
+
+
+@settings(max_examples=20, deadline=None)
+@given(problems, st.sampled_from(METHOD_NAMES), st.sampled_from(["full", "rotation_only"]))
+def test_scoring_beside_the_refiner_changes_nothing(problem: Problem, name: str, sim_candidate: str) -> None:
+    chosen = MethodSettings.model_validate({"name": name, "iterations": 3, "sim_candidate": sim_candidate})
+    runs = [
+        Run(make_method(chosen, FakeSimulator(), FakeRefiner(), verifier, 3), problem)
+        for verifier in (FakeVerifier(), Foreseeing())
+    ]
+    for run in runs:
+        run.finish()
+    assert first_difference(*(run.iterations for run in runs)) is None
+
+
 def test_a_score_that_is_not_a_number_counts_as_zero() -> None:
     class Broken(FakeVerifier):
         def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]

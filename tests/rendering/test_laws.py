@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.rendering.conftest import MakeVerifier
 from tests.rendering.witness import CAMERA, T_TORUS, cast, disturbed, target_of
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
@@ -131,6 +132,27 @@ def test_the_bits_do_not_depend_on_threads_or_history() -> None:
     one._n_threads, several._n_threads = 1, 5
     several.score(target, Ts[::-1])
     assert one.score(target, Ts).score.tobytes() == several.score(target, Ts).score.tobytes()
+
+
+@pytest.mark.parametrize("pixels", MODES)
+def test_what_is_begun_comes_to_the_same_bits(pixels: str) -> None:
+    """Also while other poses of another target are scored."""
+    target, Ts = target_of(), disturbed(9)
+    verifier = CpuVerifier(ScoreSettings(simplify_mm=0, pixels=pixels))
+    verifier._n_threads = 2
+    begun = [verifier.begin(target, T[None]) for T in Ts]
+    other = verifier.score(target_of(), Ts[::-1])
+    asked = verifier.score(target, Ts)
+    assert other.score.tobytes() == asked.score[::-1].tobytes()
+    for k, answer in enumerate(begun):
+        assert answer is not None
+        assert first_difference(answer()[0], asked[k]) is None
+
+
+def test_nothing_is_begun_without_a_second_processor() -> None:
+    verifier = CpuVerifier(ScoreSettings(simplify_mm=0))
+    verifier._n_threads = 1
+    assert verifier.begin(target_of(), disturbed(1)) is None
 
 
 @pytest.mark.parametrize("pixels", MODES)
