@@ -78,8 +78,12 @@ class IcpTarget:
     @staticmethod
     def build(points: Float, normals: Float | None = None) -> IcpTarget:
         """The target of a cloud (M, 3) [m], M ≥ 1, and its outward unit normals (M, 3)."""
-        index = NearestIndex.build(points)
-        return IcpTarget(index, _writable(_NO_NORMALS if normals is None else normals[index.order]))
+        return IcpTarget.of(NearestIndex.build(points), _NO_NORMALS if normals is None else normals)
+
+    @staticmethod
+    def of(index: NearestIndex, normals: Float) -> IcpTarget:
+        """The target of a cloud that has an index, with its normals as the cloud has them."""
+        return IcpTarget(index, _writable(normals[index.order] if len(normals) > 0 else normals))
 
 
 def icp_align(
@@ -215,10 +219,7 @@ class Icp:
     def _target(self, model: ObjectModel) -> IcpTarget:
         ready = self._targets.get(model)
         if ready is None:
-            index, normals = model_index(model), model.point_normals
-            if len(normals) > 0:
-                normals = normals[index.order]
-            ready = self._targets[model] = IcpTarget(index, _writable(normals))
+            ready = self._targets[model] = IcpTarget.of(model_index(model), model.point_normals)
         return ready
 
 

@@ -14,16 +14,23 @@ from scipy.sparse.csgraph import connected_components
 from verefine_viz.core.arrays import Float
 
 
+MOST_FACES = 30_000
+"""Larger parts count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
+
+
 def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     """(F,) whether each of the faces (F, 3) is part of a closed surface; parts are judged by themselves.
 
     Vertices at the same place must be one vertex.
     """
     closed = np.zeros(len(faces), np.bool_)
+    if len(faces) == 0:
+        return closed
     part_of = parts(len(vertices), faces)
-    for part in range(part_of.max(initial=-1) + 1):
-        own = part_of == part
-        closed[own] = _bounds_a_solid(vertices, faces[own])
+    by_part = np.argsort(part_of, kind="stable")
+    for part in np.split(by_part, np.cumsum(np.bincount(part_of))[:-1]):
+        used, own = np.unique(faces[part], return_inverse=True)
+        closed[part] = len(part) <= MOST_FACES and _bounds_a_solid(vertices[used], own.reshape(-1, 3).astype(np.int32))
     return closed
 
 
