@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 
 from verefine_viz.core.arrays import Float
 
-
 MOST_FACES = 30_000
 """Larger parts count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
 
