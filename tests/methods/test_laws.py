@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,8 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import MethodSettings
+from verefine_viz.methods.arms import ObjectState
+from verefine_viz.methods.bandit import Ucb
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
 from verefine_viz.session.engine import Run
 
@@ -195,6 +199,31 @@ def test_without_support_the_run_goes_on_and_says_so() -> None:
     run = run_of("sir", replace(problem, observation=observation))
     assert all(it.path is None and it.accepted == "refined" for it in run.iterations)
     assert [e.text for e in run.iterations[0].events if e.kind == "no_physics"] == ["No simulation: no plane found"]
+
+
+def state_of(plays: list[float], means: list[float]) -> ObjectState:
+    problem = box_problem(len(plays))
+    method = make_method(MethodSettings(name="rir"), FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
+    (o,) = method.start(problem).objects
+    arms = (replace(arm, plays=n, mean=m) for arm, n, m in zip(o.arms, plays, means, strict=True))
+    return replace(o, arms=tuple(arms))
+
+
+def test_a_hypothesis_whose_plays_count_nothing_comes_first() -> None:
+    """A discount of 0 forgets all plays but the last."""
+    choice = Ucb(0.7).choose(state_of([1.0, 0.0, 0.0], [0.9, 0.1, 0.2]))
+    assert choice.arm == 1
+    assert choice.exploration.tolist() == [0.0, np.inf, np.inf]
+    assert Ucb(0.0).choose(state_of([1.0, 0.0, 0.0], [0.9, 0.1, 0.2])).arm == 0
+
+
+@pytest.mark.parametrize("lead", [0.2, 0.02, 0.004, 0.0004, 0.00002])
+def test_the_sentence_shows_which_sum_is_larger(lead: float) -> None:
+    choice = Ucb(0.7).choose(state_of([3.0, 3.0], [0.5049, 0.5049 + lead]))
+    first, second = (part.split(": ")[1] for part in choice.reason.split(" > "))
+    a, b = (sum(map(float, part.split(" + "))) for part in (first, second))
+    assert choice.arm == 1
+    assert a > b
 
 
 class Foreseeing(FakeVerifier):

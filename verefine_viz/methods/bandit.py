@@ -29,9 +29,10 @@ class Ucb:
 
     def choose(self, state: ObjectState) -> Choice:
         plays, mean = [arm.plays for arm in state.arms], [arm.mean for arm in state.arms]
+        never_played = math.inf if self.c > 0.0 else 0.0
         # The logarithm of a discounted count can be negative; an exploration term cannot (METHODS 1.8 #14).
-        log_total = max(math.log(sum(plays)), 0.0)
-        exploration = [self.c * math.sqrt(log_total / n) for n in plays]
+        log_total = math.log(max(sum(plays), 1.0))
+        exploration = [self.c * math.sqrt(log_total / n) if n > 0.0 else never_played for n in plays]
         ucb = [m + e for m, e in zip(mean, exploration, strict=True)]
         j = ucb.index(max(ucb))
         return _choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
@@ -65,9 +66,15 @@ def _choice(j: int, plays: Numbers, mean: Numbers, exploration: Numbers, ucb: Nu
 
 
 def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
-    own = f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}"
     if len(ucb) == 1:
-        return f"{own}, the only one"
+        return f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}, the only one"
     rival = max((k for k in range(len(ucb)) if k != j), key=ucb.__getitem__)
     sign = "=" if ucb[rival] == ucb[j] else ">"
-    return f"{own} {sign} hypothesis {rival + 1}: {mean[rival]:.2f} + {exploration[rival]:.2f}"
+    digits = _telling(ucb[j] - ucb[rival])
+    own, other = (f"hypothesis {k + 1}: {mean[k]:.{digits}f} + {exploration[k]:.{digits}f}" for k in (j, rival))
+    return f"{own} {sign} {other}"
+
+
+def _telling(lead: float) -> int:
+    """As many decimals as it takes to see that one sum is larger; two where that shows, or nothing does."""
+    return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead > 0 else 2)
