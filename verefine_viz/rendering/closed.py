@@ -7,6 +7,7 @@ from outside meets a face turned toward it first. Its faces that are turned away
 from __future__ import annotations
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -41,12 +42,10 @@ def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
 
 
 def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
-    # Each edge once in each direction: no border, and neighbours wound the same way.
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    forth, n_forth = np.unique(edges, axis=0, return_counts=True)
-    back = np.unique(edges[:, ::-1], axis=0)
-    if n_forth.max() > 1 or not np.array_equal(forth, back):
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not (mesh.is_watertight and mesh.is_winding_consistent):
         return False
+    # Not trimesh's own volume, which divides by it as well and warns where it is 0.
     a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
     return volume > 0 and not _cuts_itself(vertices, faces)
