@@ -137,7 +137,7 @@ class Choice:
 
     def __post_init__(self) -> None:
         for name in ("plays", "mean", "exploration", "ucb"):
-            self.__dict__[name] = frozen(self.__dict__[name], name, (None,))
+            object.__setattr__(self, name, frozen(getattr(self, name), name, (None,)))
 
 
 @dataclass(frozen=True, eq=False)

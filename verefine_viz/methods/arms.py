@@ -66,6 +66,16 @@ class ObjectState:
     """Iterations spent on this object."""
     last_arm: int | None = None
 
+    @property
+    def plays(self) -> list[float]:
+        """Of each arm."""
+        return [arm.plays for arm in self.arms]
+
+    @property
+    def means(self) -> list[float]:
+        """Of each arm."""
+        return [arm.mean for arm in self.arms]
+
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
         """One iteration further, spent on arm ``j``."""
         arms = (*self.arms[:j], arm, *self.arms[j + 1 :])

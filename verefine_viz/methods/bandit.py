@@ -28,7 +28,7 @@ class Ucb:
     c: float
 
     def choose(self, state: ObjectState) -> Choice:
-        plays, mean = [arm.plays for arm in state.arms], [arm.mean for arm in state.arms]
+        plays, mean = state.plays, state.means
         never_played = math.inf if self.c > 0.0 else 0.0
         # The logarithm of a discounted count can be negative; an exploration term cannot (METHODS 1.8 #14).
         log_total = math.log(max(sum(plays), 1.0))
@@ -56,7 +56,7 @@ class BestInitial:
 
 
 def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
-    plays, mean = [arm.plays for arm in state.arms], [arm.mean for arm in state.arms]
+    plays, mean = state.plays, state.means
     reason = f"hypothesis {j + 1} of {len(state.arms)}: {why}"
     return _choice(j, plays, mean, [0.0] * len(mean), mean, reason)
 

@@ -1,4 +1,4 @@
-"""The scores of one iteration's poses, each begun as soon as its pose is known."""
+"""The scores of one iteration's poses; what others are computed from is scored meanwhile."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Judging:
 
         The mixed pose is judged only where it may be kept, since it only starts the refiner.
         """
-        known = {s.name for s in draft.stages if s.name == "mixed" and "mixed" not in draft.candidates} | {*self._begun}
-        left = [s for s in draft.stages if s.name not in known]
+        not_judged = () if "mixed" in draft.candidates else ("mixed",)
+        left = [s for s in draft.stages if s.name not in (*self._begun, *not_judged)]
         scores = self.verifier.score(self.target, np.array([s.T_cam_obj for s in left]), self.placed)
         of_stage = {s.name: scores[i] for i, s in enumerate(left)}
         of_stage |= {name: begun()[0] for name, begun in self._begun.items()}

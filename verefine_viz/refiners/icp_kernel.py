@@ -206,7 +206,7 @@ def point_step(
 
 @njit(cache=True)
 def nearest_rotation(H: np.ndarray) -> np.ndarray:
-    """The rotation R (3, 3) that maximises trace(Rᵀ H).
+    """The rotation R (3, 3) that maximises trace(Rᵀ H): ``core.geometry.nearest_rotation`` for compiled loops.
 
     Where H keeps orientation it is the orthogonal factor of H's polar decomposition. Newton's iteration for it
     (Higham 1986), scaled by Frobenius norms, needs about six rounds of a few dozen operations; LAPACK's singular values
