@@ -267,12 +267,17 @@ class Iteration:
 
     def stage(self, name: StageName) -> Stage | None:
         """The stage of that name, or None."""
-        return next((s for s in self.stages if s.name == name), None)
+        for stage in self.stages:
+            if stage.name == name:
+                return stage
+        return None
 
     @property
     def accepted_stage(self) -> Stage:
         """The stage that was kept."""
-        return next(s for s in self.stages if s.name == self.accepted)
+        stage = self.stage(self.accepted)
+        assert stage is not None, f"no {self.accepted} pose was made"
+        return stage
 
     @property
     def ms(self) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from itertools import accumulate, chain, repeat
 
 import pyarrow as pa
 
@@ -18,7 +19,6 @@ _PREFIX = struct.Struct("<iI")
 """Before every message of a stream: -1, then the length of its head."""
 _NUMBER = struct.Struct("<q")
 _ALIGNED = 8
-_PADDING = tuple(bytes(-n % _ALIGNED) for n in range(_ALIGNED))
 
 
 class Form:
@@ -51,19 +51,15 @@ class Form:
             struct.error: there are more or fewer of them than the schema has.
         """
         head, at = bytearray(self._head), self._at
-        places: list[int] = []
-        body: list[bytes] = []
-        end = 0
-        for buffer in buffers:
-            length = len(buffer)
-            places += (end, length)
-            body += (buffer, _PADDING[length % _ALIGNED])
-            end += length + -length % _ALIGNED
+        lengths = list(map(len, buffers))
+        taken = [n + -n % _ALIGNED for n in lengths]
+        starts = list(accumulate(taken, initial=0))
         _NUMBER.pack_into(head, at.n_rows, n_rows)
-        _NUMBER.pack_into(head, at.body_size, end)
+        _NUMBER.pack_into(head, at.body_size, starts[-1])
         at.nodes.pack_into(head, at.first_node, *nodes)
-        at.buffers.pack_into(head, at.first_buffer, *places)
-        return b"".join((self._before, chunk_id, self._after, head, *body, _END))
+        at.buffers.pack_into(head, at.first_buffer, *chain.from_iterable(zip(starts, lengths, strict=False)))
+        aligned = map(bytes.ljust, buffers, taken, repeat(b"\0"))
+        return b"".join((self._before, chunk_id, self._after, head, *aligned, _END))
 
 
 def parts(array: pa.Array) -> tuple[list[int], list[bytes]]:

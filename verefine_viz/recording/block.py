@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate
 
 import numpy as np
@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Contacts, Iteration, Stage
+from verefine_viz.core.records import Contacts, Iteration, Stage, StageName
 from verefine_viz.recording.entry import NO_CONTACTS, Entry
 
 
@@ -24,14 +24,16 @@ class Block:
         self.entries = entries
         self.iterations = [entry.iteration for entry in entries]
         self.indices = [i.index for i in self.iterations]
-        stages = [stage for i in self.iterations for stage in i.stages]
-        self.n_stages = [len(i.stages) for i in self.iterations]
+        self.names = [tuple([stage.name for stage in i.stages]) for i in self.iterations]
+        """(n,) of each iteration's poses."""
+        self.n_stages = list(map(len, self.names))
         self.firsts = list(accumulate(self.n_stages[:-1], initial=0))
         """(n,) where each iteration's poses begin."""
-        self.Ts_cam_obj: Float = np.concatenate([stage.T_cam_obj for stage in stages]).reshape(-1, 4, 4)
+        self.Ts_cam_obj: Float = np.concatenate([stage.T_cam_obj for i in self.iterations for stage in i.stages])
+        self.Ts_cam_obj = self.Ts_cam_obj.reshape(-1, 4, 4)
         """(s, 4, 4) [m]."""
         self.moved_mm, self.turned_deg = _ways(
-            self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(stages))
+            self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(self.Ts_cam_obj))
         )
         """(s,) how far each pose is from the first of its iteration: origins, angle."""
 
@@ -54,19 +56,11 @@ class Block:
     @cached_property
     def physics(self) -> Float:
         """(n, 6) moved [mm] and turned [°] by simulation and by refiner, contacts, deepest penetration [mm]."""
-        places = [
-            {stage.name: first + k for k, stage in enumerate(i.stages)}
-            for first, i in zip(self.firsts, self.iterations, strict=True)
-        ]
-        simulated, mixed = (
-            [at.get(name, first) for at, first in zip(places, self.firsts, strict=True)]
-            for name in ("simulated", "mixed")
-        )
-        refined = [at.get("refined", start) for at, start in zip(places, mixed, strict=True)]
+        simulated, mixed, refined = np.array(self.firsts) + np.array([_places(names) for names in self.names]).T
         contacts = [last_contacts(i) for i in self.iterations]
         out = np.empty((len(self.iterations), 6))
         out[:, 0], out[:, 1] = self.moved_mm[simulated], self.turned_deg[simulated]
-        out[:, 2], out[:, 3] = _ways(self.Ts_cam_obj, np.array(mixed), np.array(refined))
+        out[:, 2], out[:, 3] = _ways(self.Ts_cam_obj, mixed, refined)
         out[:, 4] = [len(c.depths_m) for c in contacts]
         out[:, 5] = [1e3 * max([0.0, *c.depths_m.tolist()]) for c in contacts]
         return out
@@ -86,6 +80,16 @@ def last_contacts(iteration: Iteration) -> Contacts:
     """The contacts at the end of its simulation."""
     path = iteration.path
     return path.contacts[-1] if path is not None and path.contacts else NO_CONTACTS
+
+
+@lru_cache(maxsize=64)
+def _places(names: tuple[StageName, ...]) -> tuple[int, int, int]:
+    """Which of an iteration's poses the simulation came to, the refiner began with and came to; where one of them did
+    not work, what was there before.
+    """
+    at = {name: k for k, name in enumerate(names)}
+    mixed = at.get("mixed", 0)
+    return at.get("simulated", 0), mixed, at.get("refined", mixed)
 
 
 def _fits(stage: Stage | None) -> tuple[float, float]:

@@ -6,7 +6,7 @@ described is learnt from rerun, once for each kind.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import accumulate, chain
@@ -144,8 +144,17 @@ def strips(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:
 
 def texts(descriptor: rr.ComponentDescriptor, rows: Sequence[Sequence[str]]) -> Column:
     """Rows of texts, each of any length."""
-    flat = [text.encode() for text in chain.from_iterable(rows)]
-    n_rows, nodes, buffers = _listed(list(map(len, rows)))
+    return _encoded(descriptor, list(map(len, rows)), chain.from_iterable(rows))
+
+
+def text(descriptor: rr.ComponentDescriptor, rows: Sequence[str]) -> Column:
+    """Rows of one text each."""
+    return _encoded(descriptor, (1,) * len(rows), rows)
+
+
+def _encoded(descriptor: rr.ComponentDescriptor, lengths: Sequence[int], texts: Iterable[str]) -> Column:
+    flat = list(map(str.encode, texts))
+    n_rows, nodes, buffers = _listed(lengths)
     ends = _offsets(list(map(len, flat)))
     return Column(_texts(descriptor), n_rows, (*nodes, len(flat), 0), (*buffers, b"", ends, b"".join(flat)))
 
@@ -162,7 +171,7 @@ def blobs(descriptor: rr.ComponentDescriptor, rows: Sequence[bytes]) -> Column:
 
 def one_value(descriptor: rr.ComponentDescriptor, value: int | str) -> Column:
     """One row with one number or text."""
-    return texts(descriptor, [[value]]) if isinstance(value, str) else numbers(descriptor, [[value]], np.int64)
+    return text(descriptor, [value]) if isinstance(value, str) else numbers(descriptor, [[value]], np.int64)
 
 
 def bars(descriptor: rr.ComponentDescriptor, rows: Rows) -> Column:

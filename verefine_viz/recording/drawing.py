@@ -11,7 +11,7 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.recording import chunks, columns, curves, entities
 from verefine_viz.recording.block import Block, last_contacts
 from verefine_viz.recording.entry import NO_CONTACTS, Entry
@@ -131,17 +131,25 @@ _NO_PATH = np.zeros((0, 4, 4))
 def _events(layout: Layout, block: Block) -> Iterator[Piece]:
     iterations, indices = block.iterations, block.indices
     names = {b.instance_id: b.name for b in layout.branches}
-    lane = [[names[i.instance_id], f"hypothesis {i.arm + 1}", i.accepted, _notable(i)] for i in iterations]
+    lane = [
+        [
+            names[i.instance_id],
+            f"hypothesis {i.arm + 1}",
+            i.accepted,
+            _notable(tuple([event.kind for event in i.events])),
+        ]
+        for i in iterations
+    ]
     yield chunks.rows_of(entities.LANE, indices, [columns.texts(rr.StateChange.descriptor_state(), lane)])
     logged = [(i.index, event) for i in iterations for event in i.events]
     if logged:
         parts = [
-            columns.texts(rr.TextLog.descriptor_text(), [[event.text] for _, event in logged]),
-            columns.texts(rr.TextLog.descriptor_level(), [[_LEVELS.get(event.kind, "INFO")] for _, event in logged]),
+            columns.text(rr.TextLog.descriptor_text(), [event.text for _, event in logged]),
+            columns.text(rr.TextLog.descriptor_level(), [_LEVELS.get(event.kind, "INFO") for _, event in logged]),
         ]
         yield chunks.rows_of(entities.LOG, [k for k, _ in logged], parts)
-    texts = [[describe(entry, layout, *ways)] for entry, ways in zip(block.entries, block.ways(), strict=True)]
-    yield chunks.rows_of(entities.CHOICE, indices, [columns.texts(rr.TextDocument.descriptor_text(), texts)])
+    texts = [describe(entry, layout, *ways) for entry, ways in zip(block.entries, block.ways(), strict=True)]
+    yield chunks.rows_of(entities.CHOICE, indices, [columns.text(rr.TextDocument.descriptor_text(), texts)])
     chosen = [(i.index, i.choice.ucb) for i in iterations if i.choice is not None]
     if chosen:
         lengths = [len(ucb) for _, ucb in chosen]
@@ -187,10 +195,10 @@ _NOTABLE = {
 room."""
 
 
-def _notable(iteration: Iteration) -> str:
-    """One event per iteration for the lane; empty where nothing stands out."""
-    kinds = [event.kind for event in iteration.events]
-    return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "") if kinds else ""
+@lru_cache(maxsize=256)
+def _notable(kinds: tuple[EventKind, ...]) -> str:
+    """Of an iteration's events the one for the lane; empty where nothing stands out."""
+    return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "")
 
 
 @lru_cache(maxsize=64)

@@ -18,7 +18,7 @@ def exact(block: Block) -> Piece:
     looks at recordings with other tools, and everything as :class:`Entry`.
     """
     sent = [
-        columns.texts(_named("stages"), [[stage.name for stage in i.stages] for i in block.iterations]),
+        columns.texts(_named("stages"), block.names),
         columns.numbers(_named("Ts_cam_obj"), columns.Ragged([16 * n for n in block.n_stages], block.Ts_cam_obj)),
         columns.blobs(_named(ENTRY), [entry.packed for entry in block.entries]),
     ]

@@ -33,7 +33,7 @@ def property_chunks(about: Mapping[str, Any]) -> Iterator[Piece]:
     values = [_property(name, value) for name, value in about.items()]
     yield chunks.fixed_row(f"/__properties/{entities.PROPERTY}", values)
     name = f"{about['title']} {about['frame']} {about['method']}".strip()
-    yield chunks.fixed_row("/__properties", [columns.texts(_NAME, [[name]])])
+    yield chunks.fixed_row("/__properties", [columns.text(_NAME, [name])])
 
 
 _NAME = rr.archetypes.RecordingInfo.descriptor_name()

@@ -65,6 +65,8 @@ class Poses:
     def _place(self, iteration: Iteration) -> None:
         """Objects that stand while this one is worked on; where one stands at its best, only that is drawn."""
         k, own, tree = iteration.index, iteration.instance_id, iteration.tree
+        if not (self._placed or iteration.placed or tree):
+            return
         standing = {p.instance_id: p.T_cam_obj for p in (*iteration.placed, *(tree.rollout if tree else ()))}
         standing.pop(own, None)
         for instance_id in self._placed.keys() | standing.keys():
@@ -77,9 +79,10 @@ class Poses:
 
     def _move(self, k: int, instance_id: int, stage: str, T: Float) -> None:
         """Shows it there from iteration ``k`` on, unless it is there already."""
-        was = self._shown.get((instance_id, stage), NOWHERE)
+        what = (instance_id, stage)
+        was = self._shown.get(what, NOWHERE)
         if was is not T and was.tobytes() != T.tobytes():
-            self._shown[instance_id, stage] = T
+            self._shown[what] = T
             self._moves[instance_id].append((k, stage, T))
 
 
@@ -95,21 +98,22 @@ def _nothing(branch_name: str, stages: tuple[str, ...]) -> Piece:
 
 
 def _transforms(branch_name: str, moves: Moves) -> Piece:
+    indices, stages, Ts = zip(*moves, strict=True)
     parts = [
-        *columns.transforms(np.concatenate([T for _, _, T in moves]).reshape(-1, 4, 4)),
-        _children(branch_name, tuple([stage for _, stage, _ in moves])),
+        *columns.transforms(np.concatenate(Ts).reshape(-1, 4, 4)),
+        _children(branch_name, stages),
         _parents(len(moves)),
     ]
-    return chunks.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", [k for k, _, _ in moves], parts)
+    return chunks.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", indices, parts)
 
 
 @lru_cache(maxsize=256)
 def _children(branch_name: str, stages: tuple[str, ...]) -> columns.Column:
     """Frames that move, mostly the same ones in the same order."""
-    frames = [[entities.stage_frame(branch_name, stage)] for stage in stages]
-    return columns.texts(rr.Transform3D.descriptor_child_frame(), frames)
+    frames = [entities.stage_frame(branch_name, stage) for stage in stages]
+    return columns.text(rr.Transform3D.descriptor_child_frame(), frames)
 
 
 @lru_cache(maxsize=256)
 def _parents(n: int) -> columns.Column:
-    return columns.texts(rr.Transform3D.descriptor_parent_frame(), [[f"tf#{entities.SCENE}"]] * n)
+    return columns.text(rr.Transform3D.descriptor_parent_frame(), [f"tf#{entities.SCENE}"] * n)
