@@ -55,6 +55,30 @@ def test_an_iteration_is_told_in_the_order_it_happened() -> None:
     assert places == sorted(places)
 
 
+@pytest.mark.parametrize(
+    ("current", "simulated", "refined", "said"),
+    [
+        (0.5, 0.9204, 0.9197, ("0.9204; ", "0.9197. ")),
+        (0.5, 0.62, 0.74, ("0.62; ", "0.74. ")),
+        (0.5, 0.92, 0.92, ("0.92; ", "0.92. ")),
+        (0.74001, 0.62, 0.74, ("0.62; ", "0.74. ")),
+        (0.752, 0.62, 0.74, ("0.620; ", "0.740. ", "less than before (0.752)")),
+    ],
+)
+def test_scores_are_told_with_the_digits_it_takes(
+    current: float, simulated: float, refined: float, said: tuple[str, ...]
+) -> None:
+    view = after(c.Step())
+    assert view.shown is not None
+    scores = {"current": current, "simulated": simulated, "refined": refined}
+    stages = tuple(
+        s if s.score is None else replace(s, score=replace(s.score, score=scores[s.name])) for s in view.shown.stages
+    )
+    view = replace(view, shown=replace(view.shown, stages=stages, accepted="refined"))
+    for part in said:
+        assert part in words.headline(view)
+
+
 def test_what_nobody_judged_is_called_so() -> None:
     said = words.headline(after(c.Step(), name="pir"))
     assert said.endswith(f"Refined kept: PIR keeps it {words.UNJUDGED}.")

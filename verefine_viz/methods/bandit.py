@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Choice
 from verefine_viz.methods.arms import ObjectState
 
@@ -70,11 +71,6 @@ def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
         return f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}, the only one"
     rival = max((k for k in range(len(ucb)) if k != j), key=ucb.__getitem__)
     sign = "=" if ucb[rival] == ucb[j] else ">"
-    digits = _telling(ucb[j] - ucb[rival])
+    digits = telling_digits(ucb[j] - ucb[rival])
     own, other = (f"hypothesis {k + 1}: {mean[k]:.{digits}f} + {exploration[k]:.{digits}f}" for k in (j, rival))
     return f"{own} {sign} {other}"
-
-
-def _telling(lead: float) -> int:
-    """As many decimals as it takes to see that one sum is larger; two where that shows, or nothing does."""
-    return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead > 0 else 2)

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
@@ -135,9 +136,9 @@ def _iteration_sentence(view: View, iteration: Iteration) -> str:
     body = "; ".join(parts)
     kept = iteration.accepted
     end = f"{kept.capitalize()} kept" if kept != "current" else "Neither was better: current pose kept"
-    before, after = iteration.stages[0].score, iteration.accepted_stage.score
-    if before is not None and after is not None and before.score - after.score >= FALL:
-        end += f", although it scores less than before ({before.score:.2f})"
+    before = iteration.stages[0].score
+    if before is not None and _fell(iteration):
+        end += f", although it scores less than before ({before.score:.{_digits(iteration)}f})"
     if _is_unjudged(iteration):
         end += f": {method_name(view.session.method.name)} keeps it {UNJUDGED}"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
@@ -159,8 +160,21 @@ def _what_it_did(view: View, iteration: Iteration, before: Stage, stage: Stage) 
     if stage.name == "refined" and before.name == "current":
         who = refiner_name(view.session.method.refiner)
     done = movement(before.T_cam_obj, stage.T_cam_obj, points)
-    scored = f" and scored {stage.score.score:.2f}" if stage.score is not None else ""
+    scored = f" and scored {stage.score.score:.{_digits(iteration)}f}" if stage.score is not None else ""
     return f"{who} {done}{scored}" if " and " not in done else f"{who} {done.replace(' and ', ', ')}{scored}"
+
+
+def _fell(iteration: Iteration) -> bool:
+    """Whether the kept pose scores so much less than the one before that it is said."""
+    before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    return before is not None and after is not None and before.score - after.score >= FALL
+
+
+def _digits(iteration: Iteration) -> int:
+    """Decimals that tell the scores apart that are said of an iteration."""
+    told = iteration.stages if _fell(iteration) else iteration.stages[1:]
+    scores = sorted(stage.score.score for stage in told if stage.score is not None)
+    return telling_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
 
 
 def _stage_sentence(view: View, iteration: Iteration) -> str:
@@ -169,7 +183,7 @@ def _stage_sentence(view: View, iteration: Iteration) -> str:
     stage = iteration.stages[k]
     head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
     if k == 0:
-        scored = f", which scores {stage.score.score:.2f}" if stage.score else ""
+        scored = f", which scores {stage.score.score:.{_digits(iteration)}f}" if stage.score else ""
         who = chosen_because(iteration, view.n_arms)
         return f"{head} {who[:1].upper()}{who[1:]} goes on from its current pose{scored}."
     if stage.name == "mixed":
