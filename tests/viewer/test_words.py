@@ -92,6 +92,42 @@ def test_the_end_names_the_answer_and_its_error() -> None:
     assert said.endswith("mm off.")
 
 
+def with_best_scores(view: View, scores: list[float]) -> View:
+    """The view at the end of a run in which the hypotheses came to these scores."""
+    assert view.state is not None
+    arms = tuple(
+        replace(arm, entries=tuple(replace(e, score=replace(e.score, score=s)) for e in arm.entries))
+        for arm, s in zip(view.state.arms, scores, strict=True)
+    )
+    own = view.scene.object(view.target.instance.instance_id)
+    assert own.answer is not None
+    j = int(np.argmax(scores))
+    answer = replace(own.answer, arm=j, score=replace(own.answer.score, score=scores[j]))
+    scene = replace(view.scene, objects=(replace(own, answer=answer),))
+    return replace(view, state=replace(view.state, arms=arms), scene=scene)
+
+
+@pytest.mark.parametrize(
+    ("scores", "said"),
+    [
+        ([0.41, 0.95, 0.32], ", 0.54 ahead of hypothesis 1"),
+        ([0.9, 0.9507, 0.95], ", 0.0007 ahead of hypothesis 3"),
+        ([0.95, 0.9, 0.95], ", level with hypothesis 3"),
+    ],
+)
+@pytest.mark.parametrize("name", ["rir", "even", "expl", "vf_breadth"])
+def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[float], said: str) -> None:
+    told = words.headline(with_best_scores(after(c.RunUntil("end"), name=name), scores))
+    assert f"{said}; " in told
+
+
+@pytest.mark.parametrize("name", ["pir", "sir", "vf_depth"])
+def test_no_runner_up_where_no_other_hypothesis_could_have_won_by_its_score(name: str) -> None:
+    said = words.headline(after(c.RunUntil("end"), name=name))
+    assert "ahead of" not in said
+    assert "level with" not in said
+
+
 def test_stages_are_told_one_by_one() -> None:
     said = [words.headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
     assert "stage 1 of 4: current." in said[0]

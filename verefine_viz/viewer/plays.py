@@ -13,6 +13,8 @@ WITH_UCB = ("rir", "vf_breadth", "vf_depth")
 """Methods whose choice depends on c."""
 CHOOSING = (*WITH_UCB, "even", "expl")
 """Methods that choose between hypotheses."""
+BEST_OF_ALL = ("rir", "vf_breadth", "even", "expl")
+"""Methods whose answer is the pose with the highest score of any hypothesis; vf_depth looks at the whole scene's."""
 
 
 def plays_text(plays: float) -> str:

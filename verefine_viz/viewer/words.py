@@ -9,10 +9,11 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
-from verefine_viz.core.records import Iteration, Stage
+from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.marks import FALL
+from verefine_viz.viewer.plays import BEST_OF_ALL
 from verefine_viz.viewer.scene_words import (
     TERMS,
     found_by,
@@ -34,6 +35,7 @@ HINTS = TERMS | {
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
+_NO_LEAD = 1e-6
 
 
 def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
@@ -208,9 +210,23 @@ def _answer(view: View) -> str:
     best = view.scene.object(view.target.instance.instance_id).answer
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
-    said = f"best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}"
+    said = f"best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}{_ahead(view, best)}"
     errors = view.poses["best"].errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
+
+
+def _ahead(view: View, best: Best) -> str:
+    """As in: , 0.013 ahead of hypothesis 2. Empty where no other hypothesis could have been the answer."""
+    if view.state is None or view.session.method.name not in BEST_OF_ALL:
+        return ""
+    highest = {j: max(e.score.score for e in arm.entries) for j, arm in enumerate(view.state.arms) if j != best.arm}
+    if not highest:
+        return ""
+    rival = max(highest, key=highest.__getitem__)
+    lead = best.score.score - highest[rival]
+    if lead < _NO_LEAD:
+        return f", level with hypothesis {rival + 1}"
+    return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}"
 
 
 def compared(view: View) -> str:
