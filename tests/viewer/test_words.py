@@ -288,6 +288,18 @@ def test_n_is_told_from_the_pulls() -> None:
     assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
 
 
+def test_times_are_told_to_be_sums_with_the_preparation_in_the_first() -> None:
+    view = after(c.Step(), c.Step(), c.Step())
+    assert [i.arm for i in view.own_iterations[1:]] != [view.own_iterations[0].arm] * 2, "else this shows nothing"
+    html = tables.arms_table(view)
+    assert "added up [ms]. The first play on an object also prepares it" in html
+    assert ">Σ ms</th>" in html
+    assert f"the first, on hypothesis {view.own_iterations[0].arm + 1}, also prepares the object" in html
+    for cursor in (0, 1):
+        told = "also prepares the object" in tables.arms_table(after(c.Step(), c.Seek(cursor)))
+        assert told == (cursor == 1), "said where a time can be seen"
+
+
 @pytest.mark.parametrize("name", ["pir", "refine"])
 def test_methods_that_do_not_choose_say_nothing_of_plays(name: str) -> None:
     view = after(c.Restart((("method.name", name),)), c.Step())

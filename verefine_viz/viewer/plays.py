@@ -9,6 +9,10 @@ N_MEANS = (
     "n_j, the plays that the bandit counted when it chose: the score of the first pose is one of them, and part of the "
     "mean μ_j. The Pulls curves count choices only, up to and with this iteration."
 )
+TIME_MEANS = (
+    "computing time of all its plays so far, added up [ms]. The first play on an object also prepares it, once for all "
+    "hypotheses and runs: the simulator gets its shape, the refiner its search structure. After a restart that is done."
+)
 WITH_UCB = ("rir", "vf_breadth", "vf_depth")
 """Methods whose choice depends on c."""
 CHOOSING = (*WITH_UCB, "even", "expl")
@@ -30,3 +34,12 @@ def what_n_counts(view: View) -> str:
     if view.session.method.name == "vf_depth" and view.session.method.discount < 1:
         said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
     return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
+
+
+def what_the_time_holds(view: View) -> str:
+    """A line below a table of times, where the object's first play is among them."""
+    if not any(i.index <= view.cursor for i in view.own_iterations):
+        return ""
+    j = view.own_iterations[0].arm + 1
+    said = f"Σ ms: all plays together; the first, on hypothesis {j}, also prepares the object, once."
+    return f'<p class="legend dim" title="{text(TIME_MEANS)}">{text(said)}</p>'

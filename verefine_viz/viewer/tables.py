@@ -13,7 +13,7 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
-from verefine_viz.viewer.plays import N_MEANS, WITH_UCB, plays_text, what_n_counts
+from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
@@ -137,9 +137,9 @@ def arms_table(view: View) -> str:
         ("UCB", "mean + bonus; the largest is chosen"),
         ("best", "best score of any of its poses so far"),
         ("start", "rotation error of its first pose against ground truth"),
-        ("ms", "computing time spent on it so far"),
+        ("Σ ms", TIME_MEANS),
     ]
-    return table(head, rows) + what_n_counts(view)
+    return table(head, rows) + what_n_counts(view) + what_the_time_holds(view)
 
 
 def arm_history(view: View, newest: int = 12) -> str:
