@@ -19,10 +19,10 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
-from verefine_viz.rendering.map_kernel import look_at
+from verefine_viz.rendering.map_kernel import draw_at
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
-from verefine_viz.rendering.rasterizer import draw_depth, draw_frame
+from verefine_viz.rendering.rasterizer import draw_depth
 from verefine_viz.rendering.results import (
     NOTHING_PLACED,
     PIXELS,
@@ -176,15 +176,16 @@ class CpuVerifier:
         self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera, at: PixelGrid
     ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Models at their poses: z (h, w) [m] and the face that is seen, counted through all, at some pixels."""
-        inv_z, face_of = np.zeros(camera.shape, np.float32), np.empty(camera.shape, np.int32)
-        first_face = 0
+        shape = len(at.rows), len(at.columns)
+        inv_z, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
+        pinhole, first_face = intrinsics(camera, self.settings), 0
         for mesh, T_cam_obj in items:
             T = np.ascontiguousarray(T_cam_obj, dtype=np.float64)
-            draw_frame(T, *mesh.arrays, *intrinsics(camera, self.settings), inv_z, face_of, first_face)
+            draw_at(T, *mesh.arrays, pinhole, *camera.shape, at.rows, at.columns, inv_z, faces, first_face)
             first_face += len(mesh.faces)
-        shape = len(at.rows), len(at.columns)
-        depth_m, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
-        look_at(inv_z, face_of, far_m(self.settings), at.rows, at.columns, depth_m, faces)
+        depth_m = np.divide(np.float32(1), inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
+        beyond = depth_m > far_m(self.settings)
+        depth_m[beyond], faces[beyond] = 0, 0
         return depth_m, faces
 
     def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
