@@ -5,7 +5,6 @@ Of an iteration two poses side by side; of a pass over several objects the scene
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -15,7 +14,6 @@ import numpy as np
 import rerun as rr
 from numba import njit
 from numpy.typing import NDArray
-from PIL import Image
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, difference_scale, lookup_table
@@ -26,6 +24,7 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, ScoreMaps
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.png import indexed_png
 
 TILE_PX = 128
 """Every object is shown this large, whatever its size in the image; together with the pairs this bounds the bytes."""
@@ -97,7 +96,7 @@ class Maps:
         of = rr.EncodedImage
         for name, image in images.items():
             palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
-            parts = [columns.blobs(of.descriptor_blob(), [_png(image, palette)]), _png_type()]
+            parts = [columns.blobs(of.descriptor_blob(), [indexed_png(image, palette)]), _png_type()]
             yield chunks.rows_of(f"{root}/{name}", [iteration], parts)
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
@@ -149,15 +148,6 @@ def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], N
     rows = np.floor((v.min() + v.max()) / 2 + 0.5 + at * side)
     columns = np.floor((u.min() + u.max()) / 2 + 0.5 + at * side)
     return rows.astype(np.int64), columns.astype(np.int64)
-
-
-def _png(image: NDArray[np.uint8], palette: bytes) -> bytes:
-    """A fast indexed PNG of (H, W) places in an RGB ``palette`` (768 bytes)."""
-    picture = Image.fromarray(image)
-    picture.putpalette(palette)
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG", compress_level=1)
-    return buffer.getvalue()
 
 
 @njit(cache=True, nogil=True)

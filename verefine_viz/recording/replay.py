@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from rerun.chunk import Chunk
 
@@ -29,14 +30,23 @@ from verefine_viz.recording.reader import (
 )
 from verefine_viz.recording.recorder import versions
 from verefine_viz.recording.rrd_file import RrdFile
-from verefine_viz.recording.viewer_process import free_port, has_display, start_viewer
+from verefine_viz.recording.viewer_process import LOOPBACK, free_port, has_display, start_viewer
 from verefine_viz.session.engine import Run
 
 MakeRun = Callable[[Recorded], Run]
 
 
-def open_viewer(path: Path, web: bool | None = None) -> subprocess.Popen[bytes]:
-    """Opens a recording in the rerun viewer and returns its process; reachable from this machine only.
+@dataclass(frozen=True)
+class OpenViewer:
+    """A rerun viewer that shows a recording."""
+
+    process: subprocess.Popen[bytes]
+    address: str
+    """What to type into a browser; empty = it is a window of its own."""
+
+
+def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
+    """Opens a recording in the rerun viewer, which is reachable from this machine only.
 
     Args:
         path: the recording; one of a killed run is completed into a temporary copy first.
@@ -50,10 +60,13 @@ def open_viewer(path: Path, web: bool | None = None) -> subprocess.Popen[bytes]:
     recorded = read_recording(path)
     if not recorded.is_complete:
         path = completed(recorded, Path(tempfile.mkdtemp(prefix="verefine-")))
-    arguments = [str(path)]
-    if web if web is not None else not has_display():
-        arguments += ["--web-viewer", "--web-viewer-port", str(free_port())]
-    return start_viewer(arguments)
+    if not (web if web is not None else not has_display()):
+        return OpenViewer(start_viewer([str(path)]), "")
+    page, data = free_port(), free_port()
+    arguments = [str(path), "--web-viewer", "--web-viewer-port", str(page), "--port", str(data)]
+    # The page alone would be empty: it has to be told where the recording comes from.
+    source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
+    return OpenViewer(start_viewer(arguments), f"http://{LOOPBACK}:{page}?url={source}")
 
 
 def completed(recorded: Recorded, folder: Path) -> Path:
