@@ -261,6 +261,8 @@ class SaveSession(Command):
     """Settings, also those changed on the way, breakpoints and edited poses, to ``sessions/<name>.toml``."""
 
     name: str
+    replace: bool = False
+    """Whether a file that holds another session may be replaced."""
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,8 @@ class Debugger:
         self.message = ""
         self.refused = False
         """Whether the message says what went wrong."""
+        self.offer: tuple[str, c.Command] | None = None
+        """Words and command of a link behind the message: does what was refused all the same."""
         self.kept: tuple[Path, ...] = ()
         self.log: list[c.Command] = []
         """What was done, so that doing it again gives the same: runs appear as where they ended."""
@@ -88,7 +90,7 @@ class Debugger:
         Raises:
             VerefineError: it cannot be done; everything is as before.
         """
-        self.message, self.refused = "", False
+        self.message, self.refused, self.offer = "", False, None
         was_busy = self.is_busy
         command = self.browsing.resolved(command, self.look)
         self.comparing.before(command)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,9 +11,11 @@ import viser
 from PIL import Image as PilImage
 
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError
-from verefine_viz.session.files import save_session
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.sheet import maps_sheet
 
 if TYPE_CHECKING:
@@ -37,11 +40,14 @@ class Keeping:
         if isinstance(command, c.SaveSession):
             path = self._folder / f"{checked_name(command.name)}.toml"
             space = debugger.workspace
+            if not command.replace:
+                refuse_another(path, space.files.get(path.resolve()), command)
             session = space.session
             if session.edits or session.changes:  # They belong to this frame.
                 scene = session.scene.model_copy(update={"frames": (space.frame,)})
                 session = session.model_copy(update={"scene": scene})
             save_session(session, path)
+            space.files[path.resolve()] = session
             return path
         assert isinstance(command, c.Export)
         folder = self._folder / "runs" / "exports"
@@ -104,6 +110,32 @@ def checked_name(name: str) -> str:
     if not _NAME.fullmatch(name.strip()) or ".." in name:
         raise InputError(f"{name!r} is no name for a session; use letters, digits, blanks, dots, - and _")
     return name.strip().removesuffix(".toml")
+
+
+def refuse_another(path: Path, own: Session | None, command: c.SaveSession) -> None:
+    """Passes where ``path`` is free, or still holds ``own``: the open session as it was read or written there.
+
+    Raises:
+        Unconfirmed: it holds something else, which would be lost.
+    """
+    if not path.exists():
+        return
+    try:
+        there = load_session(path)
+    except VerefineError:
+        what = "something that is no session"
+    else:
+        if there == own:
+            return
+        what = (
+            f"another session, “{there.title or 'untitled'}”"
+            if own is None
+            else "changes that were made since it was opened"
+        )
+    raise Unconfirmed(
+        f"{path} holds {what}. Nothing was written: choose another name, or", "replace it",
+        replace(command, replace=True),
+    )  # fmt: skip
 
 
 def stem_of(debugger: Debugger) -> str:

@@ -14,6 +14,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.gallery import Entry, Gallery
 from verefine_viz.viewer.later import ScenePhysics
 from verefine_viz.viewer.look import Look
@@ -134,6 +135,8 @@ class View:
     """What just happened or went wrong, in a sentence."""
     refused: bool = False
     """Whether the message says what went wrong."""
+    offer: tuple[str, Command] | None = None
+    """Words and command of the link behind a message that refuses."""
     kept: tuple[str, ...] = ()
     """Files written lately."""
     sides: SidesView | None = None

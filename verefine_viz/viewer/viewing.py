@@ -101,6 +101,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         deep=deep,
         message=debugger.message,
         refused=debugger.refused,
+        offer=debugger.offer,
         kept=tuple(str(p) for p in debugger.kept),
         sides=sides_view(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
     )

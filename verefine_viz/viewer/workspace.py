@@ -123,6 +123,8 @@ class Workspace:
         first = frame if frame is not None else frames[0]
         work = self._begin(tools, tools.problem(first))
         self.tools, self.path, self.frames = tools, path, frames
+        self.files: dict[Path, Session] = {} if path is None else {path.resolve(): session}
+        """Files that hold the open session, as it was when it was read or written."""
         self.breakpoints: BreakpointSettings = session.breakpoints
         self.frame, self._works = first, {first: work}
 
@@ -170,7 +172,9 @@ class Workspace:
             except ValueError:
                 raise SettingsError(f"hypotheses cannot be {pool}; see the session file's [hypotheses]") from None
             update = {"hypotheses": hypotheses, "edits": (), "changes": (), "breakpoints": self.breakpoints}
+            files = self.files
             self.open(tools.session.model_copy(update=update), self.path, self.frame)
+            self.files = files
             return
         tools = old.restarted(nested(changes)) if changes else old
         problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
@@ -220,6 +224,7 @@ class Workspace:
         tools = self._make_tools(session)
         branch = self.recorded_branch(recorded, tools, tools.problem(recorded.frame))
         self.tools, self.path, self.frames = tools, None, (recorded.frame,)
+        self.files = {}
         self.breakpoints = session.breakpoints
         self.frame, self._works = recorded.frame, {recorded.frame: FrameWork([branch])}
 

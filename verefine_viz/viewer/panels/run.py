@@ -67,7 +67,8 @@ class RunPanel:
         said = "".join(_box(f) for f in found if f.on_top)
         said += hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
         if view.message:
-            said = (warning if view.refused else note)(view.message) + said
+            extra = link(*view.offer) if view.offer else ""
+            said = (warning(view.message, extra) if view.refused else note(view.message)) + said
         self._words.show(said)
         p = view.progress
         self._progress.visible = p.running

@@ -1,0 +1,93 @@
+"""Saving a session never loses another one unless a person insists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.session.files import load_session, save_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.keeping import Keeping
+from verefine_viz.viewer.markup import carries
+from verefine_viz.viewer.refusal import Unconfirmed
+
+OTHER = Session(title="other")
+FORK = c.Fork((("method.exploration", 0.4),), 0)
+INSIST = c.SaveSession("theirs", replace=True)
+
+
+@pytest.fixture
+def debugger(tmp_path: Path) -> Debugger:
+    """Session "mine", opened from its file, beside a file that holds another session."""
+    server: Any = None  # Sessions are saved without a page.
+    save_session(OTHER, tmp_path / "theirs.toml")
+    mine = tmp_path / "mine.toml"
+    save_session(Session(title="mine", method=MethodSettings(iterations=2)), mine)
+    return Debugger(load_session(mine), mine, FakeTools, keep=Keeping(server, tmp_path))
+
+
+def test_another_session_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.toml"
+    with pytest.raises(Unconfirmed, match=r"theirs\.toml holds another session, “other”\. Nothing was") as refused:
+        debugger.carry_out([c.SaveSession("theirs")])
+    assert load_session(theirs) == OTHER
+    assert refused.value.command == INSIST
+    debugger.carry_out([refused.value.command])
+    assert load_session(theirs).title == "mine"
+
+
+def test_its_own_file_and_what_it_wrote_are_saved_again_at_once(debugger: Debugger, tmp_path: Path) -> None:
+    debugger.carry_out([FORK, c.SaveSession("mine"), c.SaveSession("new"), c.Step(), c.SaveSession("new"), INSIST])
+    debugger.carry_out([c.Restart((("hypotheses.max_per_object", 2),)), c.SaveSession("mine"), c.SaveSession("theirs")])
+    saved = [load_session(tmp_path / f"{name}.toml") for name in ("mine", "new", "theirs")]
+    assert [s.title for s in saved] == ["mine"] * 3
+    assert [s.hypotheses.max_per_object for s in saved] == [2, Session().hypotheses.max_per_object, 2]
+
+
+def test_what_was_written_of_one_session_is_not_lost_to_the_next(debugger: Debugger, tmp_path: Path) -> None:
+    debugger.carry_out([c.SaveSession("new"), c.OpenSession(str(tmp_path / "theirs.toml"))])
+    with pytest.raises(Unconfirmed, match="“mine”"):
+        debugger.carry_out([c.SaveSession("new")])
+
+
+def test_a_file_that_was_changed_meanwhile_is_kept(debugger: Debugger, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    edited = mine.read_text().replace("iterations = 2", "iterations = 3")
+    mine.write_text(edited)
+    with pytest.raises(Unconfirmed, match="changes that were made since it was opened"):
+        debugger.carry_out([c.SaveSession("mine")])
+    assert mine.read_text() == edited
+
+
+def test_a_file_that_is_no_session_is_kept(debugger: Debugger, tmp_path: Path) -> None:
+    (tmp_path / "notes.toml").write_text("dear diary")
+    with pytest.raises(Unconfirmed, match="something that is no session"):
+        debugger.carry_out([c.SaveSession("notes")])
+    assert (tmp_path / "notes.toml").read_text() == "dear diary"
+
+
+def test_the_page_offers_to_replace_it_until_something_else_is_done(tmp_path: Path) -> None:
+    save_session(OTHER, tmp_path / "theirs.toml")
+    app = App(Session(), port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.send(c.SaveSession("theirs"))
+        app.wait_until_idle()
+        assert _offers_it(app)
+        app.send(c.Step())
+        app.wait_until_idle()
+        assert not _offers_it(app)
+    finally:
+        app.stop()
+    assert load_session(tmp_path / "theirs.toml") == OTHER
+
+
+def _offers_it(app: App) -> bool:
+    """Whether a browser that connects now would see the link."""
+    sent = app.server._websock_server._broadcast_buffer.message_from_id.values()
+    return any(carries(INSIST) in str(getattr(getattr(m, "props", None), "content", "")) for m in sent)
