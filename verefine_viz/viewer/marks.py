@@ -19,6 +19,52 @@ GROWTH_MM = 3.0
 
 
 @dataclass(frozen=True)
+class Meaning:
+    """What the marks of one colour say."""
+
+    words: str
+    hint: str
+    color: RGB
+    kinds: frozenset[str]
+
+
+MEANINGS: tuple[Meaning, ...] = (
+    Meaning(
+        "trouble",
+        "The score fell, the simulation turned the object by more than 10°, a pose rendered to nothing, the refiner "
+        "found nothing to hold on to, or the error against ground truth grew although the score did not fall.",
+        RED,
+        frozenset({"score_fell", "unstable", "empty_render", "nan_score", "refiner_stuck", "error_grew"}),
+    ),
+    Meaning(
+        "refined rejected",
+        "The simulated pose scored clearly higher than the refined one and was kept.",
+        EVENT_COLORS["kept_simulated"],
+        frozenset({"kept_simulated"}),
+    ),
+    Meaning(
+        "other hypothesis",
+        "Another hypothesis was chosen than before.",
+        EVENT_COLORS["arm_switched"],
+        frozenset({"arm_switched"}),
+    ),
+    Meaning(
+        "new best", "No pose of the object scored as high before.", EVENT_COLORS["new_best"], frozenset({"new_best"})
+    ),
+    Meaning(
+        "new incumbent",
+        "The objects of a cluster never fitted better together.",
+        EVENT_COLORS["new_best_scene"],
+        frozenset({"new_best_scene"}),
+    ),
+    Meaning(
+        "moved by hand", "Its pose was edited before this iteration.", EVENT_COLORS["edited"], frozenset({"edited"})
+    ),
+)
+"""All colours that marks can have."""
+
+
+@dataclass(frozen=True)
 class Mark:
     """One mark."""
 

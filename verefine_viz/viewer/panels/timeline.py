@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import viser
 
 from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
+from verefine_viz.viewer.marks import MEANINGS, Mark, Meaning
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
@@ -57,7 +60,24 @@ def strip(view: View) -> str:
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
-    return f'<div style="font-size:12px">{where(view)}</div><svg {box}>{rest}{"".join(parts)}</svg>'
+    head = f'<div class="head"><span class="where">{where(view)}</span>{legend(marks)}</div>'
+    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>"
+
+
+def legend(marks: Sequence[Mark]) -> str:
+    """What the colours of these marks mean, in one short line."""
+    kinds = {mark.kind for mark in marks}
+    said = [
+        f'<span title="{text(m.hint)}"><span style="color:rgb{m.color}">{_sign(m)}</span> {text(m.words)}</span>'
+        for m in MEANINGS
+        if m.kinds & kinds
+    ]
+    return f'<span class="legend">{" ".join(said)}</span>' if said else ""
+
+
+def _sign(meaning: Meaning) -> str:
+    """The shape that :func:`strip` draws."""
+    return {"new best": "▾", "new incumbent": "◆"}.get(meaning.words, "▼")
 
 
 def is_shown(view: View, iteration: Iteration) -> bool:
