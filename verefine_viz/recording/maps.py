@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -150,7 +150,8 @@ def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], N
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+# It keeps the interpreter's lock: to get that back from the thread that writes can take longer than these pixels.
+@njit(cache=True)
 def _indices(
     values: NDArray[np.float32], known: NDArray[np.bool_], factor: float, low: float, high: float
 ) -> NDArray[np.uint8]:
@@ -163,6 +164,7 @@ def _indices(
     return out
 
 
+@lru_cache(maxsize=64)
 def _palette(scale: Scale) -> bytes:
     return bytes(EMPTY) + lookup_table(scale.anchors)[np.linspace(0, 255, 255).round().astype(int)].tobytes()
 
