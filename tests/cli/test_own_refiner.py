@@ -116,7 +116,10 @@ def test_a_search_has_a_refiner_of_its_own(tmp_path: Path, capsys: pytest.Captur
     assert "no difference" in capsys.readouterr().out
 
 
-def test_the_rerun_viewer_opens_it(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("display", [False, True])
+def test_the_rerun_viewer_opens_it_and_one_line_says_where(
+    display: bool, recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     class Viewer:
         def wait(self) -> int:
             return 0
@@ -124,9 +127,21 @@ def test_the_rerun_viewer_opens_it(recording: Path, monkeypatch: pytest.MonkeyPa
         def terminate(self) -> None: ...
 
     opened: list[list[str]] = []
-    monkeypatch.setattr(replay, "start_viewer", lambda arguments: opened.append(arguments) or Viewer())
+    monkeypatch.setattr(replay, "has_display", lambda: display)
+    monkeypatch.setattr(replay, "start_viewer", lambda arguments, env: opened.append(arguments) or Viewer())
     assert cli.main(["replay", str(recording)]) == 0
-    assert opened[0][0] == str(recording)
+    ((file, *options),) = opened
+    assert file == str(recording)
+    line = capsys.readouterr().out
+    begin = f"verefine-viz: {recording} in the rerun viewer, "
+    if display:
+        assert options == []
+        assert line == f"{begin}in its window  (closing it, or Ctrl-C, ends it)\n"
+    else:
+        ports = dict(zip(options[1::2], options[2::2], strict=True))
+        page, data = ports["--web-viewer-port"], ports["--port"]
+        address = f"http://127.0.0.1:{page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
+        assert line == f"{begin}at {address}  (Ctrl-C ends it)\n"
 
 
 def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import urllib.request
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -134,11 +135,14 @@ def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_viewer_listens_on_loopback_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     recorded_run(tmp_path / "run.rrd")
-    process = open_viewer(tmp_path / "run.rrd", web=True)
+    viewer = open_viewer(tmp_path / "run.rrd", web=True)
+    process = viewer.process
     try:
         addresses = listening(process)
         assert len(addresses) == 2
         assert set(addresses) == {"127.0.0.1"}
+        with urllib.request.urlopen(viewer.address, timeout=60) as page:
+            assert b"<html" in page.read().lower()
     finally:
         process.kill()
         process.wait()

@@ -56,9 +56,11 @@ def _open(recording: Path) -> int:
 
     viewer = open_viewer(recording)
     try:
-        return viewer.wait()
+        where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
+        print(f"verefine-viz: {recording} in the rerun viewer, {where} ends it)", flush=True)
+        return viewer.process.wait()
     except KeyboardInterrupt:
         return 0
     finally:
-        viewer.terminate()
-        viewer.wait()
+        viewer.process.terminate()
+        viewer.process.wait()

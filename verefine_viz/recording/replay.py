@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -60,13 +61,16 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     recorded = read_recording(path)
     if not recorded.is_complete:
         path = completed(recorded, Path(tempfile.mkdtemp(prefix="verefine-")))
-    if not (web if web is not None else not has_display()):
-        return OpenViewer(start_viewer([str(path)]), "")
+    # Its own lines of progress would bury ours.
+    env = {"RUST_LOG": "warn", **os.environ}
+    in_browser = not has_display() if web is None else web
+    if not in_browser:
+        return OpenViewer(start_viewer([str(path)], env), "")
     page, data = free_port(), free_port()
     arguments = [str(path), "--web-viewer", "--web-viewer-port", str(page), "--port", str(data)]
     # The page alone would be empty: it has to be told where the recording comes from.
     source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
-    return OpenViewer(start_viewer(arguments), f"http://{LOOPBACK}:{page}?url={source}")
+    return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}")
 
 
 def completed(recorded: Recorded, folder: Path) -> Path:
