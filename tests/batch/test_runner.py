@@ -10,7 +10,7 @@ import pytest
 
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from verefine_viz.batch import runner
-from verefine_viz.batch.rows import FrameResult, read_frames_csv
+from verefine_viz.batch.rows import FrameResult, failed_frame, read_frames_csv
 from verefine_viz.batch.runner import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
@@ -52,6 +52,50 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
     assert outcome.totals["frames_done"] == len(names)
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))
     assert [row.im_id for row in read_results(tmp_path / "results.csv")] == [k for k in range(9) for _ in range(5)]
+
+
+def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name != ".lock")
+    return {p.relative_to(folder).as_posix(): (p.read_bytes(), p.stat().st_mtime_ns) for p in files}
+
+
+def test_a_finished_batch_is_left_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames(4, monkeypatch)
+    place = AtOncePlace(made=AtOnce(lambda frame: failed_frame(frame, "no depth") if frame == "0/2" else solved(frame)))
+    first = run_batch(Session(), tmp_path, place)
+    assert not first.was_finished
+    before = contents(tmp_path)
+    again = run_batch(Session(), tmp_path, place)
+    assert again.was_finished
+    assert contents(tmp_path) == before
+    assert (again.totals, again.failures, again.n_failed) == (first.totals, (("0/2", "no depth"),), 1)
+    # Failed frames are something to do for those who ask for it.
+    mended = run_batch(Session(), tmp_path, AtOncePlace(), retry_failed=True)
+    assert (mended.was_finished, mended.n_failed) == (False, 0)
+    assert run_batch(Session(), tmp_path, AtOncePlace(), retry_failed=True).was_finished
+
+
+@pytest.mark.parametrize("lost", ["frames.csv", "results.csv", "run.json", "frames/000000_000001.json"])
+def test_what_a_finished_batch_has_lost_is_made_again(
+    lost: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames(3, monkeypatch)
+    run_batch(Session(), tmp_path, AtOncePlace())
+    before = (tmp_path / lost).read_bytes()
+    (tmp_path / lost).unlink()
+    assert not run_batch(Session(), tmp_path, AtOncePlace()).was_finished
+    assert (tmp_path / lost).is_file()
+    if lost != "run.json":
+        assert (tmp_path / lost).read_bytes() == before
+
+
+def test_a_batch_of_fewer_frames_than_before_is_counted_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames(3, monkeypatch)
+    run_batch(Session(), tmp_path, AtOncePlace())
+    frames(2, monkeypatch)
+    assert not run_batch(Session(), tmp_path, AtOncePlace()).was_finished
+    assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1]
+    assert json.loads((tmp_path / "run.json").read_text())["totals"]["frames"] == 2
 
 
 def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,6 +53,8 @@ def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("3 frames (2 done before)") == 2
     assert done.stdout.count("3 frames (3 done before)") == 2
+    unchanged = [line.split(":")[0] for line in done.stdout.splitlines() if line.endswith("; nothing was left to do")]
+    assert unchanged == ["pir-0", "rir-1"]
     assert {path: without_times(path) for path in before} == before
 
 

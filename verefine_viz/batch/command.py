@@ -73,14 +73,15 @@ def _run(job: Job, title: str, place: Place, retry_failed: bool, task: TaskName,
 
 def _print_line(outcome: Outcome) -> None:
     console = Console(highlight=False, soft_wrap=True)
-    console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {outcome.seconds:.1f} s"))
+    took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
+    console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
     _print_failures(console, outcome)
 
 
 def _print_summary(outcome: Outcome) -> None:
     console = Console(highlight=False, soft_wrap=True)
     numbers = outcome.totals
-    took = f"{outcome.seconds:.1f} s, memory {outcome.memory}"
+    took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
     if numbers["causes"]:
         console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in numbers["causes"].items()))

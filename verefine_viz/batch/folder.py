@@ -27,6 +27,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 
 RUN_FILE = "run.json"
+TABLES = ("frames.csv", "results.csv")
 SESSION_FILE = "session.toml"
 
 
@@ -45,7 +46,8 @@ class RunFolder:
         self._lock = _locked(path)
         try:
             self._check(session)
-            save_session(session, path / SESSION_FILE)
+            if not (path / SESSION_FILE).exists():
+                save_session(session, path / SESSION_FILE)
             for name in ("frames", "recordings"):
                 (path / name).mkdir(exist_ok=True)
             self.journal = Journal(path / "frames")
