@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import verefine_viz
-from verefine_viz.batch.folder import RUN_FILE, RunFolder
+from verefine_viz.batch.folder import RUN_FILE, TABLES, RunFolder
 from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
 from verefine_viz.batch.memory import gigabytes, own_peak_bytes
@@ -97,6 +97,8 @@ class Outcome:
     seconds: float
     memory: str
     """What it took, in words."""
+    was_finished: bool = False
+    """Nothing was left to do, and nothing was written."""
 
     @property
     def n_failed(self) -> int:
@@ -129,7 +131,8 @@ def run_batch(
 ) -> Outcome:
     """Solves every frame of ``session`` into ``out``; goes on where an earlier start of the same batch stopped.
 
-    The files are the same wherever frames are computed and however often it is interrupted, times aside.
+    The files are the same wherever frames are computed and however often it is interrupted, times aside. Those of a
+    batch that is finished stay as they are.
 
     Args:
         session: what to run.
@@ -166,6 +169,8 @@ class _Batch:
 
     def run(self, tell: Callable[[Progress], None], retry_failed: bool) -> Outcome:
         missing = self._missing(retry_failed)
+        if not missing and self._is_finished():
+            return self._outcome(self._counted(), was_finished=True)
         spent_s = float(self.folder.read_run().get("seconds", 0.0)) if self.n_resumed else 0.0
         self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
         try:
@@ -179,10 +184,26 @@ class _Batch:
             with suppress(InputError):
                 self._write_end("stopped", spent_s)
             raise
-        totals = self._write_end("finished", spent_s)
-        failures = tuple(totals.failures)
-        numbers, seconds = totals.as_json(len(self.frames)), self._seconds()
-        return Outcome(self.folder.path, numbers, failures, self.n_resumed, seconds, self._memory())
+        return self._outcome(self._write_end("finished", spent_s))
+
+    def _outcome(self, totals: Totals, was_finished: bool = False) -> Outcome:
+        numbers, failures = totals.as_json(len(self.frames)), tuple(totals.failures)
+        seconds, memory = self._seconds(), self._memory()
+        return Outcome(self.folder.path, numbers, failures, self.n_resumed, seconds, memory, was_finished)
+
+    def _is_finished(self) -> bool:
+        """Whether an earlier start came to the end of the same frames, and its tables are still there."""
+        run = self.folder.read_run()
+        totals = run.get("totals")
+        if run.get("status") != "finished" or not isinstance(totals, dict) or totals.get("frames") != len(self.frames):
+            return False
+        return all((self.folder.path / name).is_file() for name in TABLES)
+
+    def _counted(self) -> Totals:
+        totals = Totals()
+        for _ in totals.passing(self.folder.journal.results(self.frames)):
+            pass
+        return totals
 
     def _missing(self, retry_failed: bool) -> list[str]:
         missing: list[str] = []
