@@ -16,7 +16,9 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import tables, words
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.panels.bandit import pull_lines
+from verefine_viz.viewer.panels.physics import plane_warning
 from verefine_viz.viewer.plays import what_n_counts
 from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.view import View
@@ -244,8 +246,10 @@ def test_a_weak_plane_and_a_missing_one_are_found() -> None:
     observation = view.target.observation
     assert observation.support is not None
     weak = replace(observation, support=replace(observation.support, inlier_share=0.31))
-    found = findings(replace(view, target=replace(view.target, observation=weak)))
-    assert "explains only 31%" in found[0].text
+    doubted = replace(view, target=replace(view.target, observation=weak))
+    found = findings(doubted)
+    assert "explains only 31% of the background: physics may rest on a wrong plane" in found[0].text
+    assert text(found[0].text) in plane_warning(doubted), "the Physics panel says the same"
     none = replace(observation, support=None, support_note="no plane among 12 points")
     found = findings(replace(view, target=replace(view.target, observation=none)))
     assert found[0].text.startswith("No physics: no plane among 12 points.")

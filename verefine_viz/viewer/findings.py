@@ -8,9 +8,9 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
 from verefine_viz.viewer.correct import is_correct
+from verefine_viz.viewer.plane import doubt
 from verefine_viz.viewer.view import View
 
-PLANE_SHARE = 0.5
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""
 LOW_SCORE = 0.45
@@ -64,13 +64,8 @@ def _support(view: View) -> list[Finding]:
     if support is None:
         note = observation.support_note or "no support plane was found"
         return [Finding(f"No physics: {note}. Give scene.gravity, or choose a frame that shows the table.", red=True)]
-    if support.inlier_share < PLANE_SHARE:
-        text = (
-            f"The support plane explains only {support.inlier_share:.0%} of the background. If it cuts through objects "
-            "in 3D, gravity is wrong: give scene.gravity as a vector, or as world where the data set has camera poses."
-        )
-        return [Finding(text)]
-    return []
+    said = doubt(support)
+    return [Finding(said)] if said else []
 
 
 def _no_hypothesis(view: View) -> list[Finding]:

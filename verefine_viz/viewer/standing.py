@@ -10,6 +10,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.viewer.markup import text
+from verefine_viz.viewer.plane import share_hint
 from verefine_viz.viewer.view import View
 
 LIGHTS = {"green": (40, 180, 80), "amber": (217, 142, 4), "red": (220, 50, 47)}
@@ -38,9 +39,10 @@ def standing_html(view: View) -> str:
         for name, tip, say in _FACTS
     )
     share = f"{support.inlier_share:.0%} of the background lies on the support plane."
+    note = f'<p class="dim" title="{text(share_hint())}">{share}</p>'
     head = "".join(f"<th>{text(_WHEN[name]).lower()}</th>" for name in view.plausible)
     table = f"<table><tr><th></th>{head}</tr>{rows}</table>"
-    return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div><p class="dim">{share}</p>'
+    return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div>{note}'
 
 
 _WHEN = {"current": "Before", "accepted": "Kept", "best": "Answer"}

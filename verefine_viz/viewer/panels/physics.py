@@ -5,7 +5,8 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.markup import sentence, warning
+from verefine_viz.viewer.plane import doubt
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
 from verefine_viz.viewer.view import View
@@ -35,7 +36,7 @@ class PhysicsPanel:
 
     def show(self, view: View) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
-        self._words.show(sentence(physics(view)))
+        self._words.show(sentence(physics(view)) + plane_warning(view))
         if view.deep:
             self._standing.show(standing_html(view))
         self._changes.show(changes_table(view))
@@ -47,6 +48,13 @@ class PhysicsPanel:
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(view))
         self._edited.show(sentence(edited_words(view)) if view.look.edited is not None else "")
+
+
+def plane_warning(view: View) -> str:
+    """A box where the plane that everything rests on is doubtful."""
+    support = view.target.observation.support
+    said = doubt(support) if support is not None else ""
+    return warning(said) if said else ""
 
 
 def edited_words(view: View) -> str:

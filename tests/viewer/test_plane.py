@@ -1,0 +1,64 @@
+"""A wrong support plane is doubted, a right one is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, resolve
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.panels.physics import plane_warning
+from verefine_viz.viewer.plane import doubt
+from verefine_viz.viewer.view import View
+
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
+
+
+def opened() -> View:
+    return Debugger(Session(), None, FakeTools).view()
+
+
+@pytest.mark.parametrize(("share", "is_doubted"), [(0.37, True), (0.24, True), (0.432, False), (0.589, False)])
+def test_walls_are_doubted_and_tables_are_not(share: float, is_doubted: bool) -> None:
+    """Shares of walls and of the right planes in real frames."""
+    view = opened()
+    assert view.target.observation.support is not None
+    support = replace(view.target.observation.support, inlier_share=share)
+    assert bool(doubt(support)) == is_doubted
+    seen = replace(view, target=replace(view.target, observation=replace(view.target.observation, support=support)))
+    assert bool(plane_warning(seen)) == bool(findings(seen)) == is_doubted
+
+
+@pytest.mark.parametrize(("source", "remedy"), [("plane", "give scene.gravity"), ("world", "choose a frame")])
+def test_the_remedy_for_a_wrong_plane_is_one_that_was_not_taken(source: Any, remedy: str) -> None:
+    support = opened().target.observation.support
+    assert support is not None
+    assert remedy in doubt(replace(support, inlier_share=0.3, gravity_source=source))
+
+
+def doubts(session: Session) -> list[bool]:
+    """Of every frame of a session."""
+    tools = Toolbox(session)
+    supports = [tools.problem(frame).observation.support for frame in tools.frames]
+    return [support is None or bool(doubt(support)) for support in supports]
+
+
+@pytest.mark.parametrize("name", ["mug", "clutter", "failure_mask_leaks"])
+def test_tables_of_built_in_scenes_are_not_doubted(name: str) -> None:
+    assert not any(doubts(load_session(SESSIONS / f"{name}.toml")))
+
+
+def test_the_built_in_wrong_plane_is_doubted() -> None:
+    assert doubts(load_session(SESSIONS / "failure_wrong_plane.toml")) == [True]
+
+
+def test_tables_of_real_frames_are_not_doubted(shared_data: Path) -> None:
+    scene = {"source": "bop", "dataset": str(shared_data / "ycbv"), "frames": []}
+    assert doubts(resolve({"scene": scene, "hypotheses": {"source": "perturb"}})) == [False] * 8
