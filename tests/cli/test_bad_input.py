@@ -106,6 +106,28 @@ SESSION_FILES: dict[str, Case] = {
     "unknown split": (lambda d: d.bop(scene='split = "val"'), "val"),
     "split outside the data set": (lambda d: d.bop(scene='split = "../../.."'), "unknown split '../../..'"),
     "unknown object": (lambda d: d.bop(scene="objects = [99]"), "unknown object 99 in scene.objects; available: 2"),
+    "unknown object of a demo": (
+        lambda d: d.file("s.toml", '[scene]\ndemo = "bowl"\nobjects = [6, 99]\n'),
+        "unknown object 99 in scene.objects; available: 6 (bowl), 10 (block)",
+    ),
+    "object of no chosen frame": (
+        lambda d: _unseen(d, 9),
+        "none of the chosen frames (7/3) holds object 9 of scene.objects; objects there: 2 (obj_000002), 5 ",
+    ),
+    "results of other objects": (
+        lambda d: (
+            d.file("r.csv", "7,3,77,0.9,1 0 0 0 1 0 0 0 1,0 0 500,-1\n"),
+            d.bop(hypotheses='source = "results"\nfiles = ["r.csv"]'),
+        )[1],
+        "r.csv has no row for an object of the chosen frames: the frames need 2, 5, the rows are of 77; ",
+    ),
+    "results of other frames": (
+        lambda d: (
+            d.file("r.csv", "8,3,2,0.9,1 0 0 0 1 0 0 0 1,0 0 500,-1\n"),
+            d.bop(hypotheses='source = "results"\nfiles = ["r.csv"]'),
+        )[1],
+        "r.csv has no row for the chosen frames (7/3), only for 8/3; ",
+    ),
     "unknown frame": (lambda d: d.bop(scene='frames = ["7/999"]'), "999"),
     "frame in other words": (lambda d: d.bop(scene='frames = ["7-3"]'), "7-3"),
     "frame outside": (lambda d: d.bop(scene='frames = ["../../etc/passwd"]'), "passwd"),
@@ -145,6 +167,14 @@ def _damaged(desk: Desk, name: str) -> Path:
     made = make(desk.folder / "damaged", targets=False)
     (made.scene / name).write_text("{")
     return desk.file("d.toml", '[scene]\nsource = "bop"\ndataset = "damaged"\n')
+
+
+def _unseen(desk: Desk, obj_id: int) -> Path:
+    """Asks for an object that has a model and is in no frame."""
+    models = make(desk.folder / "more").root / "models"
+    (models / f"obj_{obj_id:06d}.ply").write_bytes((models / "obj_000002.ply").read_bytes())
+    scene = f'source = "bop"\ndataset = "more"\nframes = ["7/3"]\nobjects = [{obj_id}]'
+    return desk.file("u.toml", f"[scene]\n{scene}\n")
 
 
 @pytest.mark.parametrize("case", SESSION_FILES)

@@ -40,6 +40,10 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["--scene.demo", "nope"], "unknown demo scene 'nope'; available: mug"),
+        (
+            ["--scene.objects", "99"],
+            "unknown object 99 in scene.objects; available: 1 (mug) (demo scene 'mug')",
+        ),
         (["--method.name", "rirr"], "unknown method 'rirr'; available: "),
         (["--method.refiner", "ipc"], "unknown refiner 'ipc'; available: icp"),
         ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),

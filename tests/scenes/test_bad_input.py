@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scenes.bop_folder import Made, box_ply, cut, image, make, refusal
+from tests.scenes.bop_folder import Made, box_ply, cut, detections, image, make, refusal
 from verefine_viz.core.errors import VerefineError
 
 Spoil = Callable[[Made], Any]
@@ -307,5 +308,30 @@ def test_an_unknown_frame_asked_for_later_is_refused_too(tmp_path: Path) -> None
 def test_a_known_object_that_is_not_in_the_named_frame(tmp_path: Path) -> None:
     made = make(tmp_path)
     made.edit("scene_gt.json", lambda c: [e.update(obj_id=2) for e in c["3"]])
-    assert "frame 7/3 has no mask of object 5; objects with a mask: 2" in refusal(made, objects=(5,), frames=("7/3",))
-    assert "no frame of" in refusal(made, objects=(5,))
+    there = "holds object 5 of scene.objects; objects there: 2 (obj_000002)"
+    assert refusal(made, objects=(5,), frames=("7/3",)) == f"none of the chosen frames (7/3) {there}"
+    assert refusal(made, objects=(5,)) == f"no frame of {made.root.name}/test {there}"
+
+
+def test_an_object_that_only_some_of_the_named_frames_hold(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda c: c.update({"4": c["3"]}))
+    made.edit("scene_gt.json", lambda c: c.update({"4": [e for e in c["3"] if e["obj_id"] == 2]}))
+    source = made.open(objects=(5,), frames=("7/4", "7/3"))
+    assert source.frames == ("7/4", "7/3")
+    assert [i.obj_id for i in source.problem("7/3").instances] == [5]
+
+
+def test_where_nobody_knows_what_a_frame_holds_its_own_trouble_is_told(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    (made.scene / "scene_gt.json").unlink()
+    assert "has no scene_gt, so its masks have no object ids" in refusal(made, objects=(5,), frames=("7/3",))
+
+
+def test_a_detected_object_that_is_not_in_the_ground_truth(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    file = tmp_path / "detections.json"
+    file.write_text(json.dumps(detections(made)))
+    made.edit("scene_gt.json", lambda c: [e.update(obj_id=2) for e in c["3"]])
+    said = refusal(made, objects=(5,), frames=("7/3",), masks=str(file))
+    assert said.startswith("none of the chosen frames (7/3) holds object 5 of scene.objects; objects there: 2 ")

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from tests.scenes.bop_folder import make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
-from verefine_viz.core.settings import HypothesesSettings
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.results import HEADER, ResultRow, method_of, read_results, write_results
+from verefine_viz.scenes.source import open_scene
 
 STRICTER = {"nanpose", "nonrotation"}
 """The official reader takes these; a pose that is no pose would only fail later, so ours names the line."""
@@ -147,6 +148,65 @@ def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
     pool = made.read(HypothesesSettings(source="results", files=(str(path),))).instances[1].hypotheses
     assert np.argsort([h.T_cam_obj[0, 3] for h in pool]).tolist() == [0, 1, 2, 3]
     assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
+
+
+FOREIGN: dict[str, tuple[str, str]] = {
+    "other objects": (
+        "7,3,77",
+        "est_x-test.csv has no row for an object of the chosen frames: the frames need 2, 5, the rows are of 77; "
+        "check the object ids, or choose other files",
+    ),
+    "another scene": (
+        "8,3,2",
+        "est_x-test.csv has no row for the chosen frames (7/3), only for 8/3; choose other frames or files",
+    ),
+    "another image": (
+        "7,4,2",
+        "est_x-test.csv has no row for the chosen frames (7/3), only for 7/4; choose other frames or files",
+    ),
+}
+
+
+def results_file(folder: Path, ids: str, name: str = "est_x-test.csv") -> HypothesesSettings:
+    (folder / name).write_text(f"{HEADER}\n{ids},1.0,1 0 0 0 1 0 0 0 1,0 0 500,-1\n")
+    return HypothesesSettings(source="results", files=(str(folder / name),))
+
+
+@pytest.mark.parametrize("case", FOREIGN)
+def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(tmp_path: Path, case: str) -> None:
+    ids, said = FOREIGN[case]
+    source = make(tmp_path).open(results_file(tmp_path, ids))
+    with pytest.raises(InputError) as refused:
+        source.check_first_poses()
+    assert str(refused.value) == said
+
+
+def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> None:
+    made, rows = make(tmp_path), results_file(tmp_path, "7,3,2")
+    with pytest.raises(InputError, match=r"the frames need 5, the rows are of 2;"):
+        made.open(rows, objects=(5,)).check_first_poses()
+    made.open(rows, objects=(2,)).check_first_poses()
+
+
+def test_a_file_that_covers_anything_is_fine_whatever_lies_beside_it(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
+    both = ours.model_copy(update={"files": (*foreign.files, *ours.files)})
+    made.open(both).check_first_poses()
+    with pytest.raises(InputError, match=r"other_x-test.csv, other_x-test.csv have no row"):
+        made.open(foreign.model_copy(update={"files": foreign.files * 2})).check_first_poses()
+
+
+def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
+    rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": ((1, "ppf"),)})
+    make(tmp_path).open(rows).check_first_poses()
+
+
+def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:
+    demo = SceneSettings(demo="mug")
+    open_scene(demo, results_file(tmp_path, "0,0,1")).check_first_poses()
+    with pytest.raises(InputError, match=r"the frames need 1, the rows are of 2;"):
+        open_scene(demo, results_file(tmp_path, "0,0,2")).check_first_poses()
 
 
 def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:

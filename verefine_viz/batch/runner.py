@@ -109,12 +109,14 @@ def check(session: Session) -> tuple[str, ...]:
     """The frames of a session, after everything in it that can be wrong was looked at once.
 
     Raises:
-        VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong.
+        VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong, or the
+            results files are of other frames or objects.
     """
     toolbox = Toolbox(session)
     frames = toolbox.frames
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
+    toolbox.source.check_first_poses()
     check_orders(session, frames)
     _ = toolbox.method
     return frames

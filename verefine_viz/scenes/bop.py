@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -200,6 +201,10 @@ class BopDataset:
         Raises:
             InputError: the file is damaged.
         """
+        return self._targets
+
+    @cached_property
+    def _targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
         path = self._targets_path()
         if path is None:
             return None

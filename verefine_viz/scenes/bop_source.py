@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,14 @@ from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
 from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import ResultsFile, open_results, pools_of_object
-from verefine_viz.scenes.segments import Segment, Segments, segments_of_detections, segments_of_folder
+from verefine_viz.scenes.pool import check_covered, pools_of_object, results_of
+from verefine_viz.scenes.segments import (
+    Segment,
+    Segments,
+    objects_of_frame,
+    segments_of_detections,
+    segments_of_folder,
+)
 
 
 class BopSource:
@@ -41,16 +47,16 @@ class BopSource:
         self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed)
         self._check_objects()
         self._detections = _detections(scene.masks)
-        self._results = _results(hypotheses)
-        if scene.frames:
-            ids, self.notes = named_frames(self._dataset, scene.frames), ()
-        else:
-            ids, self.notes = all_frames(self._dataset)
-            ids = tuple(i for i in ids if self._holds_a_wanted_object(i))
-            if not ids:
-                wanted = ", ".join(map(str, scene.objects))
-                raise InputError(f"no frame of {self._dataset.name}/{scene.split} holds object {wanted}")
-        self.frames: tuple[str, ...] = tuple(frame_name(i) for i in ids)
+        self._results = results_of(hypotheses)
+        chosen, self.notes = (
+            (named_frames(self._dataset, scene.frames), ()) if scene.frames else all_frames(self._dataset)
+        )
+        self._chosen = self._holding(chosen) if scene.objects else chosen
+        self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
+
+    def check_first_poses(self) -> None:
+        """See :class:`SceneSource`."""
+        check_covered(self._results, self._hypotheses, self._chosen, self._wanted_objects)
 
     def problem(self, frame: str) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
@@ -172,18 +178,39 @@ class BopSource:
         library = self._dataset.models
         strange = [i for i in self._scene.objects if i not in library.ids]
         if strange:
-            named = ", ".join(f"{i} ({library.name(i)})" for i in library.ids)
-            available = named if len(named) <= LONGEST_NUMBERS else listed(library.ids)
-            raise SettingsError(f"unknown object {strange[0]} in scene.objects; available: {available}")
+            raise SettingsError(f"unknown object {strange[0]} in scene.objects; available: {self._named(library.ids)}")
 
-    def _holds_a_wanted_object(self, ids: FrameIds) -> bool:
-        if not self._scene.objects:
-            return True
-        if self._detections is not None:
-            present = self._detections.obj_ids(*ids)
-        else:
-            present = {e.obj_id for e in self._dataset.ground_truth(*ids) or ()}
-        return not present.isdisjoint(self._scene.objects)
+    def _named(self, obj_ids: Collection[int]) -> str:
+        named = ", ".join(f"{i} ({self._dataset.models.name(i)})" for i in obj_ids)
+        return named if len(named) <= LONGEST_NUMBERS else listed(obj_ids)
+
+    def _holding(self, chosen: tuple[FrameIds, ...]) -> tuple[FrameIds, ...]:
+        """Those of the chosen frames that hold a wanted object. Frames that a person named all stay: what is wrong
+        with one is said when it is read.
+
+        Raises:
+            InputError: none does.
+        """
+        objects = {ids: self._objects(ids) for ids in chosen}
+        holding = tuple(ids for ids in chosen if not (objects[ids] or frozenset()).isdisjoint(self._scene.objects))
+        there = sorted({obj_id for held in objects.values() for obj_id in held or ()})
+        is_named = bool(self._scene.frames)
+        if holding or (is_named and (None in objects.values() or not there)):
+            return chosen if is_named else holding
+        which = f"no frame of {self._dataset.name}/{self._scene.split}"
+        if is_named:
+            which = f"none of the chosen frames ({listed(frame_name(ids) for ids in chosen)})"
+        raise InputError(
+            f"{which} holds object {listed(self._scene.objects)} of scene.objects; "
+            f"objects there: {self._named(there) or 'none'}"
+        )
+
+    def _objects(self, ids: FrameIds) -> frozenset[int] | None:
+        return objects_of_frame(self._dataset, self._detections, *ids)
+
+    def _wanted_objects(self, ids: FrameIds) -> frozenset[int] | None:
+        objects = self._objects(ids)
+        return objects if objects is None or not self._scene.objects else objects.intersection(self._scene.objects)
 
 
 def _detections(masks: str) -> DetectionsFile | None:
@@ -192,11 +219,3 @@ def _detections(masks: str) -> DetectionsFile | None:
     if not masks.endswith((".json", ".json.gz")):
         raise SettingsError(f"scene.masks is {masks!r}, expected mask_visib, mask, or the path of a detections JSON")
     return DetectionsFile(Path(masks))
-
-
-def _results(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
-    if hypotheses.source != "results":
-        return ()
-    if not hypotheses.files:
-        raise SettingsError("hypotheses.source is 'results' but hypotheses.files is empty; name a BOP results CSV")
-    return tuple(open_results(path) for path in hypotheses.files)

@@ -15,12 +15,12 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.observation.frame import observe
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.demo_failures import FAILURES
-from verefine_viz.scenes.demo_models import demo_model
+from verefine_viz.scenes.demo_models import demo_model, demo_obj_id
 from verefine_viz.scenes.demo_scene import DemoScene, MaskFault, settled
 from verefine_viz.scenes.demo_scenes import SCENES
 from verefine_viz.scenes.demo_view import CAMERA, Picture, take_picture
 from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import open_results, pools_of_object
+from verefine_viz.scenes.pool import pools_of_object, results_of
 from verefine_viz.scenes.segments import Segment
 from verefine_viz.scenes.sensor import sense
 from verefine_viz.scenes.silhouette import silhouette
@@ -40,6 +40,15 @@ def demo_frames(name: str) -> tuple[str, ...]:
         InputError: there is no such scene.
     """
     return tuple(f"0/{k}" for k in range(len(_scene(name).views)))
+
+
+def demo_objects(name: str) -> dict[int, str]:
+    """The objects of a built-in scene whose pose is asked for: id → name.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    return {demo_obj_id(item.model): item.model for item in _scene(name).items if item.is_asked_for}
 
 
 def demo_problem(name: str, settings: SceneSettings, hypotheses: HypothesesSettings, frame: str = "0/0") -> Problem:
@@ -167,7 +176,7 @@ def _pools(
 ) -> dict[int, tuple[Hypothesis, ...]]:
     """The hypotheses of every instance, by instance_id."""
     if settings.source == "results":
-        files = [open_results(path) for path in settings.files]
+        files = results_of(settings)
         pools: dict[int, tuple[Hypothesis, ...]] = {}
         for model in {p.model.obj_id: p.model for p in placed}.values():
             mine = [s for s in segments if s.obj_id == model.obj_id]

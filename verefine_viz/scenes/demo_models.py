@@ -175,6 +175,11 @@ def demo_model(name: str, n_points: int, seed: int) -> ObjectModel:
     return model_of_mesh(mesh, kind.obj_id, name, n_points, seed, kind.symmetries)
 
 
+def demo_obj_id(name: str) -> int:
+    """The id of a built-in object, without building it."""
+    return _KINDS[name].obj_id
+
+
 def demo_model_names() -> tuple[str, ...]:
     """All built-in objects."""
     return tuple(_KINDS)

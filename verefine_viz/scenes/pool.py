@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import chain, zip_longest
 from pathlib import Path
 
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, SettingsError, listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis
+from verefine_viz.core.settings import HypothesesSettings
+from verefine_viz.scenes.frames import FrameIds, frame_name
 from verefine_viz.scenes.results import ResultRow, method_of, read_results
 from verefine_viz.scenes.segments import Segment
 from verefine_viz.scenes.silhouette import best_owner, silhouette
@@ -19,6 +22,8 @@ from verefine_viz.scenes.silhouette import best_owner, silhouette
 class ResultsFile:
     """The estimates of one method."""
 
+    name: str
+    """The file's own, for messages."""
     method: str
     rows: dict[tuple[int, int, int], tuple[ResultRow, ...]]
     """By (scene, image, object), highest score first; rows of equal score keep the file's order."""
@@ -34,7 +39,62 @@ def open_results(path: Path | str) -> ResultsFile:
     for row in read_results(path):
         grouped.setdefault((row.scene_id, row.im_id, row.obj_id), []).append(row)
     ranked = {key: tuple(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
-    return ResultsFile(method_of(path), ranked)
+    return ResultsFile(Path(path).name, method_of(path), ranked)
+
+
+def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
+    """The results files that first poses come from, in the order of trust; none where they come from elsewhere.
+
+    Raises:
+        SettingsError: no file is named.
+        InputError: as :func:`read_results`.
+    """
+    if hypotheses.source != "results":
+        return ()
+    if not hypotheses.files:
+        raise SettingsError("hypotheses.source is 'results' but hypotheses.files is empty; name a BOP results CSV")
+    return tuple(open_results(path) for path in hypotheses.files)
+
+
+def check_covered(
+    files: Sequence[ResultsFile],
+    hypotheses: HypothesesSettings,
+    frames: Sequence[FrameIds],
+    objects_of: Callable[[FrameIds], Collection[int] | None],
+) -> None:
+    """Looks whether any row of ``files`` is of an object that is asked for in one of ``frames``.
+
+    Args:
+        files: none where first poses come from elsewhere.
+        hypotheses: whose files they are.
+        frames: the chosen ones.
+        objects_of: the objects that are asked for in a frame; None where nobody can tell.
+
+    Raises:
+        InputError: not a single row is; the message says what they hold and what is needed.
+    """
+    if not files or hypotheses.estimate:  # An estimator is asked for what the files do not have.
+        return
+    held: dict[FrameIds, set[int]] = {}
+    for scene_id, im_id, obj_id in chain.from_iterable(file.rows for file in files):
+        held.setdefault((scene_id, im_id), set()).add(obj_id)
+    there, needed = set[int](), set[int]()
+    for ids in frames:
+        wanted = objects_of(ids)
+        if ids in held and (wanted is None or not held[ids].isdisjoint(wanted)):
+            return
+        there |= held.get(ids, set())
+        needed |= set(wanted or ())
+    if there and not needed:  # Why a frame holds nothing is said when it is read.
+        return
+    who = f"{', '.join(file.name for file in files)} {'has' if len(files) == 1 else 'have'} no row"
+    if not there:
+        rows, chosen = listed(frame_name(ids) for ids in held), listed(frame_name(ids) for ids in frames)
+        raise InputError(f"{who} for the chosen frames ({chosen}), only for {rows}; choose other frames or files")
+    raise InputError(
+        f"{who} for an object of the chosen frames: the frames need {listed(needed)}, the rows are of {listed(there)}; "
+        "check the object ids, or choose other files"
+    )
 
 
 def pools_of_object(

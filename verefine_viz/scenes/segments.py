@@ -86,9 +86,8 @@ def segments_of_detections(
     if empty:
         notes += (f"{empty} detections in {file.path.name} have an empty mask; they are left out",)
     entries = dataset.ground_truth(scene_id, im_id)
-    targets = dataset.targets() or {}
-    counts = targets.get((scene_id, im_id)) if entries is None else Counter(e.obj_id for e in entries)
-    kept = _most_confident([d for d in detections if d.mask.any()], counts or None)
+    counts = _counts(dataset, scene_id, im_id)
+    kept = _most_confident([d for d in detections if d.mask.any()], counts)
     left_out = len(detections) - empty - len(kept)
     if left_out:
         notes += (f"{left_out} detections of objects that are not in the frame, or found too often, are left out",)
@@ -100,6 +99,29 @@ def segments_of_detections(
     if not segments:
         raise InputError(f"none of the detections of frame {scene_id}/{im_id} can be used: {'; '.join(notes)}")
     return tuple(segments), notes
+
+
+def objects_of_frame(
+    dataset: BopDataset, detections: DetectionsFile | None, scene_id: int, im_id: int
+) -> frozenset[int] | None:
+    """The objects of which a frame should have segments, before a mask is read; None where nobody can tell.
+
+    Raises:
+        InputError: ground truth or targets are damaged.
+    """
+    counts = _counts(dataset, scene_id, im_id)
+    if detections is None:
+        return None if dataset.ground_truth(scene_id, im_id) is None else frozenset(counts or ())
+    detected = detections.obj_ids(scene_id, im_id)
+    return detected if counts is None else detected & frozenset(counts)
+
+
+def _counts(dataset: BopDataset, scene_id: int, im_id: int) -> Mapping[int, int] | None:
+    """How often each object is in a frame, by its ground truth, else by the targets; None where neither says it."""
+    entries = dataset.ground_truth(scene_id, im_id)
+    if entries is not None:
+        return Counter(e.obj_id for e in entries) or None
+    return (dataset.targets() or {}).get((scene_id, im_id)) or None
 
 
 def _most_confident(detections: Sequence[Detection], counts: Mapping[int, int] | None) -> list[Detection]:

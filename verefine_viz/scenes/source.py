@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.frames import parse_frame
 
 
 class SceneSource(Protocol):
@@ -20,6 +21,14 @@ class SceneSource(Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about the list of frames."""
+        ...
+
+    def check_first_poses(self) -> None:
+        """Looks at what can be known about first poses before a frame is read.
+
+        Raises:
+            VerefineError: they come out of results files that have none for any object of any of the frames.
+        """
         ...
 
     def problem(self, frame: str) -> Problem:
@@ -48,17 +57,32 @@ class DemoSource:
     """A built-in scene: one frame per viewpoint, each made when it is first asked for."""
 
     def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
-        from verefine_viz.scenes.demo import demo_frames
+        from verefine_viz.scenes.demo import demo_frames, demo_objects
 
         available = demo_frames(scene.demo)
         for frame in scene.frames:
             if frame not in available:
                 raise InputError(f"{unknown('frame', frame, available)} (demo scene {scene.demo!r})")
+        objects = demo_objects(scene.demo)
+        for obj_id in scene.objects:
+            if obj_id not in objects:
+                there = ", ".join(f"{i} ({name})" for i, name in sorted(objects.items()))
+                raise SettingsError(
+                    f"unknown object {obj_id} in scene.objects; available: {there} (demo scene {scene.demo!r})"
+                )
+        self._objects = frozenset(scene.objects or objects)
         self._scene = scene
         self._hypotheses = hypotheses
         self._problems: dict[str, Problem] = {}
         self.frames: tuple[str, ...] = scene.frames or available
         self.notes: tuple[str, ...] = ()
+
+    def check_first_poses(self) -> None:
+        """See :class:`SceneSource`."""
+        from verefine_viz.scenes.pool import check_covered, results_of
+
+        frames = [parse_frame(frame) for frame in self.frames]
+        check_covered(results_of(self._hypotheses), self._hypotheses, frames, lambda _: self._objects)
 
     def problem(self, frame: str) -> Problem:
         """A frame of the scene; the same object at each call.
