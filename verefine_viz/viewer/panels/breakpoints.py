@@ -17,8 +17,7 @@ BREAK_IF: dict[str, tuple[str, Any, str]] = {
     "simulated_rejected": (
         f"sim. fell by {FALL:g}",
         True,
-        f"the simulated pose scored lower than the pose before it by {FALL:g} or more, and the refined one was kept "
-        "instead; that the refined one is kept alone is the usual case",
+        f"the simulated pose scored lower than the one before it by {FALL:g} or more, and the refined one was kept",
     ),
     "refined_rejected": ("ref. rejected", True, "the simulated pose was kept instead of the refined one"),
     "jump_mm": ("moved 10 mm", 10.0, "the kept pose moved further than this [mm]"),
