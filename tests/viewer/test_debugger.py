@@ -123,8 +123,8 @@ def test_run_stops_at_the_end_and_a_pause_keeps_what_was_made() -> None:
 
 def test_breakpoint_stops_a_run_and_says_why() -> None:
     d = debugger().carry_out([c.SetBreakpoints((("simulated_rejected", True),)), c.RunUntil("end")])
-    assert d.workspace.run.length == 2
-    assert d.message.startswith("Breakpoint at iteration 2: simulated pose rejected")
+    assert d.workspace.run.length == 1
+    assert d.message.startswith("Breakpoint at iteration 1: simulated pose rejected")
     d.carry_out([c.SetBreakpoints((("simulated_rejected", False),)), c.RunUntil("end")])
     assert d.workspace.run.is_done
 

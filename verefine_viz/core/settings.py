@@ -324,7 +324,7 @@ class BreakpointSettings(Settings):
     score_falls_by: NonNegative | None = None
     """The accepted score is lower than the arm's previous one by more than this [score]."""
     simulated_rejected: bool = False
-    """The simulated pose scored lower than the pose before it by 0.01 or more, and the refined one was kept instead."""
+    """The refined pose was kept instead of the simulated one."""
     refined_rejected: bool = False
     """The simulated pose was kept instead of the refined one."""
     jump_mm: NonNegative | None = None

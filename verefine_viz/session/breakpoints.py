@@ -10,9 +10,6 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.settings import BreakpointSettings
 from verefine_viz.evaluation.errors import add_s_mm
 
-FALL = 0.01
-"""A smaller difference of scores is the noise of a converged pose [score]."""
-
 
 def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -> tuple[str, ...]:
     """Why the run should stop after ``iteration``, a sentence each; empty = go on."""
@@ -22,12 +19,8 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
     fall = _score(current) - _score(kept)
     if settings.score_falls_by is not None and fall > settings.score_falls_by:
         found.append(f"the score fell by {fall:.3f}")
-    simulated = iteration.stage("simulated")
-    # The refined pose is kept nearly always: what tells is that physics alone made it worse.
-    if settings.simulated_rejected and "kept_refined" in kinds and simulated is not None:
-        before, after = _score(current), _score(simulated)
-        if before - after >= FALL:
-            found.append(f"simulated pose rejected: it scored {after:.3f}, the pose before it {before:.3f}")
+    if settings.simulated_rejected and "kept_refined" in kinds:
+        found.append(f"simulated pose rejected: {kinds['kept_refined']}")
     if settings.refined_rejected and "kept_simulated" in kinds:
         found.append(kinds["kept_simulated"])
     jump_mm = 1e3 * float(np.linalg.norm(kept.T_cam_obj[:3, 3] - current.T_cam_obj[:3, 3]))

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 from verefine_viz.core.palette import EVENT_COLORS, RGB
 from verefine_viz.core.records import Event, Iteration
-from verefine_viz.session.breakpoints import FALL
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
 
 RED = (220, 50, 47)
+FALL = 0.01
+"""A smaller difference of scores is the noise of a converged pose and gets no mark [score]."""
 GROWTH_MM = 3.0
 """A kept pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
 

@@ -11,8 +11,8 @@ from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.session.breakpoints import FALL
 from verefine_viz.viewer.correct import is_correct
+from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.plays import BEST_OF_ALL
 from verefine_viz.viewer.scene_words import (
     TERMS,
