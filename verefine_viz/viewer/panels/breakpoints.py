@@ -13,7 +13,11 @@ from verefine_viz.viewer.widgets import Send, by_person
 
 BREAK_IF: dict[str, tuple[str, Any, str]] = {
     "score_falls_by": ("fell by 0.02", 0.02, "the kept pose scores lower than before by more than this"),
-    "simulated_rejected": ("sim. rejected", True, "the refined pose was kept instead of the simulated one: the usual case"),
+    "simulated_rejected": (
+        "sim. rejected",
+        True,
+        "the refined pose was kept instead of the simulated one: the usual case",
+    ),
     "refined_rejected": ("ref. rejected", True, "the simulated pose was kept instead of the refined one"),
     "jump_mm": ("moved 10 mm", 10.0, "the kept pose moved further than this [mm]"),
     "jump_deg": ("turned 10°", 10.0, "the kept pose turned further than this [°]"),
