@@ -20,7 +20,6 @@ from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.map_kernel import draw_at
-from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth
 from verefine_viz.rendering.results import (
@@ -167,26 +166,12 @@ class CpuVerifier:
         camera = targets[0].observation.camera
         at = at or PixelGrid.whole(camera.shape)
         meshes = self._meshes.together([target.model for target in targets])
-        depth, faces = self._picture(zip(meshes.meshes, Ts, strict=True), camera, at)
+        pinhole, shape = intrinsics(camera, self.settings), (len(at.rows), len(at.columns))
+        depth_m, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
+        Ts = np.ascontiguousarray(Ts)
+        draw_at(Ts, meshes.arrays, pinhole, camera.shape, far_m(self.settings), at.rows, at.columns, depth_m, faces)
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
-        pinhole = intrinsics(camera, self.settings)
-        return score_maps(meshes, Ts, at, depth, faces, pinhole, prepared, placed_m, self.settings)
-
-    def _picture(
-        self, items: Iterable[tuple[RenderMesh, Float]], camera: Camera, at: PixelGrid
-    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Models at their poses: z (h, w) [m] and the face that is seen, counted through all, at some pixels."""
-        shape = len(at.rows), len(at.columns)
-        inv_z, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
-        pinhole, first_face = intrinsics(camera, self.settings), 0
-        for mesh, T_cam_obj in items:
-            T = np.ascontiguousarray(T_cam_obj, dtype=np.float64)
-            draw_at(T, *mesh.arrays, pinhole, *camera.shape, at.rows, at.columns, inv_z, faces, first_face)
-            first_face += len(mesh.faces)
-        depth_m = np.divide(np.float32(1), inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
-        beyond = depth_m > far_m(self.settings)
-        depth_m[beyond], faces[beyond] = 0, 0
-        return depth_m, faces
+        return score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
 
     def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
         """(H, W) z of objects at their poses [m]; 0 = empty."""

@@ -77,7 +77,7 @@ def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects
         alpha: tolerance of 1 − n·n̂.
         sums: (9,) result.
     """
-    x0, y0, inv_z, face_of = _draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
+    x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
     facing = _facing(Ts, meshes)
     _sum(
         inv_z, face_of, x0, y0, facing, meshes[6], far, observed, flags, own, placed, n_objects, n_own,
@@ -164,7 +164,7 @@ def _sum(
 
 
 @njit(cache=True)
-def _draw_window(Ts, meshes, camera, height, width):
+def draw_window(Ts, meshes, camera, height, width):
     """Draws the models into the window of the image that holds them all.
 
     Returns:

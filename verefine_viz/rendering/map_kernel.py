@@ -16,49 +16,35 @@ from verefine_viz.rendering.kernels import (
     PROTRUDING,
     PUBLISHED,
     classify,
+    draw_window,
 )
-from verefine_viz.rendering.rasterizer import draw, window
 
 
 @njit(cache=True, nogil=True)
-def draw_at(
-    T, vertices, faces, normals, offsets, closed, camera, height, width, rows, columns, inv_z, face_of, first_face
-):
-    """Draws a model at some pixels of an image, where it is nearer than what is there.
+def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
+    """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face of the models at the pixels of a grid.
 
     Args:
-        T: (4, 4) T_cam_obj.
-        vertices: as faces, normals, offsets, closed: ``RenderMesh.arrays``.
-        faces: (F, 3).
-        normals: (F, 3).
-        offsets: (F,).
-        closed: (F,).
+        Ts: (m, 4, 4) T_cam_obj of each model.
+        meshes: ``RenderMeshes.arrays``.
         camera: (fx, fy, cx, cy) [px].
-        height: of the image [px].
-        width: of the image [px].
+        shape: (H, W) of the image.
+        far: what is beyond is left out [m].
         rows: (h,) of the pixels that are looked at.
         columns: (w,) of them.
-        inv_z: (h, w) float32, 1/z there [1/m], 0 = empty.
-        face_of: (h, w) int32, the face that is seen there.
-        first_face: what to add to a face's number.
+        depth: (h, w) float32 result, 0 = empty.
+        faces: (h, w) int32 result, counted through all models.
     """
-    fx, fy, cx, cy = camera
-    projected = np.empty((len(vertices), 3))
-    x0, y0, n_columns, n_rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
-    if n_columns == 0:
-        return
-    drawn, drawn_face = np.zeros((n_rows, n_columns), np.float32), np.empty((n_rows, n_columns), np.int32)
-    draw(
-        T, vertices, faces, normals, offsets, closed, projected, n_front,
-        fx, fy, cx, cy, drawn, drawn_face, x0, y0, first_face,
-    )  # fmt: skip
+    left, top, inv_z, face_of = draw_window(Ts, meshes, camera, *shape)
     for y in range(len(rows)):
-        v = rows[y] - y0
-        if 0 <= v < n_rows:
+        v = rows[y] - top
+        if 0 <= v < inv_z.shape[0]:
             for x in range(len(columns)):
-                u = columns[x] - x0
-                if 0 <= u < n_columns and drawn[v, u] > inv_z[y, x]:
-                    inv_z[y, x], face_of[y, x] = drawn[v, u], drawn_face[v, u]
+                u = columns[x] - left
+                if 0 <= u < inv_z.shape[1] and inv_z[v, u] > 0.0:
+                    z = np.float32(1.0) / inv_z[v, u]
+                    if z <= far:
+                        depth[y, x], faces[y, x] = z, face_of[v, u]
 
 
 @njit(cache=True, nogil=True)
