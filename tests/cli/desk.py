@@ -1,0 +1,34 @@
+"""What cases of bad input at the command line work with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.cli.command_line import CommandLine
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.session.files import resolve
+
+
+class Desk(CommandLine):
+    """Sessions on a made-up data set, and batches of them."""
+
+    def bop(self, extra: str = "", scene: str = "", hypotheses: str = "") -> Path:
+        """A session on the made-up data set."""
+        text = f'{extra}\n[scene]\nsource = "bop"\ndataset = {json.dumps(str(self.made.root))}\n{scene}\n'
+        return self.file("session.toml", f"{text}[hypotheses]\n{hypotheses}\n")
+
+    def results(self, row: str) -> Path:
+        """A session on the made-up data set whose first poses are a results file of one row."""
+        self.file("r.csv", f"{row}\n")
+        return self.bop(hypotheses='source = "results"\nfiles = ["r.csv"]')
+
+    def batch(self, session: Path, *words: object) -> str:
+        return self.refused("batch", session, "--out", self.folder / "out", *words)
+
+    def batch_folder(self) -> Path:
+        """The folder of a batch that lacks its tables."""
+        folder = RunFolder(self.folder / "run", resolve({}))
+        folder.write_json("run.json", {"status": "finished"})
+        folder.close()
+        return self.folder / "run"
