@@ -57,6 +57,7 @@ class Form:
         _NUMBER.pack_into(head, at.n_rows, n_rows)
         _NUMBER.pack_into(head, at.body_size, starts[-1])
         at.nodes.pack_into(head, at.first_node, *nodes)
+        # The last start is the end of all.
         at.buffers.pack_into(head, at.first_buffer, *chain.from_iterable(zip(starts, lengths, strict=False)))
         aligned = map(bytes.ljust, buffers, taken, repeat(b"\0"))
         return b"".join((self._before, chunk_id, self._after, head, *aligned, _END))

@@ -29,8 +29,8 @@ class Block:
         self.n_stages = list(map(len, self.names))
         self.firsts = list(accumulate(self.n_stages[:-1], initial=0))
         """(n,) where each iteration's poses begin."""
-        self.Ts_cam_obj: Float = np.concatenate([stage.T_cam_obj for i in self.iterations for stage in i.stages])
-        self.Ts_cam_obj = self.Ts_cam_obj.reshape(-1, 4, 4)
+        poses = np.concatenate([stage.T_cam_obj for i in self.iterations for stage in i.stages])
+        self.Ts_cam_obj: Float = poses.reshape(-1, 4, 4)
         """(s, 4, 4) [m]."""
         self.moved_mm, self.turned_deg = _ways(
             self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(self.Ts_cam_obj))

@@ -132,10 +132,8 @@ def refuse_another(path: Path, own: Session | None, command: c.SaveSession) -> N
             if own is None
             else "changes that were made since it was opened"
         )
-    raise Unconfirmed(
-        f"{path} holds {what}. Nothing was written: choose another name, or", "replace it",
-        replace(command, replace=True),
-    )  # fmt: skip
+    said = f"{path} holds {what}. Nothing was written: choose another name, or"
+    raise Unconfirmed(said, "replace it", replace(command, replace=True))
 
 
 def stem_of(debugger: Debugger) -> str:

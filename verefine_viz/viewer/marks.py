@@ -26,6 +26,8 @@ class Meaning:
     hint: str
     color: RGB
     kinds: frozenset[str]
+    sign: str = "▼"
+    """The shape of the marks as a letter."""
 
 
 MEANINGS: tuple[Meaning, ...] = (
@@ -49,13 +51,18 @@ MEANINGS: tuple[Meaning, ...] = (
         frozenset({"arm_switched"}),
     ),
     Meaning(
-        "new best", "No pose of the object scored as high before.", EVENT_COLORS["new_best"], frozenset({"new_best"})
+        "new best",
+        "No pose of the object scored as high before.",
+        EVENT_COLORS["new_best"],
+        frozenset({"new_best"}),
+        "▾",
     ),
     Meaning(
         "new incumbent",
         "The objects of a cluster never fitted better together.",
         EVENT_COLORS["new_best_scene"],
         frozenset({"new_best_scene"}),
+        "◆",
     ),
     Meaning(
         "moved by hand", "Its pose was edited before this iteration.", EVENT_COLORS["edited"], frozenset({"edited"})

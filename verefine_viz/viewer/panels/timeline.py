@@ -10,7 +10,7 @@ from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
-from verefine_viz.viewer.marks import MEANINGS, Mark, Meaning
+from verefine_viz.viewer.marks import MEANINGS, Mark
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
@@ -68,16 +68,11 @@ def legend(marks: Sequence[Mark]) -> str:
     """What the colours of these marks mean, in one short line."""
     kinds = {mark.kind for mark in marks}
     said = [
-        f'<span title="{text(m.hint)}"><span style="color:rgb{m.color}">{_sign(m)}</span> {text(m.words)}</span>'
+        f'<span title="{text(m.hint)}"><span style="color:rgb{m.color}">{m.sign}</span> {text(m.words)}</span>'
         for m in MEANINGS
         if m.kinds & kinds
     ]
     return f'<span class="legend">{" ".join(said)}</span>' if said else ""
-
-
-def _sign(meaning: Meaning) -> str:
-    """The shape that :func:`strip` draws."""
-    return {"new best": "▾", "new incumbent": "◆"}.get(meaning.words, "▼")
 
 
 def is_shown(view: View, iteration: Iteration) -> bool:
