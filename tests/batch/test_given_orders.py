@@ -78,11 +78,11 @@ def test_an_order_file_that_cannot_be_used(content: object, words: str, desk: De
 
 
 def test_orders_that_can_be_meant(desk: Desk) -> None:
-    assert check(load_session(desk.session(order=[[5, 2]]))) == FRAMES
-    assert check(load_session(desk.session(order=[["#0", 5], ["#2"], ["#77"]]))) == FRAMES
+    assert check(load_session(desk.session(order=[[5, 2]]))) == (FRAMES, ())
+    assert check(load_session(desk.session(order=[["#0", 5], ["#2"], ["#77"]]))) == (FRAMES, ())
     # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
     path = orders(desk.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
-    assert check(load_session(desk.session(order_file=path), {"scene": {"objects": (5,)}})) == FRAMES
+    assert check(load_session(desk.session(order_file=path), {"scene": {"objects": (5,)}})) == (FRAMES, ())
 
 
 def test_of_several_mistakes_the_first_frame_s_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,10 +17,17 @@ from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import read_results
 
 
-def frames(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+def frames(n: int, monkeypatch: pytest.MonkeyPatch, *notes: str) -> tuple[str, ...]:
     names = tuple(f"0/{k}" for k in range(n))
-    monkeypatch.setattr(runner, "check", lambda session: names)
+    monkeypatch.setattr(runner, "check", lambda session: (names, notes))
     return names
+
+
+def test_what_is_odd_about_the_choice_is_said_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames(2, monkeypatch, "a.csv gives no pose", "object 5 is nowhere")
+    told: list[tuple[str, int]] = []
+    run_batch(Session(), tmp_path, AtOncePlace(), lambda now: told.append((now.doing, now.counts.frames_done)))
+    assert [one for one in told if one[0]] == [("note: a.csv gives no pose", 0), ("note: object 5 is nowhere", 0)]
 
 
 def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

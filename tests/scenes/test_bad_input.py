@@ -319,7 +319,16 @@ def test_an_object_that_only_some_of_the_named_frames_hold(tmp_path: Path) -> No
     made.edit("scene_gt.json", lambda c: c.update({"4": [e for e in c["3"] if e["obj_id"] == 2]}))
     source = made.open(objects=(5,), frames=("7/4", "7/3"))
     assert source.frames == ("7/4", "7/3")
+    assert source.notes == ()
     assert [i.obj_id for i in source.problem("7/3").instances] == [5]
+
+
+def test_an_object_that_no_frame_holds_beside_one_that_is_there_is_named(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_gt.json", lambda c: [e.update(obj_id=2) for e in c["3"]])
+    for frames in ((), ("7/3",)):
+        notes = made.open(objects=(5, 2), frames=frames).notes
+        assert notes[-1:] == ("no chosen frame holds object 5 (obj_000005) of scene.objects",)
 
 
 def test_where_nobody_knows_what_a_frame_holds_its_own_trouble_is_told(tmp_path: Path) -> None:

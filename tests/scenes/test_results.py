@@ -188,11 +188,13 @@ def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> No
     made.open(rows, objects=(2,)).check_first_poses()
 
 
-def test_a_file_that_covers_anything_is_fine_whatever_lies_beside_it(tmp_path: Path) -> None:
+def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path) -> None:
     made = make(tmp_path)
     foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
     both = ours.model_copy(update={"files": (*foreign.files, *ours.files)})
-    made.open(both).check_first_poses()
+    (note,) = made.open(both).check_first_poses()
+    assert note == "other_x-test.csv has no row for an object of the chosen frames and gives no pose"
+    assert made.open(ours).check_first_poses() == ()
     with pytest.raises(InputError, match=r"other_x-test.csv, other_x-test.csv have no row"):
         made.open(foreign.model_copy(update={"files": foreign.files * 2})).check_first_poses()
 

@@ -81,7 +81,7 @@ class Progress:
     """Time a frame takes, counted from the first one that was done: starting workers takes seconds."""
     warning: str = ""
     doing: str = ""
-    """What takes longer than usual, in words, where it begins."""
+    """What takes longer than usual, or is worth knowing, in words, where it begins."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,9 @@ class Outcome:
         return self.totals["frames_failed"]
 
 
-def check(session: Session) -> tuple[str, ...]:
-    """The frames of a session, after everything in it that can be wrong was looked at once.
+def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The frames of a session and what a person should know about the choice, after everything in it that can be wrong
+    was looked at once.
 
     Raises:
         VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong, or the
@@ -116,10 +117,10 @@ def check(session: Session) -> tuple[str, ...]:
     frames = toolbox.frames
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
-    toolbox.source.check_first_poses()
+    notes = (*toolbox.source.notes, *toolbox.source.check_first_poses())
     check_orders(session, frames)
     _ = toolbox.method
-    return frames
+    return frames, notes
 
 
 def run_batch(
@@ -151,9 +152,9 @@ def run_batch(
     if workers is None:
         with closing(place.workers(session, out.absolute(), task)) as own:
             return run_batch(session, out, place, tell, retry_failed, task, own)
-    frames = check(session)
+    frames, notes = check(session)
     with closing(RunFolder(out, session)) as folder:
-        return _Batch(session, folder, frames, workers, place).run(tell, retry_failed)
+        return _Batch(session, folder, frames, workers, place, notes).run(tell, retry_failed)
 
 
 @dataclass
@@ -163,6 +164,7 @@ class _Batch:
     frames: Sequence[str]
     workers: Workers
     place: Place
+    notes: Sequence[str]
     counts: Counts = field(default_factory=Counts)
     n_resumed: int = 0
     first_s: float = 0.0
@@ -177,6 +179,8 @@ class _Batch:
         self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
         try:
             tell(self._progress())
+            for note in self.notes:
+                tell(self._progress(f"note: {note}"))
             for result in self.workers.solve(missing):
                 if isinstance(result, FrameResult):
                     self._keep(result)

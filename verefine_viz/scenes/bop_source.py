@@ -54,9 +54,9 @@ class BopSource:
         self._chosen = self._holding(chosen) if scene.objects else chosen
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
 
-    def check_first_poses(self) -> None:
+    def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
-        check_covered(self._results, self._hypotheses, self._chosen, self._wanted_objects)
+        return check_covered(self._results, self._hypotheses, self._chosen, self._wanted_objects)
 
     def problem(self, frame: str) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
@@ -195,6 +195,9 @@ class BopSource:
         holding = tuple(ids for ids in chosen if not (objects[ids] or frozenset()).isdisjoint(self._scene.objects))
         there = sorted({obj_id for held in objects.values() for obj_id in held or ()})
         is_named = bool(self._scene.frames)
+        nowhere = sorted(set(self._scene.objects).difference(there))
+        if nowhere and None not in objects.values():
+            self.notes += (f"no chosen frame holds object {self._named(nowhere)} of scene.objects",)
         if holding or (is_named and (None in objects.values() or not there)):
             return chosen if is_named else holding
         which = f"no frame of {self._dataset.name}/{self._scene.split}"

@@ -28,6 +28,13 @@ class ResultsFile:
     rows: dict[tuple[int, int, int], tuple[ResultRow, ...]]
     """By (scene, image, object), highest score first; rows of equal score keep the file's order."""
 
+    def objects(self) -> dict[FrameIds, set[int]]:
+        """Of which objects there are rows, by frame."""
+        found: dict[FrameIds, set[int]] = {}
+        for scene_id, im_id, obj_id in self.rows:
+            found.setdefault((scene_id, im_id), set()).add(obj_id)
+        return found
+
 
 def open_results(path: Path | str) -> ResultsFile:
     """A results file, ready to be asked for an object of a frame.
@@ -61,8 +68,8 @@ def check_covered(
     hypotheses: HypothesesSettings,
     frames: Sequence[FrameIds],
     objects_of: Callable[[FrameIds], Collection[int] | None],
-) -> None:
-    """Looks whether any row of ``files`` is of an object that is asked for in one of ``frames``.
+) -> tuple[str, ...]:
+    """Looks whether the rows of ``files`` are of objects that are asked for in ``frames``.
 
     Args:
         files: none where first poses come from elsewhere.
@@ -70,31 +77,42 @@ def check_covered(
         frames: the chosen ones.
         objects_of: the objects that are asked for in a frame; None where nobody can tell.
 
+    Returns:
+        Which files have no such row, where others do.
+
     Raises:
         InputError: not a single row is; the message says what they hold and what is needed.
     """
     if not files or hypotheses.estimate:  # An estimator is asked for what the files do not have.
-        return
-    held: dict[FrameIds, set[int]] = {}
-    for scene_id, im_id, obj_id in chain.from_iterable(file.rows for file in files):
-        held.setdefault((scene_id, im_id), set()).add(obj_id)
-    there, needed = set[int](), set[int]()
+        return ()
+    held = [(file, file.objects()) for file in files]
+    unused, there, needed = held, set[int](), set[int]()
     for ids in frames:
         wanted = objects_of(ids)
-        if ids in held and (wanted is None or not held[ids].isdisjoint(wanted)):
-            return
-        there |= held.get(ids, set())
+        unused = [(file, objects) for file, objects in unused if not _has_any(objects.get(ids), wanted)]
+        if not unused:
+            return ()
+        there = there.union(*(objects.get(ids, ()) for _, objects in held))
         needed |= set(wanted or ())
+    if len(unused) < len(held):
+        return tuple(
+            f"{file.name} has no row for an object of the chosen frames and gives no pose" for file, _ in unused
+        )
     if there and not needed:  # Why a frame holds nothing is said when it is read.
-        return
+        return ()
     who = f"{', '.join(file.name for file in files)} {'has' if len(files) == 1 else 'have'} no row"
     if not there:
-        rows, chosen = listed(frame_name(ids) for ids in held), listed(frame_name(ids) for ids in frames)
+        elsewhere = dict.fromkeys(chain.from_iterable(objects for _, objects in held))
+        rows, chosen = listed(frame_name(ids) for ids in elsewhere), listed(frame_name(ids) for ids in frames)
         raise InputError(f"{who} for the chosen frames ({chosen}), only for {rows}; choose other frames or files")
     raise InputError(
         f"{who} for an object of the chosen frames: the frames need {listed(needed)}, the rows are of {listed(there)}; "
         "check the object ids, or choose other files"
     )
+
+
+def _has_any(objects: set[int] | None, wanted: Collection[int] | None) -> bool:
+    return objects is not None and (wanted is None or not objects.isdisjoint(wanted))
 
 
 def pools_of_object(

@@ -20,11 +20,11 @@ class SceneSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about the list of frames."""
+        """What a person should know about the choice of frames and objects."""
         ...
 
-    def check_first_poses(self) -> None:
-        """Looks at what can be known about first poses before a frame is read.
+    def check_first_poses(self) -> tuple[str, ...]:
+        """Looks at what can be known about first poses before a frame is read; what a person should know about them.
 
         Raises:
             VerefineError: they come out of results files that have none for any object of any of the frames.
@@ -77,12 +77,12 @@ class DemoSource:
         self.frames: tuple[str, ...] = scene.frames or available
         self.notes: tuple[str, ...] = ()
 
-    def check_first_poses(self) -> None:
+    def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
         from verefine_viz.scenes.pool import check_covered, results_of
 
         frames = [parse_frame(frame) for frame in self.frames]
-        check_covered(results_of(self._hypotheses), self._hypotheses, frames, lambda _: self._objects)
+        return check_covered(results_of(self._hypotheses), self._hypotheses, frames, lambda _: self._objects)
 
     def problem(self, frame: str) -> Problem:
         """A frame of the scene; the same object at each call.

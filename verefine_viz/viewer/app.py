@@ -341,8 +341,9 @@ def real_parts(
     return make_tools, *checks, tuple(demo_names())
 
 
-def check_names(session: Session) -> None:
-    """That scene, method and refiner exist, before anyone is sent to a page that cannot open.
+def check_names(session: Session) -> tuple[str, ...]:
+    """That scene, method and refiner exist, before anyone is sent to a page that cannot open; what a person should know
+    about the choice of frames.
 
     Raises:
         VerefineError: one of them does not.
@@ -353,7 +354,7 @@ def check_names(session: Session) -> None:
         raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
     if session.method.refiner not in REFINERS:
         raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
-    open_scene(session.scene, session.hypotheses)
+    return open_scene(session.scene, session.hypotheses).notes
 
 
 def _of_recordings(a: Path | None, b: Path | None) -> tuple[c.Command, ...]:
@@ -378,10 +379,12 @@ def serve(
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
-    check_names(session)
+    notes = check_names(session)
     app = App(session, session_path, host, port, batch=batch, first=_of_recordings(*recordings)).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
+        for note in notes:
+            print(f"note: {note}", flush=True)
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)
