@@ -54,6 +54,8 @@ def test_gap_and_penetration_of_the_plane_are_exact(judge, height_mm: float):
     found = judge(placed(BRICK, (0, 0, 0.05 + height_mm * 1e-3)))
     assert found.gap_mm == pytest.approx(max(height_mm, 0), abs=0.01)
     assert found.penetration_mm == pytest.approx(max(-height_mm, 0), abs=0.01)
+    # Contacts deep inside a surface do not tell how it would stand.
+    assert (found.is_stable is None) == (found.penetration_mm > 5)
     if abs(height_mm) > 5.01:
         assert found.light == "red"
         assert found.sentence.startswith("Floats" if height_mm > 0 else "Sinks")

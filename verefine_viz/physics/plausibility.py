@@ -65,8 +65,8 @@ class Plausibility:
     margin_mm: float
     """Horizontal distance of the centre of mass to the polygon's edge, positive inside; −inf where nothing carries it
     [mm]."""
-    is_stable: bool
-    """Whether friction at the contacts can hold it still."""
+    is_stable: bool | None
+    """Whether friction at the contacts can hold it still; None where it sinks in so deep that they cannot tell."""
     light: Light
     """green: plausible; amber: within tolerance, or barely; red: cannot be."""
     sentence: str
@@ -139,7 +139,9 @@ def plausibility(
     carrying = points[normals[:, 2] > UPWARDS, :2]
     polygon_xy = carrying[_hull_indices(carrying)]
     margin_m = _margin_m(polygon_xy, com[:2])
-    is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
+    is_stable = None
+    if depths_m[deepest] <= IMPOSSIBLE_M:
+        is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
 
     light, sentence = _verdict(gap_m, depths_m[deepest], deepest, margin_m, is_stable)
     T_cam_world = inverse(support.T_world_cam)
@@ -227,7 +229,7 @@ def _onto_plane(xy: Float, normal: Float) -> Float:
     return np.column_stack([xy, z])
 
 
-def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool) -> tuple[Light, str]:
+def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool | None) -> tuple[Light, str]:
     """The light and the sentence; the worst finding speaks."""
     into = "the support plane" if deepest == PLANE_ID else f"instance {deepest}"
     sinks = f"Sinks {depth_m * 1e3:.1f} mm into {into}."

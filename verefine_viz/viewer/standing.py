@@ -54,8 +54,16 @@ _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
         "centre of mass to the edge of the support polygon; negative = outside: it tips over",
         lambda p: "no support" if np.isneginf(p.margin_mm) else f"{p.margin_mm:.1f}",
     ),
-    ("stable", "whether friction at the contacts can hold it still", lambda p: "yes" if p.is_stable else "no"),
+    (
+        "stable",
+        "whether friction at the contacts can hold it still; contacts deep inside a surface cannot tell",
+        lambda p: _stable(p),
+    ),
 )
+
+
+def _stable(found: Any) -> str:
+    return "cannot tell" if found.is_stable is None else "yes" if found.is_stable else "no"
 
 
 def _overlap(found: Any) -> str:
