@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -224,6 +225,22 @@ def test_the_sentence_shows_which_sum_is_larger(lead: float) -> None:
     a, b = (sum(map(float, part.split(" + "))) for part in (first, second))
     assert choice.arm == 1
     assert a > b
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-2, 1e-3])
+def test_the_event_shows_which_pose_scored_better(scale: float) -> None:
+    class Alike(FakeVerifier):
+        def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
+            found = super().score(target, Ts_cam_obj, placed)
+            return replace(found, score=0.9 + scale * found.score)
+
+    run = Run(make_method(MethodSettings(name="rir"), FakeSimulator(), FakeRefiner(), Alike(), 3), box_problem(3))
+    run.finish()
+    for it in run.iterations:
+        text = next(e.text for e in it.events if e.kind in ("kept_refined", "kept_simulated"))
+        simulated, refined = map(float, re.findall(r"(?:simulated|refined) (\d\.\d+)", text))
+        a, b = it.stage("simulated").score.score, it.stage("refined").score.score
+        assert np.sign(simulated - refined) == (0 if abs(a - b) < 1e-6 else np.sign(a - b))
 
 
 class Foreseeing(FakeVerifier):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Event, Iteration, Stage
 from verefine_viz.methods.arms import ObjectState
@@ -62,8 +63,9 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
 
 
 def _kept(kept: Stage, simulated: Stage, refined: Stage) -> Event:
-    names = {"simulated": simulated, "refined": refined}
-    scores = ", ".join(f"{name} {s.score.score:.3f}" for name, s in names.items() if s.score is not None)
+    known = {s.name: s.score.score for s in (simulated, refined) if s.score is not None}
+    digits = max(3, telling_digits(max(known.values()) - min(known.values()))) if known else 3
+    scores = ", ".join(f"{name} {score:.{digits}f}" for name, score in known.items())
     if kept.name == "refined":
         return Event("kept_refined", f"Refined pose kept ({scores}).")
     return Event("kept_simulated", f"Refined pose rejected, {kept.name} kept ({scores}).")
