@@ -8,6 +8,7 @@ from tests.viewer.two_runs import SIR, TWO, debugger, sides
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.side_words import now_table
 
 
 def test_both_move_along_one_timeline() -> None:
@@ -25,9 +26,11 @@ def test_both_move_along_one_timeline() -> None:
     v = sides(d)
     assert v.moment is not None
     assert (v.place, v.moment.b) == (3, None)
+    assert "B ■" in now_table(v)
+    d.carry_out([s.ShowSidePoses("kept")])
+    v = sides(d)
     assert v.now_b is not None
-    assert v.now_b.iteration is not None
-    assert v.now_b.iteration.index == 2, "B stays where it was when A goes on alone"
+    assert v.now_b.iteration == 2, "B stays where it was when A goes on alone"
     d.carry_out([c.Seek(8)])
     v = sides(d)
     assert v.moment is not None
@@ -96,6 +99,23 @@ def test_sides_can_be_hidden_and_show_best_or_kept() -> None:
     T_a, T_b = sides(d.carry_out([s.ShowSidePoses("best")])).poses[0]
     np.testing.assert_array_equal(T_a, runs[0].iterations[2].best.T_cam_obj)
     np.testing.assert_array_equal(T_b, runs[1].iterations[2].best.T_cam_obj)
+
+
+def test_a_pose_is_told_with_the_iteration_and_the_hypothesis_that_made_it() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),))])
+    best, last = d.workspace.run.iterations[-1].best, d.workspace.run.iterations[-1]
+    assert (best.iteration, best.arm) != (last.index, last.arm), "else this proves nothing"
+    now = sides(d).now_a
+    assert now is not None
+    assert (now.iteration, now.arm, now.stage, now.score) == (best.iteration, best.arm, best.stage, best.score.score)
+    assert f"<td>{best.iteration}</td><td>{best.arm + 1}</td><td>{best.stage}</td>" in now_table(sides(d))
+    now = sides(d.carry_out([s.ShowSidePoses("kept")])).now_a
+    assert now is not None
+    assert (now.iteration, now.arm, now.stage) == (last.index, last.arm, last.accepted)
+    d.carry_out([s.SeekMoment(0)])
+    now, first = sides(d).now_a, d.workspace.run.state_at(0).best[0]
+    assert now is not None
+    assert (now.iteration, now.arm, now.stage) == (0, first.arm, "initial")
 
 
 def test_curves_run_over_the_calls_of_the_object_in_focus() -> None:

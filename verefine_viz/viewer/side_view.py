@@ -10,7 +10,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.records import Best, StageName
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
 from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, name_of, outcomes
@@ -28,13 +28,16 @@ if TYPE_CHECKING:
 class SideNow:
     """One run at the moment that is shown, for the object in focus."""
 
-    iteration: Iteration | None
-    """Its latest one on that object; None = none yet."""
-    T_cam_obj: Float
-    """The pose that is drawn."""
+    iteration: int
+    """The one that the pose drawn comes from; 0 = a first pose."""
+    arm: int
+    """The hypothesis that the pose drawn belongs to, from 0."""
+    stage: StageName
+    """What the pose drawn was in its iteration."""
     score: float | None
+    """Of the pose drawn, by the rule of its own run."""
     errors: PoseErrors | None
-    best: Best
+    """Of the pose drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +123,13 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, who
     def score_of(target: Target, best: Best) -> float:
         return judge.score(_ours(found, target), best.T_cam_obj).score
 
+    def kept(k: int) -> int:
+        """The iteration whose kept pose is drawn, where the latest one is ``k``; 0 = the best pose so far is drawn."""
+        return k if sides.poses == "kept" else 0
+
     def pose(trace: Trace, instance_id: int, k: int, until: int) -> Float | None:
         best = _best(trace, instance_id, until)
-        if best is None or sides.poses == "best" or k == 0:
+        if best is None or kept(k) == 0:
             return best.T_cam_obj if best else None
         return trace.iterations[k - 1].accepted_stage.T_cam_obj
 
@@ -151,8 +158,8 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, who
         _frame_scores(a, found.a.problem, answers),
         effort_of(found.a),
         effort_of(found.b),
-        _now(found.a, judge, focus, k_a, found.timeline.a_at(place), poses[own][0]) if own in poses else None,
-        _now(found.b, judge, focus, k_b, max(k_b, reach_b), poses[own][1]) if own in poses else None,
+        _now(found.a, judge, focus, kept(k_a), found.timeline.a_at(place)) if own in poses else None,
+        _now(found.b, judge, focus, kept(k_b), max(k_b, reach_b)) if own in poses else None,
         _scene_curves(found, judge) if whole_scene else _curves(found, judge, focus.instance.instance_id),
         poses,
         sides.poses,
@@ -204,17 +211,18 @@ def _ours(found: Compared, target: Target) -> Target:
     return found.a.problem.target(own) if own in found.a.instance_ids else target
 
 
-def _now(trace: Trace, judge: Judge, focus: Target, k: int, until: int, T_cam_obj: Float | None) -> SideNow | None:
-    own = focus.instance.instance_id
-    best = _best(trace, own, until)
-    if best is None or T_cam_obj is None:
+def _now(trace: Trace, judge: Judge, focus: Target, kept: int, until: int) -> SideNow | None:
+    """What is drawn of the object in focus: the pose that iteration ``kept`` kept, or for 0 the best one so far."""
+    best = _best(trace, focus.instance.instance_id, until)
+    if best is None:
         return None
-    iteration = trace.iterations[k - 1] if k else None
-    score: float | None = best.score.score
-    if T_cam_obj is not best.T_cam_obj:
-        kept = iteration.accepted_stage.score if iteration else None
-        score = kept.score if kept else None
-    return SideNow(iteration, T_cam_obj, score, judge.errors(focus, T_cam_obj), best)
+    if not kept:
+        errors = judge.errors(focus, best.T_cam_obj)
+        return SideNow(best.iteration, best.arm, best.stage, best.score.score, errors)
+    iteration = trace.iterations[kept - 1]
+    stage = iteration.accepted_stage
+    score = stage.score.score if stage.score else None
+    return SideNow(kept, iteration.arm, stage.name, score, judge.errors(focus, stage.T_cam_obj))
 
 
 def _curves(found: Compared, judge: Judge, own: int) -> Curves:

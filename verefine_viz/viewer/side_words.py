@@ -130,9 +130,9 @@ def now_table(v: SidesView) -> str:
     """Both runs at the moment shown."""
     what = "kept" if v.which == "kept" else "best so far"
     head = [
-        (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here"),
-        ("it.", "latest iteration on the object; ■ = the run makes no more on it"),
-        ("hyp.", "hypothesis that was worked on"), ("kept", "stage that was kept"),
+        (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here; ■ = no more of it comes"),
+        ("it.", "iteration that made this pose; 0 = a first pose"),
+        ("hyp.", "hypothesis that it belongs to"), ("stage", "what it was in that iteration"),
         ("score", f"of the {what} pose, by its own rule"),
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),
     ]  # fmt: skip
@@ -142,16 +142,16 @@ def now_table(v: SidesView) -> str:
 
 
 def _now_row(side: str, now: SideNow | None, has_ended: bool) -> Row:
-    mark = f"{swatch(SIDE_COLORS[side])}{side}"
+    mark = f"{swatch(SIDE_COLORS[side])}{side}{' ■' if has_ended else ''}"
     if now is None:
         return Row([mark, *[_NONE] * 7])
-    i, e = now.iteration, now.errors
+    e = now.errors
     return Row(
         [
             mark,
-            (_NONE if i is None else f"{i.index}") + (" ■" if has_ended else ""),
-            _NONE if i is None else f"{i.arm + 1}",
-            "initial" if i is None else text(i.accepted),
+            f"{now.iteration}",
+            f"{now.arm + 1}",
+            text(now.stage),
             number(now.score, 3),
             number(e.rotation_deg if e else None, 1, "°"),
             number(e.translation_mm if e else None, 1),
