@@ -141,6 +141,19 @@ class Method(Protocol[S]):
         """The same state with the arm's current pose replaced by one that a person chose."""
         ...
 
+    @property
+    def verifier(self) -> Verifier:
+        """What it judges poses with."""
+        ...
+
+    def judged_anew(self, state: S) -> S:
+        """The same state with every pose in it judged by :attr:`verifier`: another one had scored them.
+
+        Raises:
+            InputError: what the method goes by cannot be judged again.
+        """
+        ...
+
 
 class Watcher(Protocol[S_contra]):
     """Sees every record of a run; cannot change it."""

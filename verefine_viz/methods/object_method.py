@@ -103,15 +103,19 @@ class ObjectMethod:
         iteration = replace(iteration, events=events_of(iteration, draft, state))
         return state.with_arm(j, arm.moved(entry), best), iteration, reward
 
-    def judged_among(self, state: ObjectState, fixed: Sequence[Placed]) -> ObjectState:
-        """The state before the first iteration with its poses judged anew, now that others are placed."""
+    def judged_anew(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
+        """The same with all its poses judged by this method, among ``fixed`` objects.
+
+        The mean of a hypothesis becomes that of its first pose and of those that its iterations kept.
+        """
         hypotheses = state.target.instance.hypotheses
         initial = self._score(state.target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
         arms: list[Arm] = []
         for j, arm in enumerate(state.arms):
             scores = self._score(state.target, np.array([e.T_cam_obj for e in arm.entries]), fixed)
             entries = tuple(replace(e, score=scores[k]) for k, e in enumerate(arm.entries))
-            arms.append(replace(arm, entries=entries, mean=float(initial.score[j])))
+            kept = [e.score.score for e in entries[1:] if e.stage != "edited"]
+            arms.append(replace(arm, entries=entries, mean=float(np.mean([initial.score[j], *kept]))))
         first = self._first(arms)
         best = _best(arms[first].entries[0], first)
         for j, arm in enumerate(arms):

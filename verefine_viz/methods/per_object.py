@@ -9,6 +9,7 @@ from typing import Self
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import ObjectState
@@ -67,7 +68,7 @@ class PerObject:
         fixed, before = self._fixed(state, i), state.objects[i]
         assert before is not None
         if fixed and before.n_done == 0:
-            before = self.method.judged_among(before, fixed)
+            before = self.method.judged_anew(before, fixed)
         after, iteration = self.method.step(before, state.n_done + 1, fixed)
         return state.with_object(i, after, state.n_done + 1), iteration
 
@@ -82,6 +83,20 @@ class PerObject:
             raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
         fixed = self._fixed(state, i)
         return state.with_object(i, self.method.edit(before, arm, T_cam_obj, state.n_done, fixed))
+
+    @property
+    def verifier(self) -> Verifier:
+        return self.method.verifier
+
+    def judged_anew(self, state: FrameState) -> FrameState:
+        state = self._adopted(state)
+        for i in self._order(state.problem):
+            o = state.objects[i]
+            if o:
+                # What was not begun yet is still judged alone.
+                fixed = self._fixed(state, i) if o.n_done else ()
+                state = state.with_object(i, self.method.judged_anew(o, fixed))
+        return state
 
     def _adopted(self, state: FrameState) -> FrameState:
         """The state as this method keeps it, where another method made it: a fork may change the method."""

@@ -129,6 +129,20 @@ class PhysimMcts:
         ]
         return replace(state.with_object(i, edited), searches=tuple(searches))
 
+    @property
+    def verifier(self) -> Verifier:
+        return self.scene.verifier
+
+    def judged_anew(self, state: FrameState) -> FrameState:
+        """
+        Raises:
+            InputError: always; the costs in its tree are those of scenes that are not known any more.
+        """
+        raise InputError(
+            "the score cannot change on the way to or of physim_mcts, whose costs are of whole scenes; "
+            "begin again with these settings"
+        )
+
     def _pool(self, target: Target) -> tuple[tuple[Hypothesis, ...], Float]:
         """The instance's hypotheses and, as one more, the one with the largest overlap aligned; and all overlaps."""
         pool = tuple(h for h in target.instance.hypotheses if h.source != REFINED_BEST)

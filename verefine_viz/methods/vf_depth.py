@@ -116,6 +116,18 @@ class VfDepth(PerObject):
             return edited.with_scene(k, scene)
         return edited
 
+    def judged_anew(self, state: FrameState) -> FrameState:
+        """
+        Raises:
+            InputError: passes were judged already, and the poses of each are not known any more.
+        """
+        if isinstance(state, DepthState) and any(state.scenes):
+            raise InputError(
+                "the score cannot change on the way of vf_depth, whose rewards are scores of whole scenes; "
+                "begin again with these settings"
+            )
+        return PerObject(self.method).judged_anew(FrameState(state.problem, state.objects, state.n_done))
+
     def _adopted(self, state: FrameState) -> DepthState:
         if isinstance(state, DepthState):
             return state
@@ -201,7 +213,7 @@ class VfDepth(PerObject):
             return state
         if carried:
             for i in members:
-                state = state.with_object(i, self.method.judged_among(self._object(state, i), carried))
+                state = state.with_object(i, self.method.judged_anew(self._object(state, i), carried))
         first = tuple(self._object(state, i).best for i in members)
         combinations = [first]
         takes_prior = self.prior == "scene" and self._is_untouched(state, k)

@@ -34,7 +34,25 @@ class Plan:
         latest = max((at for at in self.changes if at <= k), default=None)
         return self.method if latest is None else self.changes[latest]
 
-    def edited(self, state: RunState, k: int) -> RunState:
+    def begun(self, problem: Problem) -> RunState:
+        """The state before iteration 1."""
+        return self._edited(self.method_at(0).start(problem), 0)
+
+    def after(self, k: int, made: RunState) -> RunState:
+        """The state from which iteration ``k + 1`` is made, k ≥ 1, given the one that iteration ``k`` made.
+
+        Scores by different settings must not be weighed against one another: where they change, all are made anew.
+
+        Raises:
+            InputError: the method that takes over cannot go on with another score.
+        """
+        if k in self.changes:
+            new = self.changes[k]
+            if new.verifier != self.method_at(k - 1).verifier:
+                made = new.judged_anew(made)
+        return self._edited(made, k)
+
+    def _edited(self, state: RunState, k: int) -> RunState:
         """``state`` after iteration ``k`` with the poses that were moved there."""
         for edit in self.edits:
             if edit.after_iteration == k:
@@ -64,17 +82,20 @@ class Run:
             changes: methods that take over after iteration k.
         """
         plan = Plan(method, dict(changes or {}), tuple(edits))
-        self._begin(plan, (plan.edited(plan.method_at(0).start(problem), 0),), (), watchers)
+        self._begin(plan, (plan.begun(problem),), (), (), watchers)
 
     def _begin(
         self,
         plan: Plan,
         states: tuple[RunState, ...],
+        made: tuple[RunState, ...],
         iterations: tuple[Iteration, ...],
         watchers: Sequence[Watcher[Any]],
     ) -> None:
         self._plan = plan
         self._states = list(states)
+        self._made = list(made)
+        """What each iteration made, before settings were changed or poses moved."""
         self._iterations = list(iterations)
         self._watchers = tuple(watchers)
         self._finished = False
@@ -185,11 +206,16 @@ class Run:
     ) -> Run:
         """A new run that shares iterations 1 … k and goes on with another method, or from an edited pose.
 
+        Where settings of the score change, everything known is scored anew: hypotheses, their means, the best poses.
+
         Args:
             k: the iteration after which the runs part.
             method: takes over after ``k``; None = the same.
             edit: (instance_id, hypothesis index, T_cam_obj (4, 4)); that hypothesis goes on from this pose.
             watchers: of the new run; they see the shared iterations first.
+
+        Raises:
+            InputError: there is no such iteration, or the method cannot go on with another score.
         """
         if not 0 <= k <= self.length:
             raise InputError(f"cannot fork at iteration {k}; the history has 0 to {self.length}")
@@ -197,15 +223,14 @@ class Run:
         if method is not None:
             changes[k] = method
         edits = tuple(e for e in self._plan.edits if e.after_iteration <= k)
-        states = tuple(self._states[: k + 1])
         if edit is not None:
             instance_id, arm, T_cam_obj = edit
             values = tuple(float(x) for x in np.asarray(T_cam_obj).ravel())
-            added = Edit(after_iteration=k, instance=instance_id, hypothesis=arm, T_cam_obj=values)
-            moved = Plan(self._plan.method, changes, (added,)).edited(states[-1], k)
-            states, edits = (*states[:-1], moved), (*edits, added)
+            edits = (*edits, Edit(after_iteration=k, instance=instance_id, hypothesis=arm, T_cam_obj=values))
+        plan = Plan(self._plan.method, changes, edits)
+        last = plan.after(k, self._made[k - 1]) if k else plan.begun(self.problem)
         forked = Run.__new__(Run)
-        forked._begin(Plan(self._plan.method, changes, edits), states, tuple(self._iterations[:k]), watchers)
+        forked._begin(plan, (*self._states[:k], last), tuple(self._made[:k]), tuple(self._iterations[:k]), watchers)
         return forked
 
     def close(self) -> None:
@@ -218,7 +243,8 @@ class Run:
     def _compute(self) -> None:
         k = self.length
         state, iteration = self._plan.method_at(k).step(self._states[-1])
-        state = self._plan.edited(state, k + 1)
+        self._made.append(state)
+        state = self._plan.after(k + 1, state)
         self._states.append(state)
         self._iterations.append(iteration)
         for watcher in self._watchers:
