@@ -19,6 +19,7 @@ from verefine_viz.viewer.maps import map_image
 from verefine_viz.viewer.other_nodes import OtherNodes
 from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
 from verefine_viz.viewer.standing import LIGHTS, telling
+from verefine_viz.viewer.verdict import verdict
 from verefine_viz.viewer.view import View
 
 IMAGE_PLANE_M = 0.12
@@ -282,7 +283,7 @@ class SceneView:
         segments.append((found.com_cam, found.com_on_plane_cam))
         points = np.array(segments, np.float32)
         colors = np.empty((len(points), 2, 3), np.uint8)
-        colors[:] = LIGHTS[found.light]
+        colors[:] = LIGHTS[verdict(found, view.scene).light]
         self._balance.points = points
         self._balance.colors = colors
 

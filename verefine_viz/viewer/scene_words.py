@@ -117,14 +117,6 @@ def overlap_sentence(found: Any, scene: SceneNow) -> str:
     return f"{names.get(found.first, 'object')} sinks {found.depth_mm:.0f} mm into {names.get(found.second, 'object')}"
 
 
-def standing_sentence(found: Any, scene: SceneNow) -> str:
-    """The verdict of a plausibility check, with names instead of instance numbers."""
-    said = found.sentence
-    for o in sorted(scene.objects, key=lambda o: -o.instance_id):
-        said = said.replace(f"into instance {o.instance_id}.", f"into {o.label}.")
-    return said
-
-
 def scene_sentence(view: View) -> str:
     """What the numbers of the whole scene mean."""
     a, b = view.a, view.b

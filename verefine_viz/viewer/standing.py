@@ -9,15 +9,23 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
+from verefine_viz.core.palette import RGB
 from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.plane import share_hint
+from verefine_viz.viewer.verdict import verdict
 from verefine_viz.viewer.view import View
 
-LIGHTS = {"green": (40, 180, 80), "amber": (217, 142, 4), "red": (220, 50, 47)}
+LIGHTS: dict[str, RGB] = {
+    "green": (40, 180, 80),
+    "amber": (217, 142, 4),
+    "red": (220, 50, 47),
+    "grey": (140, 140, 140),
+}
 LIGHT_MEANING = {
     "green": ("can lie so", "gap, overlap and balance are within tolerance"),
     "amber": ("barely", "it balances or overlaps at the edge of the tolerance"),
     "red": ("cannot", "it floats, sinks into something, or would tip over"),
+    "grey": ("not yet", "it sinks into an object whose turn is still to come"),
 }
 """What a light says, in short and in full."""
 _SIZE = 92
@@ -28,10 +36,11 @@ def standing_html(view: View) -> str:
     support = view.target.observation.support
     if not view.plausible or support is None:
         return ""
+    said = {name: verdict(p, view.scene) for name, p in view.plausible.items()}
     lights = "".join(
         f'<p style="border-left:9px solid rgb{LIGHTS[p.light]};padding-left:6px">{text(_WHEN[name])}: '
         f"{text(p.sentence)}</p>"
-        for name, p in view.plausible.items()
+        for name, p in said.items()
     )
     found = list(view.plausible.values())
     rows = "".join(
@@ -101,7 +110,7 @@ def _drawing(view: View) -> str:
     dots = "".join(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="1"/>' for x, y in place(seen))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in place(polygon)) if len(polygon) else ""
     x, y = place(centre)[0]
-    color = LIGHTS[found.light]
+    color = LIGHTS[verdict(found, view.scene).light]
     title = f"{_WHEN[name].lower()}, from above: object (dots), support polygon, centre of mass (cross)"
     return (
         f'<svg width="{_SIZE}" height="{_SIZE}" style="flex:none"><title>{text(title)}</title>'

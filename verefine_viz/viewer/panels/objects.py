@@ -9,9 +9,10 @@ from verefine_viz.viewer.carrying import alone_hint, carried
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
-from verefine_viz.viewer.scene_words import TERMS, overlap_sentence, standing_sentence
+from verefine_viz.viewer.scene_words import TERMS, overlap_sentence
 from verefine_viz.viewer.standing import LIGHT_MEANING, LIGHTS
 from verefine_viz.viewer.tables import number
+from verefine_viz.viewer.verdict import verdict
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send
 
@@ -137,11 +138,8 @@ def _light(view: View, o: ObjectNow) -> str:
     if found is None:
         why = "no pose, or no support plane known" if view.physics.complete else "being worked out"
         return f'<span class="dim" title="{why}">…</span>' if not view.physics.complete else "–"
-    return _dot(found.light, f"{LIGHT_MEANING[found.light][0]}: {_reason(view, found)}")
-
-
-def _reason(view: View, found: object) -> str:
-    return text(standing_sentence(found, view.scene))
+    said = verdict(found, view.scene)
+    return _dot(said.light, text(f"{LIGHT_MEANING[said.light][0]}: {said.sentence}"))
 
 
 def overlap_lines(view: View) -> str:
@@ -155,7 +153,12 @@ def overlap_lines(view: View) -> str:
 
 def legend(view: View) -> str:
     """What the lights mean, and how objects are drawn in 3D."""
-    lights = " ".join(f"{_dot(light)} {LIGHT_MEANING[light][0]}" for light in LIGHTS)
+    told = {verdict(found, view.scene).light for found in view.physics.plausible.values()} | LIGHTS.keys() - {"grey"}
+    lights = " ".join(
+        f'<span title="{text(LIGHT_MEANING[light][1])}">{_dot(light)} {LIGHT_MEANING[light][0]}</span>'
+        for light in LIGHTS
+        if light in told
+    )
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
     tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
     sinks = '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>' if carried(view) else ""
