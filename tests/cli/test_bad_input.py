@@ -84,7 +84,7 @@ def test_out_is_in_use(desk: Desk) -> None:
 
 
 def test_out_holds_a_damaged_run_json(desk: Desk) -> None:
-    session = desk.file("demo.toml", "")
+    session = desk.file("demo.toml", '[scene]\ndemo = "mug"\n')
     RunFolder(desk.folder / "out", resolve({})).close()
     desk.file("out/run.json", "{")
     assert "run.json cannot be read" in desk.batch(session)

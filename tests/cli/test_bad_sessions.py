@@ -25,6 +25,16 @@ SESSION_FILES: dict[str, Case] = {
         "unknown field 'method.budget'; available: ",
     ),
     "wrong type": (lambda d: d.file("s.toml", '[method]\niterations = "many"\n'), "method.iterations = 'many'"),
+    "empty": (lambda d: d.file("s.toml", "\n"), "s.toml is empty, expected at least a [scene]"),
+    "results files that no source reads": (
+        lambda d: d.bop(hypotheses='files = ["r.csv"]'),
+        'session.toml: hypotheses.files is set, but hypotheses.source is "perturb" and does not look at it; '
+        'set hypotheses.source = "results", or leave hypotheses.files out',
+    ),
+    "a data set that no source reads": (
+        lambda d: d.file("s.toml", '[scene]\ndataset = "data"\n'),
+        's.toml: scene.dataset is set, but scene.source is "demo" and does not look at it; set scene.source = "bop"',
+    ),
     "a section that is a number": (lambda d: d.file("s.toml", "method = 3\n"), "method = 3"),
     "zero budget": (lambda d: d.file("s.toml", "[method]\niterations = 0\n"), "greater than or equal to 1"),
     "negative tolerance": (lambda d: d.file("s.toml", "[score]\ntau_m = -0.02\n"), "score.tau_m = -0.02"),
@@ -135,7 +145,8 @@ def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
     ("words", "expected"),
     [
         (["--score.alpha", "3"], "score.alpha = 3"),
-        (["--method.iterations", "-1"], "method.iterations = -1"),
+        (["--method.iterations", "-1"], "command line: method.iterations = -1"),
+        (["--scene.demo", "bowl"], 'command line: scene.demo is set, but scene.source is "bop"'),
         (["--physics.steps", "0"], "physics.steps = 0"),
         (["--scene.dataset", "/no/such/data"], "/no/such/data"),
         (["--scene.gravity", "0", "0", "nan"], "scene.gravity = (0.0, 0.0, nan)"),

@@ -44,7 +44,7 @@ def test_published_sets_every_choice_and_explicit_fields_win() -> None:
 
 
 def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = '[scene]\nsource="bop"\ndataset="../data"\nmasks="d.json"\n[hypotheses]\nfiles=["a.csv"]'
+    text = '[scene]\nsource="bop"\ndataset="../data"\nmasks="d.json"\n[hypotheses]\nsource="results"\nfiles=["a.csv"]'
     text += '\n[dependency]\norder_file="o.json"'
     path = write(tmp_path, text)
     session = load_session(path)
@@ -101,6 +101,29 @@ def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"cannot write .*file.s.toml"):
         save_session(Session(), tmp_path / "file" / "s.toml")
+
+
+def test_a_byte_order_mark_is_read_over(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\nname = 'sir'\n")
+    assert load_session(tmp_path / "s.toml").method.name == "sir"
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# [scene]\n"])
+def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path, text: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
+        load_session(path)
+    assert load_session(path, {"scene": {"demo": "mug"}}) == Session()
+
+
+def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:
+    path = write(tmp_path, "[method]\niterations = 5\n[scene]\nseed = 3")
+    with pytest.raises(SettingsError, match=r"^command line: method.iterations = 0: "):
+        load_session(path, {"method": {"iterations": 0}, "scene": {"seed": 4}})
+    with pytest.raises(SettingsError, match=r"^command line: score.tau_m = -1: "):
+        load_session(path, {"score": {"tau_m": -1}})
+    with pytest.raises(SettingsError, match=rf"^{path}: method.iterations = 0: "):
+        load_session(write(tmp_path, "[method]\niterations = 0"), {"method": {"name": "sir"}})
 
 
 def test_changes_replace_only_what_they_name() -> None:

@@ -15,7 +15,7 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import MethodSettings
+from verefine_viz.core.settings import MethodSettings, ScoreSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 
@@ -23,6 +23,8 @@ from verefine_viz.session.engine import Run
 @dataclass(frozen=True)
 class Strict(FakeVerifier):
     """Gives a tenth of what the other gives."""
+
+    settings: ScoreSettings = ScoreSettings(tau_m=0.001)
 
     def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
         found = super().score(target, Ts_cam_obj, placed)

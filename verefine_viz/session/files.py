@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,11 @@ from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
+from verefine_viz.session.sources import Layer, check_sources
 
 Raw = Mapping[str, Any]
+TYPED = "command line"
+"""Where settings come from that are in no file, in messages."""
 DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")
 """Sections that can change from one iteration to the next."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
@@ -30,13 +33,22 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
 
     Raises:
         InputError: the file cannot be read.
-        SettingsError: it is not TOML, or a field is unknown or out of range.
+        SettingsError: it is not TOML or empty, a field is unknown or out of range, or data are named that the chosen
+            source does not look at.
     """
-    top = _with_absolute_paths(overrides or {}, Path.cwd())
+    typed = (TYPED, _with_absolute_paths(overrides or {}, Path.cwd()))
     if path is None:
-        return resolve(top, "command line")
+        return _of_layers([typed])
+    raw = _read(path)
+    if not raw and not overrides:
+        raise SettingsError(f'session file {path} is empty, expected at least a [scene], such as demo = "mug"')
+    return _of_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
+
+
+def _read(path: Path) -> dict[str, Any]:
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        # Some editors begin a text with a byte order mark, which TOML does not know.
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"session file {path} does not exist") from None
     except IsADirectoryError:
@@ -49,21 +61,29 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
         raise InputError(f"session file {path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"session file {path} is not TOML: {error}") from None
-    return resolve(_merged(_with_absolute_paths(raw, path.parent), top), str(path))
 
 
 def resolve(raw: Raw, origin: str = "session") -> Session:
     """The session of explicit fields ``raw``: the preset fills in what they leave open.
 
     Raises:
-        SettingsError: a field is unknown or out of range; the text names it and what was expected.
+        SettingsError: a field is unknown or out of range, or data are named that the chosen source does not look at;
+            the text names the field and what was expected.
     """
-    preset = raw.get("preset", "recommended")
-    base = PUBLISHED if preset == "published" else {}
+    return _of_layers([(origin, raw)])
+
+
+def _of_layers(layers: Sequence[Layer]) -> Session:
+    """The session that some layers of explicit fields add up to, the later over the earlier."""
+    raw: dict[str, Any] = {}
+    for _, fields in layers:
+        raw = _merged(raw, fields)
+    base = PUBLISHED if raw.get("preset") == "published" else {}
     try:
         session = Session.model_validate(_merged(base, raw))
     except ValidationError as error:
-        raise SettingsError(f"{origin}: {_first(error)}") from None
+        raise SettingsError(f"{_written_in(layers, error)}: {_first(error)}") from None
+    check_sources(session, layers)
     for change in session.changes:
         changed(session, change.settings)
     return session
@@ -101,6 +121,21 @@ def save_session(session: Session, path: Path) -> None:
     """
     with atomic(path) as part:
         part.write_text(session_toml(session), encoding="utf-8")
+
+
+def _written_in(layers: Sequence[Layer], error: ValidationError) -> str:
+    """The layer that has what is wrong: the last in which the field stands."""
+    location = error.errors()[0]["loc"]
+    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
+
+
+def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
+    """How many steps towards a field the settings have."""
+    for k, part in enumerate(location):
+        if not isinstance(raw, Mapping) or part not in raw:
+            return k
+        raw = raw[part]
+    return len(location)
 
 
 def _first(error: ValidationError) -> str:

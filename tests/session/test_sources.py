@@ -1,0 +1,74 @@
+"""Data that a session names and its source would not look at: refused, unless the source was chosen with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.session.files import load_session, resolve, save_session
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"),
+    [
+        (
+            {"hypotheses": {"files": ["a.csv"]}},
+            r'hypotheses.files is set, but hypotheses.source is "perturb" .*; set hypotheses.source = "results"',
+        ),
+        ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
+        ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or say'),
+        ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
+        ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [[0, "pcs"]]}}, r"\[ppf\] is set, but"),
+    ],
+)
+def test_a_forgotten_source_is_named(raw: dict[str, Any], expected: str) -> None:
+    with pytest.raises(SettingsError, match=f"^session: {expected}"):
+        resolve(raw)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        {"hypotheses": {"files": ["a.csv"], "source": "perturb"}},
+        {"hypotheses": {"files": ["a.csv"], "source": "results"}},
+        {"hypotheses": {"files": []}},
+        {"scene": {"dataset": "d", "source": "demo"}},
+        {"scene": {"dataset": "d", "demo": "mug", "source": "bop"}},
+        {"scene": {"dataset": "", "demo": "bowl"}},
+        {"ppf": {"step": 0.1}, "hypotheses": {"source": "ppf"}},
+        {"ppf": {"step": 0.1}, "hypotheses": {"source": "perturb"}},
+        {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [[0, "ppf"]]}},
+        {"ppf": {}, "preset": "published"},
+    ],
+)
+def test_a_source_that_was_chosen_is_taken(raw: dict[str, Any]) -> None:
+    resolve(raw)
+
+
+def test_what_is_typed_over_a_file_needs_a_source_that_reads_it(tmp_path: Path) -> None:
+    demo, bop = tmp_path / "demo.toml", tmp_path / "bop.toml"
+    demo.write_text('[scene]\nsource = "demo"\n[hypotheses]\nsource = "perturb"\n')
+    bop.write_text('[scene]\nsource = "bop"\ndataset = "d"\n[hypotheses]\nsource = "results"\nfiles = ["a.csv"]\n')
+    for typed in ({"scene": {"dataset": "d"}}, {"hypotheses": {"files": ("a.csv",)}}):
+        with pytest.raises(SettingsError, match=r"^command line: .* is set, but"):
+            load_session(demo, typed)
+    with pytest.raises(SettingsError, match=r'^command line: scene.demo is set, but scene.source is "bop"'):
+        load_session(bop, {"scene": {"demo": "bowl"}})
+    assert load_session(demo, {"scene": {"dataset": "d", "source": "bop"}}).scene.source == "bop"
+    assert load_session(bop, {"scene": {"dataset": "e"}}).scene.dataset.endswith("e")
+    # The file's results stay named when somebody asks for another source.
+    assert load_session(bop, {"hypotheses": {"source": "ppf"}}).hypotheses.source == "ppf"
+    assert load_session(bop, {"scene": {"source": "demo"}}).scene.source == "demo"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "sessions").glob("*.toml")), ids=lambda path: path.stem)
+def test_sessions_that_come_along_load_and_so_do_saved_ones(path: Path, tmp_path: Path) -> None:
+    for source in (None, "perturb", "pcs"):
+        session = load_session(path, {"hypotheses": {"source": source}} if source else None)
+        save_session(session, tmp_path / "saved.toml")
+        assert load_session(tmp_path / "saved.toml") == session
