@@ -119,7 +119,8 @@ def parse(words: list[str]) -> Command:
         if end.code != USAGE:
             raise
         program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
-        raise SettingsError(one_line(said.getvalue(), program)) from None
+        command = COMMANDS.get(words[0]) if words else None
+        raise SettingsError(one_line(said.getvalue(), program, command, words)) from None
 
 
 def _parsed(words: list[str]) -> Command:

@@ -117,8 +117,8 @@ def test_batch_takes_several_sessions() -> None:
             ["view", "--recording.kep", "all"],
             "unrecognized options: --recording.kep, all; perhaps you meant --recording.keep or ",
         ),
-        (["view", "--port", "abc"], "error parsing --port: invalid literal for int() with base 10: 'abc'"),
-        (["view", "--score.tau-m", "ten"], "error parsing --score.tau-m: could not convert string to float: 'ten'"),
+        (["view", "--port", "abc"], "--port is 'abc', expected an integer"),
+        (["batch", "a.toml", "--out", "o", "--seeds=abc", "--ship"], "--seeds is 'abc', expected an integer"),
         (
             ["view", "--score.renderer", "vulkan"],
             "invalid choice 'vulkan' for argument '--score.renderer'. Expected one of ('auto', 'gl', 'cpu')",
@@ -140,6 +140,28 @@ def test_words_that_make_no_command(words: list[str], expected: str, capsys: pyt
     assert error.startswith(f"verefine-viz: {expected}")
     assert error.endswith(f"; see {program} --help\n")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--score.tau-m", "ten"], "--score.tau-m is 'ten', expected a number"),
+        (["--scene.gravity", "down"], "--scene.gravity is 'down', expected plane, world or 3 numbers"),
+        (["--scene.gravity", "1", "-2"], "--scene.gravity is '1 -2', expected plane, world or 3 numbers"),
+        (["--scene.objects", "1", "mug"], "--scene.objects is '1 mug', expected integers, separated by blanks"),
+        (["--breakpoints.jump_mm=far"], "--breakpoints.jump-mm is 'far', expected a number"),
+        (["--dependency.cut", "1"], "--dependency.cut is '1', expected groups of 2 integers, separated by blanks"),
+        (
+            ["--hypotheses.estimate", "x", "ppf", "--scene.seed", "1"],
+            "--hypotheses.estimate is 'x ppf', expected groups of an integer and ppf or pcs, separated by blanks",
+        ),
+    ],
+)
+def test_settings_that_cannot_be_read(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["view", "a.toml", *words]) == 2
+    section = words[0][2:].partition(".")[0]
+    said = f"verefine-viz: {expected}; see verefine-viz view --help-settings {section}\n"
+    assert capsys.readouterr().err == said
 
 
 @pytest.mark.parametrize("words", [["batch", "a.toml", "--nosuch"], ["view", "--recording.kep", "all"], ["veiw"], []])
