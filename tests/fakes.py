@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem, Target
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
+from verefine_viz.core.settings import ScoreSettings
 
 BOX_M = np.array([0.10, 0.08, 0.06])
 
@@ -92,6 +93,8 @@ def _gap(target: Target, T_cam_obj: Float) -> float:
 @dataclass(frozen=True)
 class FakeVerifier:
     """Judges a pose by its distance to ground truth."""
+
+    settings: ScoreSettings = field(default_factory=ScoreSettings)
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         value = np.array([np.exp(-_gap(target, T) / 0.02) for T in Ts_cam_obj])

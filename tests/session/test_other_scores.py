@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.errors import InputError
@@ -19,12 +18,14 @@ from verefine_viz.core.settings import MethodSettings, ScoreSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 
+STRICT = ScoreSettings(tau_m=0.001)
+
 
 @dataclass(frozen=True)
 class Strict(FakeVerifier):
     """Gives a tenth of what the other gives."""
 
-    settings: ScoreSettings = ScoreSettings(tau_m=0.001)
+    settings: ScoreSettings = STRICT
 
     def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
         found = super().score(target, Ts_cam_obj, placed)
@@ -118,6 +119,6 @@ def test_vf_depth_takes_over_with_another_score_from_a_method_without_scenes() -
     fork = finished("rir", problem).fork(5, method_of("vf_depth", Strict()))
     fork.finish()
     assert fork.length == fork.n_iterations
-    scenes: list[Float] = [i.scene.reward for i in fork.iterations if i.scene is not None]  # type: ignore[misc]
+    scenes = [i.scene.reward for i in fork.iterations if i.scene is not None]
     assert scenes
     assert all(reward <= 0.1 for reward in scenes)

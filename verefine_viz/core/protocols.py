@@ -13,6 +13,7 @@ from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SimulatedPath
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
+from verefine_viz.core.settings import ScoreSettings
 
 
 class Refiner(Protocol):
@@ -33,6 +34,11 @@ class Simulator(Protocol):
 
 class Verifier(Protocol):
     """Judges poses by rendering them (Eq. 1)."""
+
+    @property
+    def settings(self) -> ScoreSettings:
+        """Scores of two verifiers can be compared where these are the same."""
+        ...
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         """Scores of N poses (N, 4, 4) in one call; ``placed`` objects may hide parts of them."""

@@ -48,7 +48,7 @@ class Plan:
         """
         if k in self.changes:
             new = self.changes[k]
-            if new.verifier != self.method_at(k - 1).verifier:
+            if new.verifier.settings != self.method_at(k - 1).verifier.settings:
                 made = new.judged_anew(made)
         return self._edited(made, k)
 

@@ -51,10 +51,16 @@ class Branch:
     """The settings it began with."""
     changes: tuple[Change, ...]
     """Settings changed on the way, as a session file keeps them."""
-    judge: Judge
+    judges: tuple[tuple[int, Judge], ...]
+    """(k, judge): from iteration k + 1 on it judges, where settings of the score changed on the way."""
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+
+    @property
+    def judge(self) -> Judge:
+        """Judges by the settings of the iteration that is looked at."""
+        return next(judge for k, judge in reversed(self.judges) if k < max(self.run.cursor, 1))
 
     def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
         """All marks of the history, or those of one object."""
@@ -203,14 +209,12 @@ class Workspace:
         new = merged((*later, nested(changes)))
         if new:
             kept = (*kept, Change(after_iteration=cursor, settings=new))
-        if new and cursor == 0:  # The first poses are scored with the new settings as well.
-            edits = [e for e in old.run.edits if e.after_iteration == 0]
-            run = Run(tools.method, old.run.problem, (), edits)
-            run = run.fork(0, None, edit) if edit is not None else run
-        else:
-            run = old.run.fork(cursor, tools.method if new else None, edit)
+        run = old.run.fork(cursor, tools.method if new else None, edit)
+        judges = tuple((k, judge) for k, judge in old.judges if k < cursor or k == 0)
+        if "score" in new:
+            judges = (*(judges if cursor else ()), (cursor, self._judge(tools)))
         name = _name(cursor, changes, edit)
-        self.work.branches.append(Branch(name, run, tools, old.start, kept, self._judge(tools)))
+        self.work.branches.append(Branch(name, run, tools, old.start, kept, judges))
         self.work.index = len(self.work.branches) - 1
 
     def open_recording(self, path: Path) -> None:
@@ -234,7 +238,7 @@ class Workspace:
         from verefine_viz.recording.playback import played
 
         run, path, session = played(recorded, problem), recorded.path, tools.session
-        return Branch(path.name, run, tools, session, session.changes, self._judge(tools), path)
+        return Branch(path.name, run, tools, session, session.changes, self._judges(tools), path)
 
     def tools_of(self, session: Session) -> Tools:
         """What runs a session's method."""
@@ -243,12 +247,21 @@ class Workspace:
     def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
         self._tell(preparing(problem, tools.session))
-        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._judge(tools))
+        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._judges(tools))
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
         return FrameWork([self.new_branch("first run", tools, problem)])
+
+    def _judges(self, tools: Tools) -> tuple[tuple[int, Judge], ...]:
+        """Those of a run from its start, with the changes that its session holds."""
+        found = [(0, self._judge(tools))]
+        for change in sorted(tools.session.changes, key=lambda change: change.after_iteration):
+            tools = tools.changed(change.settings)
+            if "score" in change.settings:
+                found.append((change.after_iteration, self._judge(tools)))
+        return tuple(found)
 
     def _judge(self, tools: Tools) -> Judge:
         return Judge(tools, self._plausibility, self._overlap)

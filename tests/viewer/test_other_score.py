@@ -1,0 +1,94 @@
+"""A run whose score changed on the way: what is looked at is judged by the settings of its own iteration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from tests.fakes import FakeVerifier
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.view import View
+
+
+@dataclass(frozen=True)
+class ByTolerance(FakeVerifier):
+    """A smaller tolerance gives smaller scores."""
+
+    def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
+        found = super().score(target, Ts_cam_obj, placed)
+        return replace(found, score=found.score * self.settings.tau_m / 0.02)
+
+
+class Tools(FakeTools):
+    def __init__(self, session: Session) -> None:
+        super().__init__(session)
+        self.verifier = ByTolerance(session.score)
+
+
+def debugger(session: Session | None = None) -> Debugger:
+    return Debugger(session or Session(method=MethodSettings(iterations=3)), None, Tools)
+
+
+STRICTER = (("score.tau_m", 0.005),)
+
+
+def scored_anew(view: View) -> tuple[float, float]:
+    """What the record says of the kept pose, and what the page finds for the same pose."""
+    shown = view.shown
+    assert shown is not None
+    kept = shown.accepted_stage
+    assert kept.score is not None
+    edited = view.poses["edited"]
+    assert edited.score is not None
+    return kept.score.score, edited.score.score
+
+
+def test_a_pose_that_was_not_moved_scores_what_it_scored() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER), c.Step(), c.Step()])
+    for k in (1, 2, 3, 4):
+        view = d.carry_out([c.Seek(k), c.EditPose()]).view()
+        recorded, found = scored_anew(view)
+        assert found == recorded
+        assert (recorded <= 0.25) == (k > 2)
+        d.carry_out([c.EditPose(False)])
+
+
+def test_nothing_of_the_old_score_is_weighed_after_it() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.Fork(STRICTER, 4, run=True)])
+    run = d.workspace.run
+    assert run.state_at(4).objects[0].best.score.score <= 0.25
+    for iteration in run.iterations[4:]:
+        assert iteration.best.score.score <= 0.25
+        assert iteration.choice is not None
+        assert max(iteration.choice.mean) <= 0.25
+
+
+def test_the_session_of_such_a_run_opens_as_it_was() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER, 2, run=True)])
+    again = debugger(d.workspace.session).carry_out([c.RunUntil("end")])
+    assert first_difference(again.workspace.run.iterations, d.workspace.run.iterations) is None
+    # A fork of either, with another setting that is not the score's, goes on alike.
+    for one in (d, again):
+        one.carry_out([c.Fork((("method.exploration", 3.0),), 4, run=True)])
+    assert first_difference(again.workspace.run.iterations, d.workspace.run.iterations) is None
+    for k in (1, 2, 3, 5):
+        recorded, found = scored_anew(again.carry_out([c.Seek(k), c.EditPose()]).view())
+        assert found == recorded
+        again.carry_out([c.EditPose(False)])
+
+
+def test_a_fork_at_the_start_is_judged_by_the_new_score_alone() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.Fork(STRICTER, 0, run=True)])
+    alone = debugger(Session(method=MethodSettings(iterations=3), score=ScoreSettings(tau_m=0.005)))
+    alone.carry_out([c.RunUntil("end")])
+    assert first_difference(d.workspace.run.iterations, alone.workspace.run.iterations) is None
+    assert (
+        max(
+            d.workspace.branch.judge.score(d.view().target, h.T_cam_obj).score
+            for h in d.view().target.instance.hypotheses
+        )
+        <= 0.25
+    )
