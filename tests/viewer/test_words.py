@@ -162,29 +162,6 @@ def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
     assert words.shift_mm(np.eye(4), half_turn, points) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_comparison_says_which_part_made_the_difference() -> None:
-    view = after(c.Step())
-    assert view.a is not None
-    assert view.b is not None
-    assert view.a.pose.score is not None
-    better = replace(view.a.pose.score, score=0.9, depth_fit=0.95, normal_fit=0.85, counts=(90, 0, 5, 3, 2))
-    worse = replace(better, score=0.6, depth_fit=0.4, normal_fit=0.8, counts=(60, 30, 5, 3, 2))
-    view = replace(
-        view,
-        a=replace(view.a, pose=replace(view.a.pose, score=worse)),
-        b=replace(view.b, pose=replace(view.b.pose, score=better)),
-    )
-    assert words.compared(view) == (
-        "Refined 0.900 against simulated 0.600: 0.300 more, mostly from depth (depth +0.275, normals +0.025). "
-        "The share of explained pixels went up by 30%."
-    )
-
-
-def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
-    said = words.compared(after())
-    assert said.startswith("No simulated and no refined pose here yet. ")
-
-
 def test_physics_off_says_so() -> None:
     session = Session(physics=PhysicsSettings(enabled=False))
     view = Debugger(session, None, FakeTools).carry_out([c.Step()]).view()

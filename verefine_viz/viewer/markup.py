@@ -148,6 +148,7 @@ STYLE = """<style>
 .vz.strip table{table-layout:fixed;margin:0}
 .vz.strip td,.vz.strip th{padding:1px 2px;border:0;text-align:center}
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
+.vz th.whose .cut{max-width:54px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 .vz.line .head{display:flex;gap:12px;font-size:12px}

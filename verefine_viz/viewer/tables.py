@@ -13,6 +13,7 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
+from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
@@ -51,7 +52,8 @@ def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
         return [_NONE if s is None else f"{pick(s):.{digits}f}" for s in scores]
 
     rows = [
-        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2", part(lambda s: s.score, 3), marked=True),
+        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2",
+            part(lambda s: s.score, score_digits(scores)), marked=True),
         row("depth fit f_d", "mean over the counted pixels; 1 = same depth, 0 = off by τ or more",
             part(lambda s: s.depth_fit, 3)),
         row("normal fit f_n", "mean over the counted pixels; 1 = same direction", part(lambda s: s.normal_fit, 3)),

@@ -229,35 +229,6 @@ def _ahead(view: View, best: Best) -> str:
     return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}"
 
 
-def compared(view: View) -> str:
-    """Why the two stages that are compared differ in score."""
-    a, b = view.a, view.b
-    if a is None or b is None:
-        return f"{view.name} has no pose to judge; give it a hypothesis."
-    missing = [wanted for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
-    lead = f"No {' and no '.join(missing)} pose here yet. " if missing else ""
-    if a.pose.name == b.pose.name or a.pose.score == b.pose.score:
-        score = a.pose.score.score if a.pose.score else 0.0
-        return f"{lead}{b.pose.name.capitalize()} scores {score:.3f}."
-    if a.pose.score is None or b.pose.score is None:
-        return f"{a.pose.name} or {b.pose.name} was not scored."
-    one, other = a.pose.score, b.pose.score
-    difference = other.score - one.score
-    said = f"{lead}{b.pose.name.capitalize()} {other.score:.3f} against {a.pose.name} {one.score:.3f}"
-    if abs(difference) < 5e-4:
-        return f"{said}: the same."
-    depth, normal = (other.depth_fit - one.depth_fit) / 2, (other.normal_fit - one.normal_fit) / 2
-    larger = "depth" if abs(depth) >= abs(normal) else "normals"
-    said += f": {abs(difference):.3f} {'more' if difference > 0 else 'less'}, mostly from {larger} "
-    said += f"(depth {depth:+.3f}, normals {normal:+.3f})."
-    shares_one, shares_other = one.shares, other.shares
-    name = max(shares_one, key=lambda k: abs(shares_other[k] - shares_one[k]))
-    change = shares_other[name] - shares_one[name]
-    if abs(change) >= 0.01:
-        said += f" The share of {name} pixels went {'up' if change > 0 else 'down'} by {abs(change):.0%}."
-    return said
-
-
 def chosen(view: View) -> str:
     """Why the bandit took this hypothesis."""
     if view.state is None:

@@ -11,6 +11,7 @@ from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_image, scale_of
 from verefine_viz.viewer.markup import carries, swatch, text
+from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.tables import CLASS_MEANING
 from verefine_viz.viewer.view import Side, View
 from verefine_viz.viewer.widgets import Block, Send
@@ -37,10 +38,13 @@ def maps_html(view: View) -> str:
         missing = view.look.a if view.a is None else view.look.b
         return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
     crop = shared_crop(view)
+    o = view.scene.object(view.target.instance.instance_id)
+    several = len(view.scene.objects) > 1 and not view.is_whole_scene
+    whose = f'{swatch(o.color)}<span class="cut" title="{text(o.label)}">{text(o.label)}</span>' if several else ""
     head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
     rows = "".join(_row(view, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
     bars = "".join(f"<td>{_bar(view, m)}</td>" for m in MAP_NAMES)
-    return f"<table><tr><th></th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>"
+    return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
 
 
 def shared_crop(view: View) -> Crop:
@@ -54,7 +58,8 @@ def shared_crop(view: View) -> Crop:
 
 def _row(view: View, side: Side, crop: Crop, letter: str) -> str:
     assert side.maps is not None
-    score = f"{side.pose.score.score:.3f}" if side.pose.score else ""
+    digits = score_digits([s.pose.score for s in (view.a, view.b) if s is not None])
+    score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
     name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.name)}<br>{score}"
     cells = [f"<td>{_picture(view, side, m, crop)}</td>" for m in MAP_NAMES]

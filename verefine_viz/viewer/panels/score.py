@@ -10,12 +10,12 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES
 from verefine_viz.viewer.markup import hinted, text
+from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.scene_tables import passes_table
 from verefine_viz.viewer.scene_words import TERMS, scene_sentence
 from verefine_viz.viewer.tables import probe_table, score_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
-from verefine_viz.viewer.words import compared
 
 ROW_PX = 26
 """So that both stages in numbers fit into the panel."""
