@@ -7,21 +7,29 @@ in two ways the choice is a field; ``presets.PUBLISHED`` is what the authors' pu
 from __future__ import annotations
 
 import json
+import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-def _has_length(vector: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(vector):
+def _gravity(value: Any) -> Any:
+    """The words and vectors that tell where "up" is: a field of two kinds would say what is wrong with both."""
+    is_vector = isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_finite, value))
+    if not is_vector and value not in ("plane", "world"):
+        raise ValueError('expected "plane", "world" or three numbers [x, y, z]')
+    if is_vector and not any(value):
         raise ValueError("a direction cannot be (0, 0, 0)")
-    return vector
+    return value
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _as_written(value: Any) -> Any:
@@ -38,7 +46,7 @@ def _as_written(value: Any) -> Any:
     return value
 
 
-Direction = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_has_length)]
+Gravity = Annotated[Literal["plane", "world"] | tuple[float, float, float], BeforeValidator(_gravity)]
 
 
 class Settings(BaseModel):
@@ -64,7 +72,7 @@ class SceneSettings(Settings):
     """BOP object ids to solve; none = all."""
     masks: str = "mask_visib"
     """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
-    gravity: Literal["plane", "world"] | Direction = "plane"
+    gravity: Gravity = "plane"
     """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
     camera frame (an IMU's reading)."""
     seed: Seed = 0

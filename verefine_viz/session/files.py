@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
+from verefine_viz.session.mistakes import first_mistake, written_in
 from verefine_viz.session.sources import Layer, check_sources
 
 Raw = Mapping[str, Any]
@@ -82,7 +82,7 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     try:
         session = Session.model_validate(_merged(base, raw))
     except ValidationError as error:
-        raise SettingsError(f"{_written_in(layers, error)}: {_first(error)}") from None
+        raise SettingsError(f"{written_in(layers, error)}: {first_mistake(error)}") from None
     check_sources(session, layers)
     for change in session.changes:
         changed(session, change.settings)
@@ -105,7 +105,7 @@ def changed(
     try:
         return Session.model_validate(raw).model_copy(update={"changes": session.changes})
     except ValidationError as error:
-        raise SettingsError(f"changed settings: {_first(error)}") from None
+        raise SettingsError(f"changed settings: {first_mistake(error)}") from None
 
 
 def session_toml(session: Session) -> str:
@@ -121,46 +121,6 @@ def save_session(session: Session, path: Path) -> None:
     """
     with atomic(path) as part:
         part.write_text(session_toml(session), encoding="utf-8")
-
-
-def _written_in(layers: Sequence[Layer], error: ValidationError) -> str:
-    """The layer that has what is wrong: the last in which the field stands."""
-    location = error.errors()[0]["loc"]
-    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
-
-
-def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
-    """How many steps towards a field the settings have."""
-    for k, part in enumerate(location):
-        if not isinstance(raw, Mapping) or part not in raw:
-            return k
-        raw = raw[part]
-    return len(location)
-
-
-def _first(error: ValidationError) -> str:
-    """The first thing that is wrong, in one line."""
-    detail = error.errors()[0]
-    field = _field(detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        return f"unknown field {field!r}; available: {', '.join(_siblings(detail['loc']))}"
-    # A field of several kinds (a word or a vector) fails once for each of them.
-    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
-    return f"{field} = {repr(detail['input'])[:80]}: {', or '.join(dict.fromkeys(ways))}"
-
-
-def _field(location: tuple[int | str, ...]) -> str:
-    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
-    return ".".join(str(part) for part in location if not (isinstance(part, str) and re.search(r"[\[(]", part)))
-
-
-def _siblings(location: tuple[int | str, ...]) -> list[str]:
-    model: Any = Session
-    for part in location[:-1]:
-        model = getattr(model.model_fields.get(part), "annotation", None)
-        if not hasattr(model, "model_fields"):
-            return []
-    return sorted(model.model_fields)
 
 
 def _merged(base: Raw, top: Raw) -> dict[str, Any]:
