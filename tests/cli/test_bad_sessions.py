@@ -109,6 +109,14 @@ SESSION_FILES: dict[str, Case] = {
         lambda d: d.results("7,3,2,0.9,1 0 0 0 1 0 0 0,0 0 500,-1"),
         "r.csv, line 1: R holds 8 numbers, expected 9",
     ),
+    "a header in other letters": (
+        lambda d: d.results("Scene_ID,Im_ID,Obj_ID,Score,R,t,Time"),
+        "r.csv, line 1: the header is 'Scene_ID,Im_ID,Obj_ID,Score,R,t,Time', expected scene_id,im_id,obj_id,score,",
+    ),
+    "a header with other commas": (
+        lambda d: d.results("scene_id;im_id;obj_id;score;R;t;time"),
+        "r.csv, line 1: the header is 'scene_id;im_id;obj_id;score;R;t;time', expected ",
+    ),
     "a mirrored pose": (
         lambda d: d.results("7,3,2,0.9,1 0 0 0 1 0 0 0 -1,0 0 500,-1"),
         "not rigid: det(R) = -1.000",

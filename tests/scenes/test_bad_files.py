@@ -145,6 +145,13 @@ def test_a_folder_that_is_no_data_set(tmp_path: Path) -> None:
         open_scene(SceneSettings(source="bop", dataset=str(tmp_path)), HypothesesSettings())
 
 
+@pytest.mark.parametrize("named", ["yc/test", "yc/test/000007", "."])
+def test_a_folder_near_the_data_set(tmp_path: Path, named: str) -> None:
+    make(tmp_path / "made").root.rename(tmp_path / "yc")
+    with pytest.raises(InputError, match=rf"; the data set is {tmp_path}/yc: set scene.dataset to it$"):
+        open_scene(SceneSettings(source="bop", dataset=str(tmp_path / named)), HypothesesSettings())
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb", ".stl"])
 @pytest.mark.parametrize("content", [b"", b"nonsense\n", b"\x00" * 200, b"ply\nformat ascii 1.0\nend_header\n"])
 def test_no_mesh_file_brings_the_reader_down(tmp_path: Path, suffix: str, content: bytes) -> None:

@@ -66,6 +66,16 @@ def test_what_is_typed_over_a_file_needs_a_source_that_reads_it(tmp_path: Path) 
     assert load_session(bop, {"scene": {"source": "demo"}}).scene.source == "demo"
 
 
+def test_a_file_named_twice_is_refused_however_it_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(
+        '[hypotheses]\nsource = "results"\nfiles = ["a.csv", "b.csv", "../x/a.csv"]\n'.replace("x", tmp_path.name)
+    )
+    with pytest.raises(SettingsError, match=rf"^{path}: hypotheses.files names {tmp_path}/a.csv twice; name each"):
+        load_session(path)
+    assert len(load_session(path, {"hypotheses": {"files": ("a.csv", "b.csv")}}).hypotheses.files) == 2
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "sessions").glob("*.toml")), ids=lambda path: path.stem)
 def test_sessions_that_come_along_load_and_so_do_saved_ones(path: Path, tmp_path: Path) -> None:
     for source in (None, "perturb", "pcs"):

@@ -71,7 +71,7 @@ class BopDataset:
             raise InputError(f"data set folder {self.folder} does not exist; set scene.dataset to a BOP folder")
         splits = [p.name for p in sorted(self.folder.iterdir()) if p.is_dir() and _scenes_in(p)]
         if split not in splits:
-            raise InputError(f"{unknown('split', split, splits)} in {self.folder}")
+            raise InputError(f"{unknown('split', split, splits)} in {self.folder}{_meant(self.folder, split)}")
         self.models = ModelLibrary(self.folder, model_points, seed)
         self._scenes = _scenes_in(self.folder / split)
         self._json: dict[Path, Any] = {}
@@ -256,6 +256,13 @@ class BopDataset:
         if path not in self._json:
             self._json[path] = read_json(path, kind)
         return self._json[path]
+
+
+def _meant(folder: Path, split: str) -> str:
+    """Which data set somebody meant who named a folder in it, or the one that it lies in; empty if nobody can tell."""
+    below = [path for path in folder.iterdir() if path.is_dir()]
+    near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if _scenes_in(place / split)]
+    return f"; the data set is {near[0]}: set scene.dataset to it" if len(near) == 1 else ""
 
 
 def _scenes_in(folder: Path) -> dict[int, Path]:

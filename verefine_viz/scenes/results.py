@@ -83,6 +83,8 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
         if number == 1 and HEADER in line:
             continue
         where = f"{path}, line {number}"
+        if number == 1 and _is_header(line):
+            raise InputError(f"{where}: the header is {line.strip()[:80]!r}, expected {HEADER} or none")
         new = _line_of(line, number, where)
         found.append(new)
         if new.time_s < 0:
@@ -147,6 +149,12 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     except ValueError:
         raise InputError(f"{where}: time is {fields[6].strip()[:40]!r}, expected seconds (-1 = unknown)") from None
     return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
+
+
+def _is_header(line: str) -> bool:
+    """Whether a line is made of names: nothing in it is a number."""
+    words = re.split(r"[,;\s]+", line.strip().lstrip("\ufeff"))
+    return all(re.fullmatch(r"[^\W\d]\w*", word) for word in words)
 
 
 def _integer(text: str, name: str, where: str) -> int:

@@ -1,4 +1,4 @@
-"""Data and estimators that a session names, and then would not look at: nobody means that."""
+"""Data and estimators that a session names and then would not look at, or would look at twice: nobody means that."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def check_sources(session: Session, layers: Sequence[Layer]) -> None:
         layers: the later wins.
 
     Raises:
-        SettingsError: a field is set that its section's source does not look at, and the source was not chosen with it.
+        SettingsError: a field is set that its section's source does not look at, and the source was not chosen with it;
+            or a results file is named twice.
     """
     for (section, field), reader in _READ_BY.items():
         chosen = getattr(session, section)
@@ -40,6 +41,10 @@ def check_sources(session: Session, layers: Sequence[Layer]) -> None:
                 f'set {source} = "{reader}", or leave {name} out'
             )
     hypotheses = session.hypotheses
+    twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
+    if twice and hypotheses.source == "results":
+        where = layers[_last(layers, "hypotheses", "files")][0]
+        raise SettingsError(f"{where}: hypotheses.files names {twice[0]} twice; name each file once")
     if _last(layers, "hypotheses", "source") >= 0:
         return
     for name in _ESTIMATORS:
