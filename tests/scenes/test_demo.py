@@ -168,6 +168,20 @@ def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
     np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, truth.T_cam_obj_gt, atol=1e-6)
 
 
+def test_files_of_the_same_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    truth = made("mug").instances[0]
+    assert truth.T_cam_obj_gt is not None
+    files = []
+    for folder, name in (("first", "results.csv"), ("second", "results.csv"), ("second", "mine_demo-test.csv")):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        write_results(tmp_path / folder / name, [ResultRow(0, 0, truth.obj_id, 0.5, truth.T_cam_obj_gt, -1.0)])
+        files.append(str(tmp_path / folder / name))
+    (instance,) = (
+        open_scene(SceneSettings(), HypothesesSettings(source="results", files=tuple(files))).problem("0/0").instances
+    )
+    assert [h.source for h in instance.hypotheses] == ["first/results", "second/results", "mine"]
+
+
 def test_a_demo_written_as_bop_is_read_back_the_same(tmp_path: Path) -> None:
     problems = [made("clutter", frame, {"model_points": 100}) for frame in demo_frames("clutter")[:2]]
     write_bop(tmp_path / "clutter", problems)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, zip_longest
 from pathlib import Path
 
@@ -60,7 +61,17 @@ def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
         return ()
     if not hypotheses.files:
         raise SettingsError("hypotheses.source is 'results' but hypotheses.files is empty; name a BOP results CSV")
-    return tuple(open_results(path) for path in hypotheses.files)
+    return _told_apart([Path(path) for path in hypotheses.files])
+
+
+def _told_apart(paths: Sequence[Path]) -> tuple[ResultsFile, ...]:
+    """The files; where two methods have the same name, each with its folder: "posecnn/results"."""
+    files = [open_results(path) for path in paths]
+    often = Counter(file.method for file in files)
+    return tuple(
+        replace(file, method=f"{path.resolve().parent.name}/{file.method}") if often[file.method] > 1 else file
+        for path, file in zip(paths, files, strict=True)
+    )
 
 
 def check_covered(
