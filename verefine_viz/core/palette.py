@@ -25,18 +25,19 @@ CLASS_COLORS: dict[str, RGB] = {
 }
 
 ARM_COLORS: tuple[RGB, ...] = (
-    (31, 119, 180),
-    (255, 127, 14),
-    (44, 160, 44),
-    (214, 39, 40),
-    (148, 103, 189),
-    (140, 86, 75),
-    (227, 119, 194),
-    (127, 127, 127),
-    (188, 189, 34),
-    (23, 190, 207),
+    (140, 140, 240),
+    (205, 165, 110),
+    (165, 70, 110),
+    (120, 212, 228),
+    (140, 130, 35),
+    (238, 150, 165),
+    (70, 95, 170),
+    (190, 215, 140),
+    (130, 82, 55),
+    (60, 140, 150),
 )
-"""Arm j is drawn in ``ARM_COLORS[j % 10]``."""
+"""Arm j is drawn in ``ARM_COLORS[j % 10]``: softer than the colours that mean something, and told apart without red and
+green."""
 
 OBJECT_COLORS: tuple[RGB, ...] = (
     (102, 194, 255),

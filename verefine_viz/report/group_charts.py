@@ -9,7 +9,6 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from verefine_viz.core.palette import ARM_COLORS
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.report.charts import css, new_figure, rounded, stage_bars
 from verefine_viz.report.comparison import Curve, Line
@@ -17,7 +16,15 @@ from verefine_viz.report.numbers import THRESHOLDS
 
 GREY = "#98a3b5"
 GROUP_COLORS = (
-    *(c for c in ARM_COLORS if len(set(c)) > 1),
+    (31, 119, 180),
+    (255, 127, 14),
+    (44, 160, 44),
+    (214, 39, 40),
+    (148, 103, 189),
+    (140, 86, 75),
+    (227, 119, 194),
+    (188, 189, 34),
+    (23, 190, 207),
     (0, 150, 110),
     (190, 60, 160),
     (235, 180, 100),
