@@ -148,12 +148,14 @@ STYLE = """<style>
 .vz.strip table{table-layout:fixed;margin:0}
 .vz.strip td,.vz.strip th{padding:1px 2px;border:0;text-align:center}
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
-.vz th.whose .cut{max-width:54px}
+.vz.strip th.whose{white-space:nowrap}
+.vz th.whose .cut{max-width:52px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 .vz.line .head{display:flex;gap:12px;font-size:12px}
 .vz.line .where{white-space:nowrap}
 .vz.line .legend{margin-left:auto;font-size:11px;display:flex;gap:10px;white-space:nowrap;overflow:hidden;cursor:help}
+.vz.line .blocks{font-size:11px;white-space:nowrap;overflow:hidden}
 [data-dock-tab]{padding:0 7px!important}
 [data-dock-column]{transform:none!important}
 [data-dock-region=right] div[style*="flex: 0.5 1"]{flex-grow:.43!important}

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.palette import ARM_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.rendering.simplify import scoring_mesh
+from verefine_viz.viewer.arms import arm_color
 from verefine_viz.viewer.commands import Command, SelectArm
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.view import View
@@ -74,7 +75,7 @@ class StageNodes:
         )  # fmt: skip
         self._ghosts = None
         if n_arms:
-            colors = np.array([ARM_COLORS[j % len(ARM_COLORS)] for j in range(n_arms)], np.uint8)
+            colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
             self._ghosts = scene.add_batched_meshes_simple(
                 f"/cam/hypotheses/{key}", vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
                 batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.16, lod="off", side="double",

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from verefine_viz.core.palette import ARM_COLORS, CLASS_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
+from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
@@ -121,7 +122,7 @@ def arms_table(view: View) -> str:
         )
         error = view.initial_errors[j]
         cells = [
-            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}{' ◂' if j == taken else ''}",
+            f"{swatch(arm_color(j))}{j + 1}{' ◂' if j == taken else ''}",
             plays_text(float(plays)),
             f"{mean:.3f}",
             number(bonus, 3),
@@ -141,7 +142,8 @@ def arms_table(view: View) -> str:
         ("start", "rotation error of its first pose against ground truth"),
         ("Σ ms", TIME_MEANS),
     ]
-    return table(head, rows) + what_n_counts(view) + what_the_time_holds(view)
+    names = f'<p class="legend">{arms_legend(view.target)}</p>' if have_names(view.target) else ""
+    return names + table(head, rows) + what_n_counts(view) + what_the_time_holds(view)
 
 
 def arm_history(view: View, newest: int = 12) -> str:
@@ -270,7 +272,7 @@ def starts_table(view: View) -> str:
             return ""
         score = view.state.initial[j].score if view.state is not None else None
         cells = [
-            f"{swatch(ARM_COLORS[j % len(ARM_COLORS)])}{j + 1}", cut(h.source), f"{e.rotation_deg:.1f}°",
+            f"{swatch(arm_color(j))}{j + 1}", cut(h.source), f"{e.rotation_deg:.1f}°",
             f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
         ]  # fmt: skip
         rows.append(Row(cells, c.SelectArm(j)))

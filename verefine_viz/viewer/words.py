@@ -11,6 +11,7 @@ from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.arms import arm_name
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.plays import BEST_OF_ALL
@@ -210,7 +211,7 @@ def _answer(view: View) -> str:
     best = view.scene.object(view.target.instance.instance_id).answer
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
-    said = f"best {best.score.score:.2f}, hypothesis {best.arm + 1}, {where}{_ahead(view, best)}"
+    said = f"best {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{_ahead(view, best)}"
     errors = view.poses["best"].errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import viser
 
-from verefine_viz.core.palette import ARM_COLORS
+from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.arms import arm_color
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
 from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
@@ -81,6 +82,11 @@ MISSING = {
 }
 
 
+BEST_PX = 5.0
+"""Width of the line of the best pose, which others are drawn over."""
+KEPT_COLOR = (225, 225, 225)
+
+
 class CurvesPanel:
     """Scores, UCB, pulls and errors over the iterations of the object in focus."""
 
@@ -100,11 +106,12 @@ class CurvesPanel:
         n = len(view.state.arms) if view.state is not None else 0
         # Iterations count over all objects; this one's curves begin where its turn did.
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
-        self._draw("Score", x, score_lines(view, n) if own else [], "score by arm")
-        self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm")
+        scored = "score by arm" if len(view.scene.objects) == 1 else "by arm"
+        self._draw("Score", x, score_lines(view, n) if own else [], scored, view)
+        self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm", view)
         counted = "chosen (n adds the start)" if view.session.method.name in CHOOSING else "iterations, by arm"
-        self._draw("Pulls", x, pull_lines(view, n) if own else [], counted)
-        self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm")
+        self._draw("Pulls", x, pull_lines(view, n) if own else [], counted, view)
+        self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm", view)
 
     def _show_scene(self, view: View) -> None:
         x, tree = scene_x(view), tree_of(view.iterations)
@@ -117,18 +124,34 @@ class CurvesPanel:
         self._draw("Pulls", x, spent_lines(view) if started else [], "iterations spent")
         self._draw("Error", x, scene_error_lines(view) if started else [], "ADD(-S) in mm")
 
-    def _draw(self, name: str, x: Sequence[float], lines: list[Line], caption: str) -> None:
+    def _draw(self, name: str, x: Sequence[float], lines: list[Line], caption: str, of: View | None = None) -> None:
+        """Curves with their legend; ``of``: whose object in focus they are about, None = all objects."""
         words, chart = self._charts[name]
         if not lines:
             caption = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name]
         legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
-        words.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)} {legend}</div>')
+        said = f"{whose(of) if of is not None else ''}{text(caption)}"
+        words.show(f'<div style="font-size:11px;margin-bottom:-8px;white-space:nowrap">{said} {legend}</div>')
         chart.show(x, lines)
+
+
+def whose(view: View) -> str:
+    """The object in focus before a caption; empty where there is one object only."""
+    if len(view.scene.objects) < 2:
+        return ""
+    o = view.scene.object(view.target.instance.instance_id)
+    return f'{swatch(o.color)}<span class="cut" style="max-width:76px" title="{text(o.label)}">{text(o.label)}</span>: '
 
 
 def score_lines(view: View, n_arms: int) -> list[Line]:
     """Score of each hypothesis's kept pose, and of the best so far."""
-    lines = []
+    best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
+    # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
+    of_scene = any(i.tree is not None or i.scene_pass is not None for i in view.own_iterations)
+    name = "answer" if of_scene else "best"
+    # Below the others and wider, so that the hypothesis that leads is seen in it.
+    values = [best, *(i.best.score.score for i in view.own_iterations)]
+    lines = [Line(name, STAGE_COLORS["best"], values, width=BEST_PX)]
     for j in range(n_arms):
         now = view.state.arms[j].entries[0].score.score
         values = [now]
@@ -136,12 +159,7 @@ def score_lines(view: View, n_arms: int) -> list[Line]:
             if i.arm == j and i.accepted_stage.score is not None:
                 now = i.accepted_stage.score.score
             values.append(now)
-        lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
-    best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
-    # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
-    of_scene = any(i.tree is not None or i.scene_pass is not None for i in view.own_iterations)
-    name = "answer" if of_scene else "best"
-    lines.append(Line(name, (0, 170, 120), [best, *(i.best.score.score for i in view.own_iterations)], width=3.0))
+        lines.append(Line(f"{j + 1}", arm_color(j), values))
     return lines
 
 
@@ -150,10 +168,7 @@ def ucb_lines(view: View, n_arms: int) -> list[Line]:
     choices = [i.choice for i in view.own_iterations]
     if not choices or any(c is None for c in choices):
         return []
-    return [
-        Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], [float(c.ucb[j]) for c in choices if c is not None])
-        for j in range(n_arms)
-    ]
+    return [Line(f"{j + 1}", arm_color(j), [float(c.ucb[j]) for c in choices if c is not None]) for j in range(n_arms)]
 
 
 def pull_lines(view: View, n_arms: int) -> list[Line]:
@@ -163,7 +178,7 @@ def pull_lines(view: View, n_arms: int) -> list[Line]:
         values = [0.0]
         for i in view.own_iterations:
             values.append(values[-1] + (i.arm == j))
-        lines.append(Line(f"{j + 1}", ARM_COLORS[j % len(ARM_COLORS)], values))
+        lines.append(Line(f"{j + 1}", arm_color(j), values))
     return lines
 
 
@@ -175,4 +190,4 @@ def error_lines(view: View) -> list[Line]:
     start = first[view.own_iterations[0].arm] if first else 0.0
     kept = [start, *(e.add_s_mm for _, e, _ in view.error_series if e is not None)]
     best = [start, *(e.add_s_mm for _, _, e in view.error_series if e is not None)]
-    return [Line("kept", (50, 110, 255), kept), Line("best", (0, 170, 120), best, width=3.0)]
+    return [Line("best", STAGE_COLORS["best"], best, width=BEST_PX), Line("kept", KEPT_COLOR, kept)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.arms import arm_color, arm_name
 from verefine_viz.viewer.carrying import alone_hint, carried
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
@@ -76,7 +77,8 @@ def objects_table(view: View) -> str:
         ("score", "of the answer so far"),
         ("mm", "ADD(-S) of the answer against ground truth [mm]; bold = within 10 % of the diameter"),
         ("it.", "iterations spent on it up to the cursor"),
-        ("state", "waiting, working, placed or done"),
+        ("hyp.", "the hypothesis that became the answer") if view.is_answer
+        else ("state", "waiting, working, placed or done"),
     ]  # fmt: skip
     if not _has_errors(view):
         head = [column for column in head if column[0] != "mm"]
@@ -91,7 +93,7 @@ def _has_errors(view: View) -> bool:
 def _scene_row(view: View) -> Row:
     scene, latest = view.scene, view.scene.latest_pass
     score = view.frame_score.score if view.frame_score else None
-    phase = "done" if view.is_answer else f"pass {latest.number}" if latest else ""
+    phase = "" if view.is_answer else f"pass {latest.number}" if latest else ""
     tip = text(f"frame score: {TERMS['frame score']}")
     shown = f'<span title="{tip}">{number(score, 2)}</span>'
     spent = f"{sum(o.n_iterations for o in scene.objects)}"
@@ -122,9 +124,17 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         number(o.answer.score.score if o.answer else None, 2),
         *([error] if _has_errors(view) else []),
         f"{o.n_iterations}",
-        f'<span title="{text(tip)}">{label}</span>',
+        _winner(o) if view.is_answer and o.answer is not None else f'<span title="{text(tip)}">{label}</span>',
     ]
     return Row(cells, c.Focus(None if pinned and in_focus else o.instance_id), marked=in_focus, parted=first_of_cluster)
+
+
+def _winner(o: ObjectNow) -> str:
+    """Which hypothesis became the answer, and when."""
+    assert o.answer is not None
+    arm, found = o.answer.arm, o.answer.iteration
+    when = f"iteration {found}, {o.answer.stage}" if found else "its first pose"
+    return f'<span title="{text(f"{arm_name(o.target, arm)}, {when}")}">{swatch(arm_color(arm))}{arm + 1}</span>'
 
 
 def _sinks(view: View, o: ObjectNow) -> str:

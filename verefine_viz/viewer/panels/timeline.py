@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import viser
 
-from verefine_viz.core.palette import ARM_COLORS, RGB
+from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
+from verefine_viz.viewer.arms import arm_color, arms_legend
 from verefine_viz.viewer.marks import MEANINGS, Mark
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
@@ -61,7 +62,17 @@ def strip(view: View) -> str:
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
     head = f'<div class="head"><span class="where">{where(view)}</span>{legend(marks)}</div>'
-    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>"
+    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{blocks_legend(view)}"
+
+
+def blocks_legend(view: View) -> str:
+    """What the colours of the blocks below the marks mean."""
+    several = len(view.scene.objects) > 1
+    if view.is_whole_scene:
+        return '<div class="blocks">Blocks: objects, in the colours of the list of objects.</div>'
+    label = view.scene.object(view.target.instance.instance_id).label
+    said = f"Blocks: hypotheses, line below: objects. Of {label}:" if several else "Blocks: hypotheses"
+    return f'<div class="blocks">{text(said)} {arms_legend(view.target)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:
@@ -83,7 +94,7 @@ def is_shown(view: View, iteration: Iteration) -> bool:
 def _color(view: View, iteration: Iteration) -> RGB:
     if view.is_whole_scene:
         return view.scene.object(iteration.instance_id).color
-    return ARM_COLORS[iteration.arm % len(ARM_COLORS)]
+    return arm_color(iteration.arm)
 
 
 def _cells(view: View, cell: float) -> list[str]:
