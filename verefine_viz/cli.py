@@ -12,6 +12,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Protocol, Union
 
 import tyro
@@ -72,6 +73,7 @@ def run_command(words: list[str]) -> int:
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
+    words = [_at_home(word) for word in words]
     try:
         code = parse(words).run(words[1:])
         sys.stdout.flush()
@@ -97,6 +99,12 @@ def run_command(words: list[str]) -> int:
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return 130
+
+
+def _at_home(word: str) -> str:
+    """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    return f"{option}{equals}{Path(value).expanduser()}" if value == "~" or value.startswith("~/") else word
 
 
 def _drop_output() -> None:

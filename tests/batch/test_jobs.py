@@ -57,6 +57,8 @@ def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tm
     ("words", "expected"),
     [
         (("--methods", "pir", "ppir"), "unknown method 'ppir'; available: refine, "),
+        (("--methods", "RIR"), "unknown method 'RIR'; did you mean 'rir'? available: refine, "),
+        (("--methods", "pir,sir"), "--methods pir,sir: separate the names by blanks, --methods pir sir"),
         (("--methods", "pir", "pir"), "--methods names 'pir' twice"),
         (("--seeds", "0"), "--seeds is 0, expected 1 or more"),
         (("--seeds", "-3"), "--seeds is -3, expected 1 or more"),

@@ -62,6 +62,25 @@ def test_out_is_a_folder_instead_of_a_file(desk: Desk, command: str) -> None:
     assert "is a folder, expected the name of a file, for example" in desk.refused(*BELOW[command](desk), desk.folder)
 
 
+@pytest.mark.parametrize("command", ["batch", "batch of several", "estimate"])
+@pytest.mark.parametrize("inside", ["", "000007/run"])
+def test_out_lies_among_the_images(desk: Desk, command: str, inside: str) -> None:
+    split = desk.made.root / "test"
+    out = split / inside / "new.csv"
+    said = desk.refused(*BELOW[command](desk), out)
+    assert said == f"--out {out} lies among the images of the data set, in {split}; choose another --out"
+    assert not out.parent.joinpath("run").exists()
+
+
+@pytest.mark.parametrize("words", [["--out", "~/runs"], ["--out=~/runs"]])
+def test_the_home_folder_that_a_shell_left_alone(desk: Desk, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    desk.file("runs/thesis.tex", "")
+    monkeypatch.setenv("HOME", str(desk.folder))
+    desk.bop()
+    said = desk.refused("batch", "~/session.toml", *words)
+    assert said.startswith(f"{desk.folder / 'runs'} holds other files (thesis.tex)")
+
+
 def test_out_holds_other_files(desk: Desk) -> None:
     desk.file("out/thesis.tex", "")
     assert "holds other files (thesis.tex) and no batch run" in desk.batch(desk.bop())

@@ -109,6 +109,7 @@ def test_the_first_difference_is_named() -> None:
 def test_unknown_names_list_what_exists() -> None:
     assert unknown("refiner", "ipc", ["icp", "identity"]) == "unknown refiner 'ipc'; available: icp, identity"
     assert unknown("refiner", "ipc", []) == "unknown refiner 'ipc'; available: none"
+    assert unknown("refiner", "ICP", ["icp"]) == "unknown refiner 'ICP'; did you mean 'icp'? available: icp"
     assert unknown("object", 99, range(1, 22)) == "unknown object 99; available: 1-21"
 
 

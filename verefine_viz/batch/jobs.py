@@ -30,13 +30,16 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
 
     Raises:
-        VerefineError: a session cannot be used, or two would write to the same folder.
+        VerefineError: a session cannot be used, two would write to the same folder, or to a place among its images.
     """
     names = _stems(paths, out)
-    return [
+    jobs = [
         Job(load_session(path, overrides), out / name if len(paths) > 1 else out, name)
         for path, name in zip(paths, names, strict=True)
     ]
+    for job in jobs:
+        check_outside(out, job.session)
+    return jobs
 
 
 def sweep_jobs(
@@ -53,11 +56,14 @@ def sweep_jobs(
         n_seeds: of first poses and of the method, from 0; None = each session's own.
 
     Raises:
-        VerefineError: a session cannot be used, a name is unknown or comes twice, or ``out`` holds a run itself.
+        VerefineError: a session cannot be used, a name is unknown or comes twice, ``out`` holds a run itself, or lies
+            among a session's images.
     """
     _check_sweep(out, overrides, methods, n_seeds)
     stems = _stems(paths, out)
     sessions = [load_session(path, overrides) for path in paths]
+    for session in sessions:
+        check_outside(out, session)
     jobs: list[Job] = []
     for seed in (None,) if n_seeds is None else range(n_seeds):
         for stem, session in zip(stems, sessions, strict=True):
@@ -85,8 +91,26 @@ def check_jobs(jobs: Sequence[Job]) -> None:
                 pass
 
 
+def check_outside(out: Path, session: Session) -> None:
+    """
+    Raises:
+        SettingsError: ``out`` lies in the split that the session reads, where others look for scenes and images.
+    """
+    if session.scene.source != "bop" or Path(session.scene.split).name != session.scene.split:
+        return
+    split = Path(session.scene.dataset) / session.scene.split
+    if out.resolve().is_relative_to(split.resolve()):
+        raise SettingsError(f"--out {out} lies among the images of the data set, in {split}; choose another --out")
+
+
+def _words(text: str) -> list[str]:
+    return text.replace(",", " ").split()
+
+
 def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> None:
     for name in methods:
+        if "," in name:
+            raise SettingsError(f"--methods {name}: separate the names by blanks, --methods {' '.join(_words(name))}")
         if name not in ALL_METHOD_NAMES:
             raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
         if methods.count(name) > 1:

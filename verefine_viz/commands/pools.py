@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
@@ -42,6 +43,7 @@ def write_pools(
             "say --hypotheses.source ppf"
         )
     check_file(out, "pool.csv")
+    check_outside(out, session)
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as tell:
         outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")

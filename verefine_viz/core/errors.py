@@ -41,7 +41,10 @@ class UnavailableError(VerefineError):
 
 def unknown(kind: str, name: object, available: Iterable[object]) -> str:
     """The text for a name that does not exist: ``unknown refiner 'ipc'; available: icp, tricp``."""
-    return f"unknown {kind} {name!r}; available: {listed(available)}"
+    names = list(available)
+    meant = [other for other in names if isinstance(name, str) and str(other).casefold() == name.strip().casefold()]
+    hint = f"did you mean {meant[0]!r}? " if meant else ""
+    return f"unknown {kind} {name!r}; {hint}available: {listed(names)}"
 
 
 def listed(names: Iterable[object]) -> str:
