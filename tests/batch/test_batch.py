@@ -133,10 +133,15 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     assert str(file) in done.stdout
     assert "Traceback" not in done.stderr
     _, objects = without_times(out)
-    (bad,) = [o for o in objects if o["im_id"] == "1"]
-    assert bad["status"] == "failed"
-    assert str(file) in bad["message"]
-    assert [o for o in objects if o is not bad] == [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
+    bad = [o for o in objects if o["im_id"] == "1"]
+    assert [(o["status"], o["instance_id"], o["has_truth"]) for o in bad] == [
+        ("failed", str(k), "True") for k in range(3)
+    ]
+    assert all(str(file) in o["message"] for o in bad)
+    assert f"{3 * N_FRAMES} objects, 3 in failed frames, " in done.stdout
+    assert f" of {3 * N_FRAMES} right" in done.stdout
+    others = [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
+    assert [o for o in objects if o["im_id"] != "1"] == others
     # Mended, but not asked to try again: it stays as it was.
     as_it_was = batch_here(session, out, "--workers", 1)
     assert as_it_was.returncode == 1

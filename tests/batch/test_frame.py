@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import sleep
 
 import pytest
 
@@ -13,6 +14,7 @@ from verefine_viz.batch.frame import explain_frame, solve_frame
 from verefine_viz.batch.rows import STAGES
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
@@ -46,6 +48,43 @@ def test_the_recordings_that_were_asked_for_are_kept(
     assert len(recordings) == n_kept
     for file in recordings:
         assert len(read_recording(file).entries) == 9  # 3 objects, 3 iterations: the whole history
+
+
+@pytest.mark.parametrize("keep", ["all", "failures"])
+def test_recording_is_no_part_of_the_time_of_solving(
+    tmp_path: Path, made: Made, keep: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(recorder: Recorder, *_: object) -> None:
+        sleep(0.3)
+
+    monkeypatch.setattr(Recorder, "on_start", slow)
+    monkeypatch.setattr(Recorder, "on_iteration", slow)
+    monkeypatch.setattr(Recorder, "on_finish", slow)
+    result = solve_frame(toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
+    n_calls = 1 + 9 + 1  # start, iterations, end
+    assert result.stages_ms["record"] > 300 * n_calls
+    assert result.solving_s == pytest.approx(1e-3 * (result.stages_ms["start"] + result.stages_ms["iterate"]))
+    assert result.solving_s < result.seconds - 0.3 * n_calls
+    assert sum(result.stages_ms.values()) < 1e3 * result.seconds
+
+
+@pytest.mark.parametrize("what", ["mask", "model"])
+def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(tmp_path: Path, made: Made, what: str) -> None:
+    files = {
+        "mask": (made.scene / "mask_visib/000000_000001.png", "000000_000001.png is missing"),
+        "model": (made.root / "models/obj_000005.ply", "unknown model 5"),
+    }
+    file, said = files[what]
+    file.unlink()
+    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
+    result = explain_frame(tools, "7/0", tmp_path)
+    assert not result.failed
+    assert [row.status for row in result.objects] == ["ok", "ok", "left_out"]
+    row = result.objects[-1]
+    assert (row.instance_id, row.obj_id, row.has_truth, row.visib_fract) == (1, 5, True, 0.6)
+    assert said in row.message
+    assert row.cause == ""
+    assert len(result.estimates) == 2
 
 
 def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> None:

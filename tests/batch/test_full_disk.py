@@ -125,7 +125,7 @@ def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, w
 def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runner, "check", lambda session: ("0/0", "0/1", "0/2"))
+    monkeypatch.setattr(runner, "check", lambda session: (("0/0", "0/1", "0/2"), ()))
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
     with pytest.raises(InputError) as caught:
@@ -146,7 +146,7 @@ def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
         raise FileNotFoundError("No usable temporary directory found")
 
     monkeypatch.setattr(tempfile, "gettempdir", refuses)
-    monkeypatch.setattr(runner, "check", lambda session: ("0/0",))
+    monkeypatch.setattr(runner, "check", lambda session: (("0/0",), ()))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()))
     with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from verefine_viz.batch import progress
+from verefine_viz.batch.command import in_short
 from verefine_viz.batch.progress import in_words, shown_progress
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
-from verefine_viz.batch.runner import Progress
+from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, with_objects
+from verefine_viz.batch.runner import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals
+from verefine_viz.core.problem import LeftOut
 
 
 def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> FrameResult:
@@ -42,6 +45,29 @@ def test_objects_without_an_answer_are_missed() -> None:
     counts = counted()
     assert counts.recall == 2 / 4
     assert (counts.frames_done, counts.frames_failed, counts.objects_without_answer) == (5, 1, 1)
+
+
+def test_objects_that_were_left_out_or_are_in_failed_frames_are_missed() -> None:
+    counts = counted()
+    objects = [LeftOut(k, 5, "mug", "its mask is missing", has_truth=True) for k in range(3)]
+    counts.add(with_objects(failed_frame("0/5", "no depth"), objects))
+    counts.add(solved(6, None, "left_out"))
+    assert (counts.objects, counts.objects_with_truth, counts.objects_correct) == (8, 8, 2)
+    assert (counts.objects_in_failed_frames, counts.objects_left_out, counts.answers_with_truth) == (3, 1, 3)
+    assert counts.recall == 2 / 8
+
+
+def test_the_summary_adds_up(tmp_path: Path) -> None:
+    totals = Totals()
+    objects = [LeftOut(k, 5, "mug", "", has_truth=True) for k in range(2)]
+    failed = with_objects(failed_frame("0/5", "no depth"), objects)
+    for _ in totals.passing([*RESULTS[:3], failed, solved(6, None, "left_out")]):
+        pass
+    said = in_short(Outcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
+    assert said == (
+        "5 frames, 6 objects, 1 without a hypothesis, 1 left out (frames.csv says why), 2 in failed frames, "
+        "median ADD(-S) 27.5 mm of 2 answers, 1 of 6 right (17%; ADD(-S) below 10 % of the diameter)"
+    )
 
 
 def test_totals_see_every_result_once() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +20,13 @@ from verefine_viz.batch.rows import (
     frame_ids,
     frame_name,
     read_frames_csv,
+    with_objects,
     write_frames_csv,
 )
 from verefine_viz.batch.summary import MUCH, frame_result, worst_iteration
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.registry import make_method
@@ -37,7 +39,7 @@ rows = st.builds(
     im_id=st.integers(0, 10**6),
     instance_id=st.none() | st.integers(0, 99),
     name=st.text(st.characters(codec="utf-8", exclude_characters="\r\x00"), max_size=20),
-    status=st.sampled_from(["ok", "no_answer", "failed"]),
+    status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
     score=st.none() | finite,
     add_s_mm=st.none() | st.floats(0, 1e6),
     message=st.text(max_size=20),
@@ -57,6 +59,14 @@ def solved(
 def test_a_result_survives_the_journal(objects: list[ObjectRow], seconds: float) -> None:
     result = FrameResult(frame="3/14", failed=False, seconds=seconds, objects=tuple(objects))
     assert FrameResult.model_validate_json(result.model_dump_json()) == result
+
+
+def test_a_table_of_another_version_is_refused_in_one_clear_line(tmp_path: Path) -> None:
+    file = tmp_path / "frames.csv"
+    write_frames_csv(file, [failed_frame("2/7", "no depth")])
+    file.write_text(file.read_text().replace("best_hypothesis", "best_arm"))
+    with pytest.raises(ValueError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
+        read_frames_csv(file)
 
 
 @given(rows)
@@ -91,6 +101,37 @@ def test_a_failed_frame_is_one_row_with_one_line() -> None:
     assert (row.scene_id, row.im_id, row.status, row.message) == (2, 7, "failed", "first second third")
 
 
+def test_objects_that_cannot_be_solved_have_a_row_of_their_own() -> None:
+    problem = box_problem(n_hypotheses=2, n_instances=2)
+    left_out = LeftOut(7, 3, "mug", "000001_000007.png is missing", has_truth=True, visib_fract=0.25)
+    _, result = solved(replace(problem, left_out=(left_out,)))
+    assert [row.status for row in result.objects] == ["ok", "ok", "left_out"]
+    row = result.objects[-1]
+    assert (row.instance_id, row.obj_id, row.name, row.visib_fract, row.has_truth) == (7, 3, "mug", 0.25, True)
+    assert (row.message, row.is_correct, row.was_asked_for) == ("left out: 000001_000007.png is missing", None, False)
+    assert len(result.estimates) == 2
+
+
+def test_a_failed_frame_has_a_row_for_each_object_that_is_known_to_be_in_it() -> None:
+    failed = failed_frame("2/7", "no depth")
+    assert with_objects(failed, ()) == failed
+    assert not failed.objects[0].is_object
+    objects = [LeftOut(k, 3, "mug", "", has_truth=True) for k in range(2)]
+    rows = with_objects(failed, objects).objects
+    assert [(row.instance_id, row.obj_id, row.status, row.message) for row in rows] == [
+        (k, 3, "failed", "no depth") for k in range(2)
+    ]
+    assert all(row.is_object and row.has_truth for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("stages_ms", "seconds"), [({"read": 500.0, "start": 40.0, "iterate": 460.0, "record": 3000.0}, 0.5), ({}, 9.0)]
+)
+def test_the_time_of_a_frame_is_that_of_solving(stages_ms: dict[str, float], seconds: float) -> None:
+    result = FrameResult(frame="0/0", failed=False, seconds=9.0, objects=(), stages_ms=stages_ms)
+    assert result.solving_s == pytest.approx(seconds)
+
+
 def test_a_row_per_object_says_what_the_run_did() -> None:
     run, result = solved(box_problem(n_hypotheses=3, n_instances=2))
     assert [row.instance_id for row in result.objects] == [0, 1]
@@ -100,7 +141,7 @@ def test_a_row_per_object_says_what_the_run_did() -> None:
         assert row.n_iterations == len(mine) == 9
         assert row.n_hypotheses == 3
         assert row.score == best.score.score
-        assert (row.best_arm, row.best_iteration) == (best.arm, best.iteration)
+        assert (row.best_hypothesis, row.best_iteration) == (best.arm + 1, best.iteration)
         assert row.initial_score is not None
         assert row.score > row.initial_score
         assert row.add_s_mm is not None
@@ -129,7 +170,7 @@ def test_the_worst_iteration_is_the_one_that_lost_most() -> None:
         for i in run.iterations
     }
     worst = max(growth, key=lambda k: growth[k])
-    expected = worst if growth[worst] > MUCH * target.model.diameter_m * 1e3 else result.objects[0].best_iteration
+    expected = worst if growth[worst] > MUCH * target.model.diameter_m * 1e3 else None
     assert result.objects[0].worst_iteration == expected
 
 
@@ -146,12 +187,17 @@ class Straying(FakeRefiner):
 
 def test_an_iteration_that_loses_much_is_named_by_its_error_or_its_score() -> None:
     run, result = solved(box_problem(), "pir", Straying())
-    (row,), (target,), (best,) = result.objects, run.problem.targets, run.final_state.best
+    (row,), (target,) = result.objects, run.problem.targets
     assert row.worst_iteration == 2
     assert row.best_iteration != 2
-    assert best is not None
     blind = replace(target, instance=replace(target.instance, T_cam_obj_gt=None))
-    assert worst_iteration(blind, best, run.iterations) == 2
+    assert worst_iteration(blind, run.iterations) == 2
+
+
+def test_where_no_iteration_loses_much_none_is_named() -> None:
+    run, result = solved(box_problem(), "pir")
+    assert len(run.iterations) > 0
+    assert result.objects[0].worst_iteration is None
 
 
 @pytest.mark.parametrize("enabled", [True, False])

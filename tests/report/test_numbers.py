@@ -16,6 +16,7 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.difference import difference
 from verefine_viz.report.loaded import Loaded, load, load_pair
 from verefine_viz.report.numbers import THRESHOLDS, by_object, lies, numbers_of, recall_curve, stage_times
+from verefine_viz.report.words import headline
 from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}
@@ -39,6 +40,20 @@ def test_failed_frames_are_counted_apart() -> None:
     numbers = numbers_of(run_of(row(1), failed))
     assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
     assert numbers.ms_per_frame == 40.0
+
+
+def test_what_a_failed_frame_held_is_missed_and_takes_no_time() -> None:
+    failed = [row(9, k, status="failed", add_s_mm=None, score=None, ms_total=0.0) for k in range(2)]
+    left_out = row(1, 5, status="left_out", add_s_mm=None, score=None, ms_total=0.0)
+    run = run_of(row(1), *failed, left_out)
+    numbers = numbers_of(run)
+    assert (numbers.n_failed_frames, numbers.n_objects, numbers.n_in_failed_frames, numbers.n_left_out) == (1, 4, 2, 1)
+    assert (numbers.recall, numbers.ms_per_frame) == (1 / 4, 40.0)
+    assert run.failures == ()
+    assert headline(run, numbers) == (
+        "rir got 1 of 4 objects right (error below 10 % of the diameter); 1 left out as their mask or model cannot be "
+        "used, 1 of 2 frames failed as a whole with 2 objects."
+    )
 
 
 def test_a_frame_takes_as_long_as_its_objects() -> None:

@@ -48,9 +48,33 @@ def test_cards_are_links_to_the_worst_iteration_and_names_are_text(tmp_path: Pat
 def test_the_summary_counts_what_is_correct_and_what_has_no_answer(tmp_path: Path) -> None:
     found = gallery(tmp_path, row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
     said = summary(found, found.entries[:1])
-    assert said.startswith("1 of 2 answers in 2 frames are right; 1 have no answer")
+    assert said.startswith("1 of 2 objects in 2 frames are right; 1 has no answer")
     assert "Click one of 1" in said
     assert "choose others" in summary(found, ())
+
+
+def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: Path) -> None:
+    lost = [row(2, status).model_copy(update={"has_truth": True}) for status in ("failed", "left_out")]
+    unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
+    found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
+    assert found.outcome == "1 of 3 objects in 3 frames are right; 2 have no answer; 1 frame failed"
+    for entry, said in zip(found.entries[1:], ("frame failed", "left out", "frame failed"), strict=True):
+        html = card(entry, found.opens(entry), None, False, False)
+        assert said in html
+        assert "data-cmd" not in html
+
+
+@pytest.mark.parametrize(
+    ("worst", "best", "said"),
+    [
+        (3, 5, "Opens at iteration 3, which made it worse than any other."),
+        (None, 5, "Opens at iteration 5, where the answer comes from: no iteration made it much worse."),
+        (None, 0, "Opens before iteration 1, where the answer comes from: no iteration made it much worse."),
+    ],
+)
+def test_a_card_says_where_it_leads_and_why(tmp_path: Path, worst: int | None, best: int, said: str) -> None:
+    found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=worst).model_copy(update={"best_iteration": best}))
+    assert said in card(found.entries[0], found.opens(found.entries[0]), None, False, False)
 
 
 def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
 
 RIR_ROWS = (
     row(1, add_s_mm=2.0, worst_iteration=1, method="rir", score=0.7),
-    row(2, add_s_mm=60.0, worst_iteration=2, best_iteration=2, method="rir", cause="pool", evidence=EVIDENCE),
+    row(2, add_s_mm=60.0, best_iteration=2, method="rir", cause="pool", evidence=EVIDENCE),
     row(2, 1, add_s_mm=30.0, worst_iteration=7, method="rir", cause="score", score=0.9),
 )
 SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"), row(2, status="no_answer"))
@@ -118,7 +118,7 @@ def test_the_evidence_stands_first_among_the_findings_and_leads_back(debugger: D
     debugger.carry_out([several.opens(several.entries[1])])
     first = findings(debugger.view())[0]
     assert EVIDENCE in first.text
-    assert first.text.startswith("Iteration 2: ")
+    assert first.text.startswith("No iteration made it much worse; iteration 2 made the answer. Why it failed ")
     assert first.red
     assert first.on_top
     assert first.command is None

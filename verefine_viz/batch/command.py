@@ -19,6 +19,13 @@ from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.diagnosis.words import cause_title
 
+MISSED = {
+    "objects_without_answer": "without a hypothesis",
+    "objects_left_out": "left out (frames.csv says why)",
+    "objects_in_failed_frames": "in failed frames",
+}
+"""Why objects have no answer, as the summary says it; by the total that counts them."""
+
 
 def run_jobs(
     jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool = False, task: TaskName = "explain"
@@ -93,19 +100,20 @@ def _print_summary(outcome: Outcome) -> None:
 
 
 def in_short(outcome: Outcome) -> str:
-    """``8 frames, 28 objects, median ADD(-S) 2.2 mm, 86% below 10 % of the diameter``."""
+    """``8 frames, 28 objects, 1 left out, median ADD(-S) 2.2 mm of 27 answers, 24 of 28 right (86 %)``."""
     numbers = outcome.totals
     parts = [
         f"{numbers['frames']} frame{'s' * (numbers['frames'] != 1)}"
         + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
         f"{numbers['objects']} object{'s' * (numbers['objects'] != 1)}",
     ]
-    if numbers["objects_without_answer"]:
-        parts.append(f"{numbers['objects_without_answer']} without a hypothesis")
+    parts += [f"{numbers[key]} {said}" for key, said in MISSED.items() if numbers[key]]
     if numbers["median_add_s_mm"] is not None:
-        parts.append(f"median ADD(-S) {numbers['median_add_s_mm']:.1f} mm")
-        if numbers["recall"] is not None:
-            parts.append(f"{numbers['recall']:.0%} below 10 % of the diameter")
+        n = numbers["answers_with_truth"]
+        parts.append(f"median ADD(-S) {numbers['median_add_s_mm']:.1f} mm of {n} answer{'s' * (n != 1)}")
+    if numbers["recall"] is not None:
+        right = f"{numbers['objects_correct']} of {numbers['objects_with_truth']} right"
+        parts.append(f"{right} ({numbers['recall']:.0%}; ADD(-S) below 10 % of the diameter)")
     elif numbers["median_score"] is not None:
         parts.append(f"median score {numbers['median_score']:.3f}")
     return ", ".join(parts)

@@ -14,6 +14,8 @@ from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
 from verefine_viz.core.atomic import NO_ROOM
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Iteration
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.toolbox import Toolbox
 
@@ -61,16 +63,16 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> Fra
     with watch("read"):
         problem = toolbox.problem(frame)
     recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier)
+    booked = _Booked(recorder, watch)
     try:
         with watch("start"):
-            run = toolbox.run(problem, [recorder] if keep == "all" else [])
-        with watch("record"):
+            run = toolbox.run(problem, [booked] if keep == "all" else [])
+        with watch("iterate"):
             run.finish()
         with watch("summarise"):
             result = frame_result(run, toolbox.session)
-        with watch("record"):
-            if keep == "failures" and is_failure(result):
-                run.fork(run.length, watchers=[recorder])  # the recorder sees the whole history
+        if keep == "failures" and is_failure(result):
+            run.fork(run.length, watchers=[booked])  # the recorder sees the whole history
     except BaseException:
         # What there is of the recording is kept where it can be; that it ends for another reason is what is told.
         with suppress(VerefineError):
@@ -78,35 +80,53 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> Fra
         raise
     with watch("record"):
         recorder.close()
-    if explain and any(row.has_truth and row.is_correct is not True for row in result.objects):
+    if explain and any(row.has_truth and row.is_correct is not True and row.was_asked_for for row in result.objects):
         with watch("explain"):
             result = with_causes(result, run, toolbox)
-    # Recorders watch while the run goes on: theirs is what the iterations themselves do not account for.
-    watch.move(sum(i.ms for i in run.iterations), "record", "iterate")
     return result.model_copy(update={"stages_ms": watch.stages_ms})
 
 
 class _Stopwatch:
-    """Milliseconds by stage."""
+    """Milliseconds by stage; a stage within another takes its time from it."""
 
     def __init__(self) -> None:
         self.stages_ms: dict[str, float] = {}
+        self._stage = ""
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
+        outer, self._stage = self._stage, stage
         started = time.perf_counter()
         try:
             yield
         finally:
-            self._add(stage, 1e3 * (time.perf_counter() - started))
-
-    def move(self, ms: float, source: str, goal: str) -> None:
-        """Books time that was measured inside one stage under another."""
-        self._add(source, -ms)
-        self._add(goal, ms)
+            ms = 1e3 * (time.perf_counter() - started)
+            self._stage = outer
+            self._add(stage, ms)
+            if outer:
+                self._add(outer, -ms)
 
     def _add(self, stage: str, ms: float) -> None:
         self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + ms
+
+
+class _Booked:
+    """A recorder whose time is booked as such: it watches while a run starts and goes on."""
+
+    def __init__(self, recorder: Recorder, watch: _Stopwatch) -> None:
+        self._recorder, self._watch = recorder, watch
+
+    def on_start(self, state: RunState) -> None:
+        with self._watch("record"):
+            self._recorder.on_start(state)
+
+    def on_iteration(self, state: RunState, iteration: Iteration) -> None:
+        with self._watch("record"):
+            self._recorder.on_iteration(state, iteration)
+
+    def on_finish(self, state: RunState) -> None:
+        with self._watch("record"):
+            self._recorder.on_finish(state)
 
 
 def is_failure(result: FrameResult) -> bool:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from verefine_viz.core.atomic import atomic
+from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 
-Status = Literal["ok", "no_answer", "failed"]
+Status = Literal["ok", "no_answer", "left_out", "failed"]
 
 
 class Row(BaseModel):
@@ -22,7 +23,11 @@ class Row(BaseModel):
 
 
 class ObjectRow(Row):
-    """One object of a frame, as frames.csv has it. Empty = unknown or not applicable."""
+    """One object of a frame, as frames.csv has it. Empty = unknown or not applicable.
+
+    A frame that failed has a row for each object that ground truth says is in it; where nobody knows, one row without
+    an object. ``docs/tables.md`` says the same to people.
+    """
 
     scene_id: int
     im_id: int
@@ -37,7 +42,8 @@ class ObjectRow(Row):
     has_truth: bool = False
     """Whether the data set holds the true pose; such an object counts for the recall, also without an answer."""
     status: Status
-    """ok; no_answer: the object has no hypothesis; failed: the whole frame failed, ``message`` says why."""
+    """ok; no_answer: the object has no hypothesis; left_out: its mask or its model is missing or damaged; failed: the
+    whole frame is. ``message`` says why."""
     score: float | None = None
     """Of the answer."""
     initial_score: float | None = None
@@ -49,12 +55,13 @@ class ObjectRow(Row):
     rotation_deg: float | None = None
     translation_mm: float | None = None
     diameter_mm: float | None = None
-    best_arm: int | None = None
-    """Index of the hypothesis that the answer comes from, from 0."""
+    best_hypothesis: int | None = None
+    """Number of the hypothesis that the answer comes from, from 1."""
     best_iteration: int | None = None
     """0 = the answer is an initial pose."""
     worst_iteration: int | None = None
-    """Where this object lost most: error (score where there is no ground truth) before against after."""
+    """The iteration that took this object furthest from its goal: by more than 3 % of the diameter, or by more than
+    0.01 of the score where there is no ground truth. Empty where none took it so far."""
     n_hypotheses: int = 0
     n_iterations: int = 0
     events: str = ""
@@ -73,6 +80,16 @@ class ObjectRow(Row):
     def frame(self) -> str:
         """``scene/image``."""
         return f"{self.scene_id}/{self.im_id}"
+
+    @property
+    def is_object(self) -> bool:
+        """Whether it is about an object; False of a failed frame whose objects nobody knows."""
+        return self.status != "failed" or self.obj_id is not None
+
+    @property
+    def was_asked_for(self) -> bool:
+        """Whether the method got to see it: neither was it left out nor did its frame fail."""
+        return self.status in ("ok", "no_answer")
 
     @property
     def relative_error(self) -> float | None:
@@ -96,6 +113,9 @@ TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 STAGES = ("read", "start", "iterate", "record", "summarise", "explain")
 """What a frame's time goes to: images and clouds; first scores; iterations; recording; errors and rows; causes."""
 
+SOLVING = ("start", "iterate")
+"""The stages that are the method's own."""
+
 
 class Estimate(Row):
     """One answer, as results.csv has it."""
@@ -113,13 +133,22 @@ class FrameResult(Row):
     """"scene/image"."""
     failed: bool
     seconds: float
-    """Computing time, from reading the frame to its last record [s]."""
+    """All the time it took, from reading the frame to its last record [s]."""
     objects: tuple[ObjectRow, ...]
     estimates: tuple[Estimate, ...] = ()
     notes: tuple[str, ...] = ()
     """What a person should know about the frame's data: objects left out, unknown names in a given order, …"""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
+
+    @property
+    def solving_s(self) -> float:
+        """Time for first scores and iterations alone, as results.csv has it [s].
+
+        Reading, recording and explaining are no part of the method. All of it where stages are not told apart.
+        """
+        parts = [self.stages_ms[name] for name in SOLVING if name in self.stages_ms]
+        return 1e-3 * sum(parts) if parts else self.seconds
 
 
 def frame_ids(frame: str) -> tuple[int, int]:
@@ -142,6 +171,19 @@ def failed_frame(frame: str, message: str, session: Session | None = None) -> Fr
     return FrameResult(frame=frame, failed=True, seconds=0.0, objects=(row,))
 
 
+def with_objects(result: FrameResult, left_out: Sequence[LeftOut]) -> FrameResult:
+    """A failed frame with a row for each object that is in it; as it is where nobody knows of any."""
+    (row, *_) = result.objects
+    rows = tuple(row.model_copy(update=left_out_facts(one)) for one in left_out)
+    return result.model_copy(update={"objects": rows}) if rows else result
+
+
+def left_out_facts(one: LeftOut) -> dict[str, Any]:
+    """The columns that say which object it is."""
+    facts = {"instance_id": one.instance_id, "obj_id": one.obj_id, "name": one.name}
+    return {**facts, "visib_fract": one.visib_fract, "has_truth": one.has_truth}
+
+
 def write_frames_csv(path: Path, results: Iterable[FrameResult]) -> None:
     """Writes frames.csv, row by row; it appears under its name only when it is whole.
 
@@ -162,10 +204,12 @@ def read_frames_csv(path: Path) -> list[ObjectRow]:
         ValueError: the file has other columns or values.
     """
     with path.open(encoding="utf-8", newline="") as file:
-        return [
-            ObjectRow.model_validate({k: v for k, v in row.items() if v != ""}, strict=False)
-            for row in csv.DictReader(file)
-        ]
+        reader = csv.DictReader(file)
+        if odd := sorted({*(reader.fieldnames or ())} ^ {*ObjectRow.model_fields}):
+            raise ValueError(
+                f"another version wrote it (its columns differ: {', '.join(odd)}); run the session again with this one"
+            )
+        return [ObjectRow.model_validate({k: v for k, v in row.items() if v != ""}, strict=False) for row in reader]
 
 
 def _shown(name: str, value: object) -> object:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,14 @@ from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
 from verefine_viz.batch.memory import gigabytes, own_peak_bytes
 from verefine_viz.batch.room import free_bytes, temporary_folder
-from verefine_viz.batch.rows import FrameResult, frame_ids, write_frames_csv
+from verefine_viz.batch.rows import FrameResult, frame_ids, with_objects, write_frames_csv
 from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.batch.totals import Counts, Totals
-from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.scenes.source import SceneSource
 from verefine_viz.session.toolbox import Toolbox
 
 NEEDED_BYTES = 1_000_000
@@ -234,8 +237,19 @@ class _Batch:
                         f"the disk of {folder} is full: frame {result.frame} failed, {result.objects[0].message}; "
                         "what is done is kept: make room and repeat the command"
                     )
+            result = with_objects(result, self._objects_in(result))
         self.folder.journal.keep(result)
         self.counts.add(result)
+
+    def _objects_in(self, failed: FrameResult) -> Sequence[LeftOut]:
+        """What a failed frame would have held."""
+        with suppress(VerefineError):
+            return self._source.all_left_out(failed.frame, failed.objects[0].message)
+        return ()
+
+    @cached_property
+    def _source(self) -> SceneSource:
+        return Toolbox(self.session).source
 
     def _write_end(self, status: str, spent_s: float) -> Totals:
         totals = self._write_tables()
@@ -272,8 +286,9 @@ class _Batch:
 
 
 def _result_rows(results: Iterable[FrameResult]) -> Iterator[ResultRow]:
+    """With the time of solving alone: what a recording or a slow disk costs is no part of a method."""
     for result in results:
         scene_id, im_id = frame_ids(result.frame)
         for e in result.estimates:
             T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-            yield ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.seconds, 3))
+            yield ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.solving_s, 3))

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
-from verefine_viz.core.problem import Problem, Target
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
+from verefine_viz.core.problem import LeftOut, Problem, Target
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
@@ -19,7 +19,7 @@ from verefine_viz.evaluation.errors import add_s_mm, pose_errors
 from verefine_viz.session.engine import Run
 
 MUCH, MUCH_SCORE = 0.03, 0.01
-"""Share of the diameter, and score, that an iteration must lose to be shown as the one where things went wrong."""
+"""Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""
 
 
 def frame_result(run: Run, session: Session) -> FrameResult:
@@ -31,6 +31,7 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         )
         for target in problem.targets
     )
+    rows += tuple(_left_out_row(problem, one, session) for one in problem.left_out)
     estimates = tuple(
         Estimate(
             obj_id=target.instance.obj_id,
@@ -78,14 +79,21 @@ def _object_row(
         score=best.score.score,
         initial_score=float(initial.score.max()),
         **_errors(target, best, initial),
-        best_arm=best.arm,
+        best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
-        worst_iteration=worst_iteration(target, best, iterations),
+        worst_iteration=worst_iteration(target, iterations),
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
         message=_no_physics(problem, session),
     )
+
+
+def _left_out_row(problem: Problem, one: LeftOut, session: Session) -> ObjectRow:
+    made_by = {"method": session.method.name, "seed": session.hypotheses.seed}
+    ids = {"scene_id": problem.scene_id, "im_id": problem.im_id}
+    message = f"left out: {' '.join(one.why.split())}"
+    return ObjectRow(**made_by, **ids, **left_out_facts(one), status="left_out", message=message)
 
 
 def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
@@ -102,11 +110,11 @@ def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
     }
 
 
-def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration]) -> int:
+def worst_iteration(target: Target, iterations: Sequence[Iteration]) -> int | None:
     """The iteration after which this object was further from its goal than before it, by most.
 
     Measured by the error of the accepted pose against the one it started from, or by the score where there is no
-    ground truth. If no iteration lost much (:data:`MUCH`): the one that made the answer.
+    ground truth. None if no iteration lost much (:data:`MUCH`, :data:`MUCH_SCORE`).
     """
     T_gt = target.instance.T_cam_obj_gt
 
@@ -116,7 +124,7 @@ def worst_iteration(target: Target, best: Best, iterations: Sequence[Iteration])
         assert T_gt is not None
         return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), T_gt)
 
-    worst, most = best.iteration, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
+    worst, most = None, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
     for iteration in iterations:
         before, after = iteration.stages[0], iteration.accepted_stage
         if T_gt is not None:

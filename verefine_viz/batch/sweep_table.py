@@ -67,7 +67,7 @@ def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
     errors_mm, scores, frames_ms = array("d"), array("d"), array("d")
     counts: list[tuple[int, int]] = []
     for rows in runs:
-        objects = [row for row in rows if row.status != "failed"]
+        objects = [row for row in rows if row.is_object]
         truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
         counts.append((sum(row.is_correct is True for row in truth), len(truth)))
         solved = [row for row in objects if row.status == "ok"]
@@ -75,7 +75,8 @@ def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
         scores.extend(row.score for row in solved if row.score is not None)
         by_frame: dict[str, float] = {}
         for row in objects:
-            by_frame[row.frame] = by_frame.get(row.frame, 0.0) + row.ms_total
+            if row.status != "failed":
+                by_frame[row.frame] = by_frame.get(row.frame, 0.0) + row.ms_total
         frames_ms.extend(by_frame.values())
     n = sum(m for _, m in counts)
     recalls = [right / m for right, m in counts if m]

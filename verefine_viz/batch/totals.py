@@ -20,7 +20,13 @@ class Counts:
     frames_done: int = 0
     frames_failed: int = 0
     objects: int = 0
+    """All that are known of, also those of failed frames."""
+    answers_with_truth: int = 0
     objects_without_answer: int = 0
+    """Without a hypothesis."""
+    objects_left_out: int = 0
+    """Without a mask or a model that can be used."""
+    objects_in_failed_frames: int = 0
     objects_with_truth: int = 0
     objects_correct: int = 0
 
@@ -29,16 +35,19 @@ class Counts:
         self.frames_done += 1
         self.frames_failed += result.failed
         for row in result.objects:
-            if row.status == "failed":
+            if not row.is_object:
                 continue
             self.objects += 1
+            self.answers_with_truth += row.add_s_mm is not None
             self.objects_without_answer += row.status == "no_answer"
+            self.objects_left_out += row.status == "left_out"
+            self.objects_in_failed_frames += row.status == "failed"
             self.objects_with_truth += row.has_truth
             self.objects_correct += row.is_correct is True
 
     @property
     def recall(self) -> float | None:
-        """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter."""
+        """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter; no answer is a miss."""
         return self.objects_correct / self.objects_with_truth if self.objects_with_truth else None
 
 
@@ -91,8 +100,12 @@ class Totals:
             "frames_done": counts.frames_done,
             "frames_failed": counts.frames_failed,
             "objects": counts.objects,
+            "answers_with_truth": counts.answers_with_truth,
             "objects_without_answer": counts.objects_without_answer,
+            "objects_left_out": counts.objects_left_out,
+            "objects_in_failed_frames": counts.objects_in_failed_frames,
             "objects_with_truth": counts.objects_with_truth,
+            "objects_correct": counts.objects_correct,
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
             "notes": dict(self._notes.most_common()),

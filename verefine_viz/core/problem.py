@@ -54,6 +54,21 @@ class Instance:
             object.__setattr__(self, "T_cam_obj_gt", as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """An object that is in the frame and not among the instances to solve: its mask or its model cannot be used."""
+
+    instance_id: int | None
+    """As :class:`Instance`; None where masks are detections, as this object has none."""
+    obj_id: int
+    name: str
+    why: str
+    """What is missing, for people."""
+    has_truth: bool
+    """Whether its true pose is known."""
+    visib_fract: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Target:
     """One instance with all that is needed to fit its model to the frame."""
@@ -61,6 +76,11 @@ class Target:
     observation: Observation
     instance: Instance
     model: ObjectModel
+
+    def left_out(self, why: str) -> LeftOut:
+        """The same object where it cannot be solved."""
+        i = self.instance
+        return LeftOut(i.instance_id, i.obj_id, self.model.name, why, i.T_cam_obj_gt is not None, i.visib_fract)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +107,8 @@ class Problem:
     """For people: data set or demo scene."""
     notes: tuple[str, ...] = ()
     """Things about the data a person should know: units guessed, masks missing, …"""
+    left_out: tuple[LeftOut, ...] = ()
+    """Objects that are in the frame but cannot be solved; who counts answers counts them as missed."""
     dependencies: DependencyGraph | None = None
     """None: not looked at; every instance is then a cluster of its own, in the order of ``instances``."""
 

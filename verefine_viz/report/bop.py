@@ -90,4 +90,4 @@ def result_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
     for result in run.journal.results(frames):
         for e in result.estimates:
             T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-            yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.seconds)
+            yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.solving_s)

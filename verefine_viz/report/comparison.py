@@ -110,7 +110,7 @@ def _line(group: Group, mine: Outcomes, drawn: Draws, best: Cells | None, ar: Ce
         group=group,
         n_objects=len(mine.unit),
         n_with_truth=int(n),
-        n_failed_frames=sum(row.status == "failed" for run in group.runs for row in run.rows),
+        n_failed_frames=sum(len({row.frame for row in run.rows if row.status == "failed"}) for run in group.runs),
         recall=drawn.mean(recall),
         behind=None if best is None else drawn.difference(recall, best),
         ar=None if ar is None else drawn.mean(ar),

@@ -31,7 +31,7 @@ class Loaded:
 
     @property
     def rows(self) -> tuple[ObjectRow, ...]:
-        """One per object, and one per frame that failed as a whole."""
+        """One per object; one per failed frame of which nobody knows what is in it."""
         return self.index.rows
 
     @property
@@ -50,8 +50,8 @@ class Loaded:
 
     @cached_property
     def objects(self) -> tuple[ObjectRow, ...]:
-        """Rows of objects, without frames that failed as a whole."""
-        return tuple(row for row in self.rows if row.status != "failed")
+        """Rows of objects, also of those that were left out or are in failed frames: they are missed."""
+        return tuple(row for row in self.rows if row.is_object)
 
     @cached_property
     def with_truth(self) -> tuple[ObjectRow, ...]:
@@ -60,10 +60,13 @@ class Loaded:
 
     @cached_property
     def failures(self) -> tuple[ObjectRow, ...]:
-        """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score."""
-        worst_first = self.index.sorted_by("error")
+        """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
+
+        Only those that were asked for: what is left out or in a failed frame is no failure of the method.
+        """
+        worst_first = [row for row in self.index.sorted_by("error") if row.was_asked_for]
         if not self.with_truth:
-            return tuple(row for row in worst_first if row.status != "failed")
+            return tuple(worst_first)
         return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
 
     @cached_property

@@ -26,8 +26,12 @@ class Numbers:
     n_objects: int
     n_with_truth: int
     n_without_answer: int
+    """Without a hypothesis."""
+    n_left_out: int
+    """Without a mask or a model that can be used."""
+    n_in_failed_frames: int
     recall: float | None
-    """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter."""
+    """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter; no answer is a miss."""
     median_mm: float | None
     """ADD(-S), over the objects that got an answer."""
     mean_mm: float | None
@@ -86,7 +90,7 @@ def stage_times(run: Loaded) -> dict[str, float]:
 
     The iterations are split up into what the rows know about: refining, simulating, scoring.
     """
-    n = len({row.frame for row in run.objects})
+    n = _n_solved_frames(run.rows)
     if not n:
         return {}
     stages: dict[str, float] = dict(run.index.run.get("totals", {}).get("mean_stages_ms_per_frame", {}))
@@ -101,18 +105,20 @@ def stage_times(run: Loaded) -> dict[str, float]:
 
 
 def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Numbers:
-    objects = [row for row in rows if row.status != "failed"]
+    objects = [row for row in rows if row.is_object]
     solved = [row for row in objects if row.status == "ok"]
     truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
     errors = [row.add_s_mm for row in solved if row.add_s_mm is not None]
     scores = [row.score for row in solved if row.score is not None]
-    n_solved_frames = len({row.frame for row in objects})
+    n_solved_frames = _n_solved_frames(objects)
     return Numbers(
         n_frames=len({row.frame for row in rows}),
         n_failed_frames=len({row.frame for row in rows if row.status == "failed"}),
         n_objects=len(objects),
         n_with_truth=len(truth),
         n_without_answer=sum(row.status == "no_answer" for row in objects),
+        n_left_out=sum(row.status == "left_out" for row in objects),
+        n_in_failed_frames=sum(row.status == "failed" for row in objects),
         recall=sum(row.is_correct is True for row in truth) / len(truth) if truth else None,
         median_mm=float(np.median(errors)) if errors else None,
         mean_mm=float(np.mean(errors)) if errors else None,
@@ -123,6 +129,10 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Number
         else sum(row.n_iterations for row in solved) / len(solved),
         ar=ar,
     )
+
+
+def _n_solved_frames(rows: Iterable[ObjectRow]) -> int:
+    return len({row.frame for row in rows if row.status != "failed"})
 
 
 def _most_frequent(rows: Sequence[ObjectRow]) -> str:

@@ -71,6 +71,7 @@ class Outcomes:
     translation_mm: Float
     score: Float
     ms: Float
+    """(N,) unknown in failed frames."""
     calls: Float
     """(N,) refiner calls of an answer."""
 
@@ -82,8 +83,10 @@ class Outcomes:
     @property
     def frame_times(self) -> tuple[Float, Index, Index]:
         """Computing time of the iterations for each frame and seed [ms], with its row and column of the cells."""
-        _, first, place = np.unique(np.stack([self.frame, self.seed]), axis=1, return_index=True, return_inverse=True)
-        return np.bincount(place.ravel(), self.ms).astype(np.float64), self.unit[first], self.seed[first]
+        timed = np.isfinite(self.ms)
+        unit, seed, frame = self.unit[timed], self.seed[timed], self.frame[timed]
+        _, first, place = np.unique(np.stack([frame, seed]), axis=1, return_index=True, return_inverse=True)
+        return np.bincount(place.ravel(), self.ms[timed]).astype(np.float64), unit[first], seed[first]
 
     @property
     def hits(self) -> Float:
@@ -115,7 +118,7 @@ def axes_of(groups: Sequence[Group]) -> Axes:
 
 
 def outcomes_of(group: Group, axes: Axes) -> Outcomes:
-    """The objects of a group; frames that failed as a whole are left out."""
+    """The objects of a group; those of failed frames have no answer."""
     rows = group.objects
     frames = [row.frame for row in rows]
     place = {frame: k for k, frame in enumerate(axes.frames)}
@@ -133,7 +136,7 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
         _known([row.rotation_deg for row in rows]),
         _known([row.translation_mm for row in rows]),
         _known([row.score if ok else None for row, ok in zip(rows, solved, strict=True)]),
-        np.array([row.ms_total for row in rows], np.float64),
+        _known([None if row.status == "failed" else row.ms_total for row in rows]),
         _known(calls),
     )
 

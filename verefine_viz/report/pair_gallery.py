@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.gallery import Gallery, Pick, gallery_of
 from verefine_viz.report.loaded import Loaded, key
 
@@ -52,8 +53,12 @@ def _wrong(a: Loaded, b: Loaded) -> list[list[Pick]]:
 def _alone(run: Loaded, other: Loaded, kind: str) -> list[Pick]:
     """What ``run`` got wrong and ``other`` did not."""
     theirs = {key(row) for row in other.failures}
-    return [
-        Pick(run, row, other, kind, "" if other.row_of(row) else f"{other.label} does not have it")
-        for row in run.failures
-        if key(row) not in theirs
-    ]
+    return [Pick(run, row, other, kind, _absent(other, row)) for row in run.failures if key(row) not in theirs]
+
+
+def _absent(other: Loaded, row: ObjectRow) -> str:
+    """Why the other run says nothing about an object; empty where it does."""
+    there = other.row_of(row)
+    if there is None:
+        return f"{other.label} does not have it"
+    return "" if there.was_asked_for else f"{other.label} was not asked for it: {there.message}"

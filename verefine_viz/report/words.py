@@ -77,8 +77,11 @@ def headline(run: Loaded, n: Numbers) -> str:
     rest = []
     if n.n_without_answer:
         rest.append(f"{n.n_without_answer} without a hypothesis")
+    if n.n_left_out:
+        rest.append(f"{n.n_left_out} left out as their mask or model cannot be used")
     if n.n_failed_frames:
-        rest.append(f"{n.n_failed_frames} of {n.n_frames} frames failed as a whole")
+        held = f" with {n.n_in_failed_frames} objects" if n.n_in_failed_frames else ""
+        rest.append(f"{n.n_failed_frames} of {n.n_frames} frames failed as a whole{held}")
     return f"{said}{'; ' * bool(rest)}{', '.join(rest)}."
 
 

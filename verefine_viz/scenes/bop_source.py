@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import LONGEST_NUMBERS, InputError, SettingsError, VerefineError, listed
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Hypothesis, Instance, Problem
+from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.observation.frame import observe
 from verefine_viz.observation.segment import segment_cloud
@@ -22,6 +22,7 @@ from verefine_viz.scenes.pool import check_covered, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
     Segment,
     Segments,
+    all_left_out,
     objects_of_frame,
     segments_of_detections,
     segments_of_folder,
@@ -58,24 +59,31 @@ class BopSource:
         """See :class:`SceneSource`."""
         return check_covered(self._results, self._hypotheses, self._chosen, self._wanted_objects)
 
+    def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:
+        """See :class:`SceneSource`."""
+        return self._asked_for(all_left_out(self._dataset, *parse_frame(frame), why, self._detections is not None))
+
     def problem(self, frame: str) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
 
-        Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on.
+        Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on; what
+        cannot be solved is ``left_out``.
 
         Raises:
             VerefineError: the frame does not exist, its images are missing or damaged, or no instance is left.
         """
         ids = parse_frame(frame)
         image = self._dataset.image(*ids)
-        segments, notes = self._segments(ids, image.camera)
+        of_frame = self._segments(ids, image.camera)
+        segments, notes = of_frame.found, of_frame.notes
         masks = [segment.mask for segment in segments]
         observation = observe(image.camera, image.depth_m, image.rgb, masks, self._scene, image.R_world_cam)
         wanted = self._wanted(segments, frame)
-        models, model_notes = self._models(wanted)
+        models, faults, model_notes = self._models(wanted)
         solvable = [s for s in wanted if s.obj_id in models]
         if not solvable:
             raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")
+        without_model = tuple(self._left_out(s, faults[s.obj_id]) for s in wanted if s.obj_id in faults)
         pools = self._pools(ids, segments, models, image.camera)
         instances = tuple(self._instance(segment, image, pools[segment.instance_id]) for segment in solvable)
         return Problem(
@@ -85,6 +93,7 @@ class BopSource:
             instances=instances,
             title=f"{self._dataset.name} {self._scene.split}",
             notes=(*image.notes, *notes, *model_notes, *self._instance_notes(instances, models, image)),
+            left_out=self._asked_for(of_frame.left_out) + without_model,
         )
 
     def _segments(self, ids: FrameIds, camera: Camera) -> Segments:
@@ -101,16 +110,26 @@ class BopSource:
             raise InputError(f"frame {frame} has no mask of object {asked}; objects with a mask: {there}")
         return wanted
 
-    def _models(self, segments: Sequence[Segment]) -> tuple[dict[int, ObjectModel], list[str]]:
+    def _models(self, segments: Sequence[Segment]) -> tuple[dict[int, ObjectModel], dict[int, str], list[str]]:
+        """The models of these objects, what is wrong with those that have none, and notes."""
         models: dict[int, ObjectModel] = {}
+        faults: dict[int, str] = {}
         notes: list[str] = []
         for obj_id in sorted({s.obj_id for s in segments}):
             try:
                 models[obj_id] = self._dataset.models.get(obj_id)
                 notes.extend(self._dataset.models.notes(obj_id))
             except VerefineError as error:
+                faults[obj_id] = str(error)
                 notes.append(f"object {obj_id} is left out: {error}")
-        return models, notes
+        return models, faults, notes
+
+    def _left_out(self, segment: Segment, why: str) -> LeftOut:
+        name, has_truth = self._dataset.models.name(segment.obj_id), segment.T_cam_obj_gt is not None
+        return LeftOut(segment.instance_id, segment.obj_id, name, why, has_truth, segment.visib_fract)
+
+    def _asked_for(self, left_out: Collection[LeftOut]) -> tuple[LeftOut, ...]:
+        return tuple(one for one in left_out if not self._scene.objects or one.obj_id in self._scene.objects)
 
     def _pools(
         self, ids: FrameIds, segments: Sequence[Segment], models: dict[int, ObjectModel], camera: Camera

@@ -11,6 +11,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import LeftOut
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.detections import Detection, DetectionsFile
 from verefine_viz.scenes.models import ModelLibrary
@@ -28,8 +29,15 @@ class Segment:
     visib_fract: float | None
 
 
-Segments = tuple[tuple[Segment, ...], tuple[str, ...]]
-"""The segments of all objects of a frame, and notes about those that had to be left out."""
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """All objects of a frame."""
+
+    found: tuple[Segment, ...]
+    notes: tuple[str, ...]
+    """About those that had to be left out, for people."""
+    left_out: tuple[LeftOut, ...]
+    """Visible ones, as far as ground truth knows them."""
 
 
 def segments_of_folder(
@@ -50,22 +58,29 @@ def segments_of_folder(
         )
     found: list[Segment] = []
     notes: list[str] = []
+    left_out: list[LeftOut] = []
     for entry in entries:
         name = f"{dataset.models.name(entry.obj_id)} (#{entry.gt_id})"
         try:
             mask = dataset.mask(scene_id, im_id, entry.gt_id, kind, shape)
         except InputError as error:
             notes.append(f"{name} is left out: {error}")
+            if _is_seen(entry):
+                left_out.append(_left_out(dataset, entry, str(error), entry.gt_id))
             continue
         if not mask.any():
             notes.append(f"{name} is left out: its mask is empty")
+            # Without a visible share the empty mask is all that is known, and it says that nothing is seen of it.
+            if entry.visib_fract:
+                why = f"its mask is empty, though {entry.visib_fract:.0%} of it is visible"
+                left_out.append(_left_out(dataset, entry, why, entry.gt_id))
             continue
         if entry.fault:
             notes.append(f"{name} has no ground truth: {entry.fault}")
         found.append(Segment(entry.gt_id, entry.obj_id, mask, entry.T_cam_obj, entry.visib_fract))
     if entries and not found:
         raise InputError(f"no instance of frame {scene_id}/{im_id} has a mask; {notes[0]}")
-    return tuple(found), tuple(notes)
+    return Segments(tuple(found), tuple(notes), tuple(left_out))
 
 
 def segments_of_detections(
@@ -88,17 +103,38 @@ def segments_of_detections(
     entries = dataset.ground_truth(scene_id, im_id)
     counts = _counts(dataset, scene_id, im_id)
     kept = _most_confident([d for d in detections if d.mask.any()], counts)
-    left_out = len(detections) - empty - len(kept)
-    if left_out:
-        notes += (f"{left_out} detections of objects that are not in the frame, or found too often, are left out",)
+    n_too_many = len(detections) - empty - len(kept)
+    if n_too_many:
+        notes += (f"{n_too_many} detections of objects that are not in the frame, or found too often, are left out",)
     segments = [Segment(k, d.obj_id, d.mask, None, None) for k, d in enumerate(kept)]
+    left_out: list[LeftOut] = []
     if entries is not None:
         unseen = Counter(e.obj_id for e in entries) - Counter(d.obj_id for d in kept)
         notes += tuple(f"{dataset.models.name(i)} is in the ground truth but was not detected" for i in sorted(unseen))
         segments = _with_ground_truth(segments, entries, dataset.models, camera)
+        given = {id(s.T_cam_obj_gt) for s in segments}
+        missed = [e for e in entries if e.T_cam_obj is not None and id(e.T_cam_obj) not in given and _is_seen(e)]
+        left_out = [_left_out(dataset, e, "it was not detected", None) for e in missed]
     if not segments:
         raise InputError(f"none of the detections of frame {scene_id}/{im_id} can be used: {'; '.join(notes)}")
-    return tuple(segments), notes
+    return Segments(tuple(segments), notes, tuple(left_out))
+
+
+def all_left_out(dataset: BopDataset, scene_id: int, im_id: int, why: str, detected: bool) -> tuple[LeftOut, ...]:
+    """All objects that ground truth says are visible in a frame that cannot be solved, before an image is read.
+
+    Args:
+        dataset: with ground truth, or there are none.
+        scene_id: BOP scene.
+        im_id: BOP image.
+        why: what is the matter with the frame.
+        detected: masks are detections, whose numbers are not those of ground truth.
+
+    Raises:
+        InputError: no such scene, or its ground truth is damaged.
+    """
+    seen = [e for e in dataset.ground_truth(scene_id, im_id) or () if _is_seen(e)]
+    return tuple(_left_out(dataset, e, why, None if detected else e.gt_id) for e in seen)
 
 
 def objects_of_frame(
@@ -156,6 +192,16 @@ def _with_ground_truth(
             matched[k] = replace(segments[k], T_cam_obj_gt=truth.T_cam_obj, visib_fract=truth.visib_fract)
             shares[row, :] = shares[:, column] = -1
     return matched
+
+
+def _is_seen(entry: GroundTruth) -> bool:
+    """Whether anything of an annotated instance is visible, as far as that is known."""
+    return entry.visib_fract is None or entry.visib_fract > 0
+
+
+def _left_out(dataset: BopDataset, entry: GroundTruth, why: str, instance_id: int | None) -> LeftOut:
+    name, has_truth = dataset.models.name(entry.obj_id), entry.T_cam_obj is not None
+    return LeftOut(instance_id, entry.obj_id, name, why, has_truth, entry.visib_fract)
 
 
 def _images_text(file: DetectionsFile) -> str:

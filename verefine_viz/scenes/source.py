@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.frames import parse_frame
 
@@ -36,6 +36,18 @@ class SceneSource(Protocol):
 
         Raises:
             VerefineError: the frame does not exist or cannot be used; the message is one line.
+        """
+        ...
+
+    def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:
+        """The objects that are in a frame that cannot be solved, as ground truth has them; none where nobody knows.
+
+        Args:
+            frame: which; its images need not be there.
+            why: what is the matter with it.
+
+        Raises:
+            VerefineError: ground truth is damaged.
         """
         ...
 
@@ -97,3 +109,7 @@ class DemoSource:
 
             self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame)
         return self._problems[frame]
+
+    def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:
+        """See :class:`SceneSource`."""
+        return tuple(target.left_out(why) for target in self.problem(frame).targets)

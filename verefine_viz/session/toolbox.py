@@ -85,7 +85,7 @@ class Toolbox:
         return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
 
     def _solvable(self, problem: Problem) -> Problem:
-        """The same without instances whose mesh makes no solid for the simulator; each is noted.
+        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out.
 
         Raises:
             InputError: none is left.
@@ -97,7 +97,13 @@ class Toolbox:
         notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
         if not instances:
             raise InputError(f"no instance of frame {problem.frame} can be solved: {'; '.join(notes)}")
-        return replace(problem, instances=instances, notes=(*problem.notes, *notes))
+        left_out = tuple(t.left_out(broken[t.instance.obj_id]) for t in problem.targets if t.instance.obj_id in broken)
+        return replace(
+            problem,
+            instances=instances,
+            notes=(*problem.notes, *notes),
+            left_out=(*problem.left_out, *left_out),
+        )
 
     def _without_solid(self, problem: Problem) -> dict[int, str]:
         """Objects of which no collider can be built, with the reason; building takes seconds, once per model."""

@@ -33,6 +33,8 @@ def _why_here(view: View, entry: Entry) -> str:
         return ""
     if at == 0:
         return "No iteration made it much worse, and its answer is a first pose: look before iteration 1."
+    if entry.row.worst_iteration is None:
+        return f"No iteration made it much worse; iteration {at} made the answer."
     before, after = view.poses.get("current"), view.poses.get("accepted")
     if not view.is_current or before is None or after is None:
         return ""
@@ -45,7 +47,4 @@ def _why_here(view: View, entry: Entry) -> str:
         lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
     else:
         return ""
-    if lost:
-        return f"Iteration {at}: {change}."
-    is_answer = at == entry.row.best_iteration
-    return f"Iteration {at}: none made it much worse, and this one made the answer." if is_answer else ""
+    return f"Iteration {at}: {change}." if lost else ""

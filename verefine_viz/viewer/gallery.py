@@ -40,12 +40,12 @@ class Entry:
 
     @property
     def can_be_opened(self) -> bool:
-        """A frame that failed as a whole fails again."""
-        return self.row.status != "failed"
+        """A frame that failed as a whole fails again, and an object that was left out is again."""
+        return self.row.was_asked_for
 
     @property
     def iteration(self) -> int:
-        """Where to look first: where it went wrong; 0 = before iteration 1."""
+        """Where to look first: where it went wrong, else where the answer was made; 0 = before iteration 1."""
         row = self.row
         return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
 
@@ -82,18 +82,22 @@ class Gallery:
 
     @cached_property
     def outcome(self) -> str:
-        """How many answers are right, in words."""
-        known = [e for e in self.entries if e.row.is_correct is not None]
-        said = f"{len(self.entries)} answers"
+        """How many objects are right, in words; as in a batch, one without an answer is not."""
+        objects = [e.row for e in self.entries if e.row.is_object]
+        known = [row for row in objects if row.has_truth or row.is_correct is not None]
+        said = f"{len(objects)} objects"
         if known:
-            said = f"{sum(not e.is_wrong for e in known)} of {len(known)} answers"
+            said = f"{sum(row.is_correct is True for row in known)} of {len(known)} objects"
         if self.has_several_runs:
             said += f" of {len(self.runs)} runs"
         else:
-            said += f" in {len({e.row.frame for e in self.entries})} frames"
+            n_frames = len({e.row.frame for e in self.entries})
+            said += f" in {n_frames} frame{'s' * (n_frames != 1)}"
         said += " are right" if known else ""
-        missing = sum(e.row.status != "ok" for e in self.entries)
-        return f"{said}; {missing} have no answer" if missing else said
+        missing = sum(row.status != "ok" for row in objects)
+        said += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+        unknown = len(self.entries) - len(objects)
+        return f"{said}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else said
 
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""

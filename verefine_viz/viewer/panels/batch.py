@@ -133,7 +133,7 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     row = entry.row
     made_by = entry.run if with_run else row.method
     lines = (
-        f'<span><b class="name">{text(row.name or "frame failed")}</b>{_error(entry)}</span>'
+        f'<span><b class="name">{text(row.name or "all objects")}</b>{_error(entry)}</span>'
         f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>{_iteration(entry)}</span>'
     )
     if row.status == "ok":
@@ -143,7 +143,7 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     else:
         lines += f'<span class="why two">{text(row.message)}</span>'
     image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
-    tip = f"{row.evidence or row.message} Opens at iteration {entry.iteration}." if entry.can_be_opened else row.message
+    tip = f"{row.evidence or row.message} {_opens_at(entry)}" if entry.can_be_opened else row.message
     attributes = carries(command) if entry.can_be_opened else "disabled"
     look = f'class="card marked" onanimationstart="{_INTO_SIGHT}"' if is_open else 'class="card"'
     return (
@@ -152,11 +152,22 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     )
 
 
+def _opens_at(entry: Entry) -> str:
+    """Where a click leads, and why there."""
+    at = f"Opens at iteration {entry.iteration}" if entry.iteration else "Opens before iteration 1"
+    if entry.row.status != "ok":
+        return f"{at}."
+    if entry.row.worst_iteration is None:
+        return f"{at}, where the answer comes from: no iteration made it much worse."
+    return f"{at}, which made it worse than any other."
+
+
 def _error(entry: Entry) -> str:
     """How wrong it is, in red or green where that is known."""
     row = entry.row
     if row.status != "ok":
-        return f'<b style="color:rgb{LIGHTS["red"]}">no answer</b>'
+        said = {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed")
+        return f'<b style="color:rgb{LIGHTS["red"]}">{said}</b>'
     if row.relative_error is None:
         return "<b>–</b>"
     return f'<b style="color:rgb{LIGHTS["red" if entry.is_wrong else "green"]}">{row.relative_error:.0%} of ∅</b>'
