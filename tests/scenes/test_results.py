@@ -150,6 +150,34 @@ def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
     assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
 
 
+@pytest.mark.parametrize(("scale", "is_noted"), [(1e-3, True), (1.0, False), (0.1, False)])
+def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: float, is_noted: bool) -> None:
+    made = make(tmp_path)
+    path = tmp_path / "est_x-test.csv"
+    lines = []
+    for obj_id, instance in zip((2, 5, 2), made.problem.instances, strict=True):
+        T = instance.T_cam_obj_gt
+        assert T is not None
+        lines.append(line(obj_id, 0.9, transform(T[:3, :3], scale * T[:3, 3])))
+    path.write_text("\n".join([HEADER, *lines]))
+    source = made.open(HypothesesSettings(source="results", files=(str(path),)))
+    said = (
+        "est_x-test.csv: every pose lies within 20 mm of the camera, so t looks like metres; BOP wants millimetres: "
+        "multiply t by 1000"
+    )
+    assert source.notes == ((said,) if is_noted else ())
+    assert source.check_first_poses() == ()
+
+
+def test_one_pose_at_the_camera_is_no_sign_of_metres(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    far = made.problem.instances[0].T_cam_obj_gt
+    assert far is not None
+    path = tmp_path / "est_x-test.csv"
+    path.write_text("\n".join([line(2, 0.9, np.eye(4)), line(2, 0.8, far)]))
+    assert made.open(HypothesesSettings(source="results", files=(str(path),))).notes == ()
+
+
 FOREIGN: dict[str, tuple[str, str]] = {
     "other objects": (
         "7,3,77",

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, zip_longest
 from pathlib import Path
 
+import numpy as np
+
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, listed
 from verefine_viz.core.model import ObjectModel
@@ -17,6 +19,9 @@ from verefine_viz.scenes.frames import FrameIds, frame_name
 from verefine_viz.scenes.results import ResultRow, method_of, read_results
 from verefine_viz.scenes.segments import Segment
 from verefine_viz.scenes.silhouette import best_owner, silhouette
+
+NEAREST_M = 0.02
+"""No sensor sees an object whose origin is nearer than this [m]; in metres, read as millimetres, up to 20 m are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,16 @@ def _told_apart(paths: Sequence[Path]) -> tuple[ResultsFile, ...]:
     return tuple(
         replace(file, method=f"{path.resolve().parent.name}/{file.method}") if often[file.method] > 1 else file
         for path, file in zip(paths, files, strict=True)
+    )
+
+
+def unit_notes(files: Sequence[ResultsFile]) -> tuple[str, ...]:
+    """Which of ``files`` seem to give translations in metres, and what to do about it."""
+    return tuple(
+        f"{file.name}: every pose lies within {NEAREST_M * 1e3:g} mm of the camera, so t looks like metres; BOP wants "
+        "millimetres: multiply t by 1000"
+        for file in files
+        if all(np.linalg.norm(row.T_cam_obj[:3, 3]) < NEAREST_M for rows in file.rows.values() for row in rows)
     )
 
 

@@ -91,10 +91,10 @@ class DemoSource:
 
     def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
-        from verefine_viz.scenes.pool import check_covered, results_of
+        from verefine_viz.scenes.pool import check_covered, results_of, unit_notes
 
-        frames = [parse_frame(frame) for frame in self.frames]
-        return check_covered(results_of(self._hypotheses), self._hypotheses, frames, lambda _: self._objects)
+        files, frames = results_of(self._hypotheses), [parse_frame(frame) for frame in self.frames]
+        return (*unit_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
     def problem(self, frame: str) -> Problem:
         """A frame of the scene; the same object at each call.
