@@ -1,8 +1,10 @@
 # make app | make test | make lint | make bench: each sets up what it needs; second calls start in seconds.
-# Variables: SESSION=sessions/clutter.toml (what make app opens), PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
+# Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
+# PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
 
 VENV ?= .venv
 SESSION ?= sessions/mug.toml
+PORT ?= 8080
 WORKERS ?= 2
 BIN = $(VENV)/bin
 SETUP = pyproject.toml scripts/install scripts/find-python
@@ -11,14 +13,14 @@ SETUP = pyproject.toml scripts/install scripts/find-python
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another)"
+	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make bench  measure this machine, print a table, write bench.json"
 	@echo "make clean  remove the virtual environment and caches"
 
 app: $(VENV)/.ready-app
-	@$(BIN)/python app.py $(SESSION)
+	@$(BIN)/python app.py $(SESSION) --port $(PORT)
 
 # The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
 test: $(VENV)/.ready-dev system-test

@@ -120,6 +120,11 @@ def test_the_port_is_taken(desk: Desk) -> None:
         assert str(port) in desk.refused("view", "--port", port)
 
 
+def test_make_takes_the_port_that_is_advised() -> None:
+    done = subprocess.run(["make", "-n", "app", "PORT=1234"], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.splitlines()[-1].endswith("app.py sessions/mug.toml --port 1234")
+
+
 @pytest.mark.parametrize("port", ["-1", "65536"])
 def test_a_port_that_does_not_exist(desk: Desk, port: str) -> None:
     assert port in desk.refused("view", "--port", port)
@@ -163,7 +168,11 @@ def test_view_of_a_folder_that_is_no_batch(desk: Desk) -> None:
 
 
 def test_view_of_a_batch_that_was_killed(desk: Desk) -> None:
-    assert "frames.csv is not there yet" in desk.refused("view", desk.batch_folder())
+    folder = desk.batch_folder()
+    assert desk.refused("view", folder).endswith("the batch is running or was killed; run it again to finish it")
+    done = desk.file(f"{folder.name}/recordings/000050_000001.rrd", "")
+    hint = f"; run it again to finish it. Frames that are done can be opened one by one: verefine-viz view {done}"
+    assert desk.refused("view", folder).endswith(hint)
 
 
 @pytest.mark.parametrize("text", ["a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"])

@@ -49,7 +49,14 @@ def test_foreign_file(tmp_path: Path, content: bytes) -> None:
 
 def test_only_a_head(tmp_path: Path) -> None:
     (tmp_path / "head.rrd").write_bytes(b"RRF2")
-    error_of(tmp_path / "head.rrd")
+    assert "ended early: it holds nothing of a run" in error_of(tmp_path / "head.rrd")
+
+
+@pytest.mark.parametrize("length", [60, 1000, 3000])
+def test_cut_before_its_run_begins(tmp_path: Path, length: int) -> None:
+    recorded_run(tmp_path / "run.rrd")
+    (tmp_path / "cut.rrd").write_bytes((tmp_path / "run.rrd").read_bytes()[:length])
+    assert error_of(tmp_path / "cut.rrd").endswith("ended early: it holds nothing of a run; run its session again")
 
 
 def test_noise_after_the_head(tmp_path: Path) -> None:

@@ -72,7 +72,9 @@ def test_taken_port_is_one_clear_line() -> None:
         other.bind(("127.0.0.1", 0))
         other.listen(1)
         port = other.getsockname()[1]
-        with pytest.raises(UnavailableError, match=rf"^port {port} on 127\.0\.0\.1 is taken; .*--port") as error:
+        with pytest.raises(
+            UnavailableError, match=rf"^port {port} on 127\.0\.0\.1 is taken; .*--port N, or make app PORT=N"
+        ) as error:
             Server(port=port)
     assert "\n" not in str(error.value)
 

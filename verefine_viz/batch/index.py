@@ -155,12 +155,21 @@ def read_batch(folder: Path) -> BatchIndex:
     session = load_session(folder / SESSION_FILE)
     table = folder / "frames.csv"
     if not table.is_file():
-        raise InputError(f"{table} is not there yet: the batch is running or was killed; run it again to finish it")
+        raise InputError(
+            f"{table} is not there yet: the batch is running or was killed; run it again to finish it"
+            + _finished_frame(folder)
+        )
     try:
         rows = read_frames_csv(table)
     except (ValidationError, ValueError, OSError) as error:
         raise InputError(f"{table} is not what a batch writes: {str(error).splitlines()[0]}") from None
     return BatchIndex(folder, session, run, tuple(rows))
+
+
+def _finished_frame(folder: Path) -> str:
+    """How to look at a frame of a batch that has not ended; empty where no recording of one is there."""
+    last = max((folder / "recordings").glob("*.rrd"), key=lambda path: path.name, default=None)
+    return f". Frames that are done can be opened one by one: verefine-viz view {last}" if last else ""
 
 
 def place_in(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:

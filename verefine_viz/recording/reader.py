@@ -199,12 +199,12 @@ def _content(file: Path, path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]
     """Properties and iterations of a readable file.
 
     Raises:
-        InputError: an iteration cannot be read.
+        InputError: nothing was written yet, or an iteration cannot be read.
     """
     properties: dict[str, Any] = {}
     entries: list[Entry] = []
     try:
-        for chunk in chunks_of(file):
+        for chunk in _begun_chunks(file, path):
             if chunk.entity_path == PROPERTIES:
                 properties |= {name: values[0] for name, values in next(_records(chunk)).items()}
             elif chunk.entity_path == entities.EXACT:
@@ -214,6 +214,17 @@ def _content(file: Path, path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise InputError(f"{path}: an iteration cannot be read ({type(error).__name__}: {error})") from None
     return properties, _without_gap(entries)
+
+
+def _begun_chunks(file: Path, path: Path) -> list[Chunk]:
+    """
+    Raises:
+        InputError: the file ends before the message that says whose recording it is.
+    """
+    try:
+        return chunks_of(file)
+    except ValueError:
+        raise InputError(f"{path} ended early: it holds nothing of a run; run its session again") from None
 
 
 def _records(chunk: Chunk) -> Iterator[dict[str, Any]]:

@@ -121,7 +121,10 @@ def check_address(host: str, port: int) -> None:
 
 
 def _taken(host: str, port: int) -> str:
-    return f"port {port} on {host} is taken; stop the program that uses it, or choose another with --port (0 = any)"
+    return (
+        f"port {port} on {host} is taken; stop the program that uses it, or choose another: --port N, or "
+        "make app PORT=N (0 = any free one)"
+    )
 
 
 @contextlib.contextmanager
