@@ -74,13 +74,21 @@ def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
     pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
     pool.close()
     assert len(set(pids)) == 3
-    assert "fewer --workers" in pool.warning
+    assert "3 were started anew to free memory; fewer --workers" in pool.warning
     assert pool.needs.startswith("1 × ")
 
 
 def test_a_worker_within_its_limit_stays(tmp_path: Path) -> None:
     pool = Pool(Session(), tmp_path, 1)
     pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
+    pool.close()
+    assert len(set(pids)) == 1
+    assert pool.warning == ""
+
+
+def test_memory_is_shared_by_the_workers_that_frames_need(tmp_path: Path) -> None:
+    pool = Pool(Session(), tmp_path, 100_000)
+    pids = [r.seconds for r in pool.solve(["0/1"])] + [r.seconds for r in pool.solve(["0/2"])]
     pool.close()
     assert len(set(pids)) == 1
     assert pool.warning == ""

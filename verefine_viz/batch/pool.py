@@ -68,7 +68,7 @@ class Pool:
         self, session: Session, out: Path, n_workers: int, task: TaskName = "solve", limit_bytes: int | None = None
     ) -> None:
         self._session, self._out, self._n_workers, self._task = session, out, n_workers, task
-        self._limit_bytes = limit_bytes or int(SHARE * machine_bytes() / n_workers)
+        self._given_limit_bytes = limit_bytes
         self._peak_bytes = 0
         self._n_renewed = 0
         self._most = 1
@@ -85,11 +85,17 @@ class Pool:
     def warning(self) -> str:
         if self._peak_bytes <= self._limit_bytes:
             return ""
+        renewed = f"{self._n_renewed} {'was' if self._n_renewed == 1 else 'were'}"
         return (
-            f"a worker needs {gigabytes(self._peak_bytes)}, and {self._n_workers} of them may take "
-            f"{gigabytes(self._limit_bytes)} each: {self._n_renewed} were started anew to free memory; "
+            f"a worker needs {gigabytes(self._peak_bytes)}, and {self._most} of them may take "
+            f"{gigabytes(self._limit_bytes)} each: {renewed} started anew to free memory; "
             "fewer --workers, or a higher --worker-memory-gb, is faster"
         )
+
+    @property
+    def _limit_bytes(self) -> int:
+        """What a worker may hold: memory is shared by those that there are, which few frames keep few."""
+        return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most)
 
     def turn_to(self, session: Session, out: Path) -> None:
         """From now on frames are those of another batch; processes stay, which spares seconds of imports each."""
