@@ -152,6 +152,19 @@ def test_the_time_left_is_that_of_the_open_run() -> None:
     assert d.carry_out([c.OpenFrame("0/2")]).view().progress.remaining_s is None, "it may be far slower"
 
 
+@pytest.mark.parametrize(
+    "end", [c.EditPose(False), c.ForkFromPose(), c.Back(), c.Focus(0), c.ShowScene(), c.SelectArm(0)]
+)
+def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: c.Command) -> None:
+    d = debugger().carry_out([c.Step(), c.Compare("initial", "best"), c.EditPose()])
+    assert (d.look.a, d.look.b) == ("accepted", "edited")
+    d.carry_out([c.EditPose(), end])
+    assert d.look.edited is None
+    assert (d.look.a, d.look.b) == ("initial", "best")
+    d.carry_out([c.EditPose(), c.Compare("current", "edited"), c.EditPose(False)])
+    assert d.look.a == "current", "what a person chose meanwhile stays"
+
+
 def test_edited_pose_is_scored_and_continued_from() -> None:
     d = debugger().carry_out([c.Step(), c.SelectArm(1), c.EditPose()])
     T_gt = d.view().target.instance.T_cam_obj_gt

@@ -58,3 +58,28 @@ def visit(view: View, iteration: Iteration) -> c.Command:
     if iteration.index == p.done == p.total:
         return c.SeekStage(iteration.index, iteration.stages[-1].name)
     return c.Seek(iteration.index)
+
+
+def the_answer(view: View) -> str:
+    """As in: the answer, of iteration 16. Plain text; the objects of a frame are each of another."""
+    if view.is_whole_scene:
+        return "the answer"
+    answer = view.scene.object(view.target.instance.instance_id).answer
+    if answer is None:
+        return "no answer"
+    own = f"of iteration {answer.iteration}" if answer.iteration else "a first pose"
+    if len(view.scene.objects) > 1:
+        return f"the answer; {view.scene.object(view.target.instance.instance_id).label}: {own}"
+    return f"the answer, {own}"
+
+
+def beside_answer(view: View) -> str:
+    """Where the answer is shown: of which iteration the numbers are that belong to one; empty elsewhere."""
+    answer = view.scene.object(view.target.instance.instance_id).answer
+    if not view.is_answer or view.shown is None or answer is None:
+        return ""
+    last = f"iteration {view.shown.index}, the last one on it"
+    if answer.iteration == view.shown.index:
+        return f"The answer is of {last}. "
+    own = f"of iteration {answer.iteration}" if answer.iteration else "a first pose"
+    return f"The answer is {own}; told here is {last}. "

@@ -292,7 +292,7 @@ class Debugger:
 
     def _edit_pose(self, on: bool) -> None:
         if not on:
-            self.look = replace(self.look, edited=None)
+            self.look = self.look.unedited()
             return
         view = self.view(deep=False)
         if view.state is None:
@@ -300,8 +300,7 @@ class Debugger:
         arms = view.state.arms
         T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
         edited = tuple(float(x) for x in T.ravel())
-        layers = self.look.layers | {"edited", "accepted"}
-        self.look = replace(self.look, edited=edited, arm=view.arm, a="accepted", b="edited", layers=layers)
+        self.look = self.look.editing(edited, view.arm)
 
     def _shown_path(self) -> Any:
         shown = self.view(deep=False).shown

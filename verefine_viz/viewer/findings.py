@@ -109,7 +109,7 @@ def _alone(view: View) -> list[Finding]:
 def _is_over(view: View) -> bool:
     """Whether the object in focus has had all its iterations at the cursor: then its best pose is the answer."""
     own = view.own_iterations
-    if own and own[-1].index > view.cursor:
+    if view.is_partial or (own and own[-1].index > view.cursor):
         return False
     if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
         return view.progress.done == view.progress.total

@@ -53,6 +53,8 @@ class Look:
     animate: bool = True
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
+    compared_before: tuple[str, str] | None = None
+    """What was compared before a pose was edited; None where a person has chosen since."""
     batch_order: Order = "error"
     batch_only: Mapping[str, str] = field(default_factory=dict)
     """Filters of the batch's answers, by what they filter."""
@@ -67,7 +69,18 @@ class Look:
 
     def moved(self) -> Look:
         """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
-        return replace(self, arm=None, stage=None, path_pose=None, edited=None)
+        return replace(self.unedited(), arm=None, stage=None, path_pose=None)
+
+    def editing(self, edited: c.Pose, arm: int) -> Look:
+        """The same with a pose of a hypothesis under the hand, beside the one that was kept."""
+        before = (self.a, self.b) if self.edited is None else self.compared_before
+        layers = self.layers | {"edited", "accepted"}
+        return replace(self, edited=edited, arm=arm, a="accepted", b="edited", compared_before=before, layers=layers)
+
+    def unedited(self) -> Look:
+        """The same without a pose under the hand: compared is what was compared before."""
+        a, b = self.compared_before or (self.a, self.b)
+        return replace(self, edited=None, a=a, b=b, compared_before=None)
 
     def afresh(self) -> Look:
         """The same for another frame or another run: what was chosen for good is kept."""
@@ -85,16 +98,16 @@ def changed(look: Look, command: c.Command) -> Look | None:
     """
     match command:
         case c.Focus(instance_id):
-            return replace(look, focus=instance_id, whole_scene=False, arm=None, edited=None)
+            return replace(look.unedited(), focus=instance_id, whole_scene=False, arm=None)
         case c.ShowScene():
-            return replace(look, focus=None, whole_scene=True, arm=None, edited=None)
+            return replace(look.unedited(), focus=None, whole_scene=True, arm=None)
         case c.SelectArm(arm):
-            return replace(look, arm=arm, edited=None)
+            return replace(look.unedited(), arm=arm)
         case c.Compare(a, b):
             for name in (a, b):
                 if name is not None and name not in STAGES:
                     raise InputError(unknown("stage", name, STAGES))
-            return replace(look, a=a or look.a, b=b or look.b)
+            return replace(look, a=a or look.a, b=b or look.b, compared_before=None)
         case c.ShowMap(name):
             if name not in MAP_NAMES:
                 raise InputError(unknown("map", name, MAP_NAMES))

@@ -104,6 +104,7 @@ def scene_now(
     errors: Errors,
     alone: bool = False,
     is_answer: bool = False,
+    stage: str | None = None,
 ) -> SceneNow:
     """The scene at iteration ``cursor``.
 
@@ -115,6 +116,7 @@ def scene_now(
         errors: errors of a pose against ground truth.
         alone: whether the method solves every object for itself, in the order of the frame.
         is_answer: whether the run is over and shows its answer instead of its last iteration.
+        stage: up to which the iteration at the cursor is told; None = all of it.
     """
     at = iterations[cursor - 1] if cursor and not is_answer else None
     spent = Counter(i.instance_id for i in iterations[:cursor])
@@ -124,7 +126,8 @@ def scene_now(
     stands = {p.instance_id: p.T_cam_obj for p in at.placed} if at else {}
     if at is not None:
         stands |= {p.instance_id: p.T_cam_obj for p in at.tree.rollout} if at.tree else {}
-        stands[at.instance_id] = at.accepted_stage.T_cam_obj
+        reached = next((s for s in at.stages if s.name == stage), None)
+        stands[at.instance_id] = (reached or at.accepted_stage).T_cam_obj
     objects = []
     clusters = tuple((i,) for i in ids) if alone else clusters_of(problem)
     for k, cluster in enumerate(clusters, 1):

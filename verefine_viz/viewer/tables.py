@@ -9,13 +9,14 @@ from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import visit
+from verefine_viz.viewer.answer import the_answer, visit
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
 from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
+from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
@@ -152,7 +153,7 @@ def arm_history(view: View, newest: int = 12) -> str:
         return ""
     j = view.arm
     hypothesis = view.target.instance.hypotheses[j]
-    own = [(i, e) for i, e, _ in view.error_series if i.arm == j]
+    own = [(i, e) for i, e, _ in view.error_series if i.arm == j and not (view.is_partial and i.index == view.cursor)]
     rows = []
     for iteration, errors in reversed(own[-newest:]):
         before, after = iteration.stages[0], iteration.accepted_stage
@@ -187,6 +188,8 @@ def changes_table(view: View) -> str:
     points = view.target.model.points
     rows = []
     for before, stage in zip(shown.stages, shown.stages[1:]):  # noqa: B905
+        if not is_revealed(view, stage.name):
+            break
         angle, axis = turn(before.T_cam_obj, stage.T_cam_obj)
         cells = [
             f"{swatch(STAGE_COLORS[stage.name])}{stage.name}",
@@ -319,7 +322,7 @@ def where(view: View) -> str:
     p = view.progress
     at = f"iteration {view.cursor} / {p.total}"
     if view.is_answer:
-        at += " · the answer"
+        at += f" · {text(the_answer(view))}"
     elif view.shown is not None and view.is_current:
         place = place_in_run(view.scene, view.shown)
         at += f" · {place}" if place else ""

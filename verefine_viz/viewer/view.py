@@ -93,10 +93,12 @@ class View:
     cursor: int
     progress: Progress
     iterations: tuple[Iteration, ...]
-    """The whole history."""
+    """The whole history, without its newest iteration where that is told stage by stage."""
     marks: tuple[Mark, ...]
     is_answer: bool
     """Whether the end of a finished run shows its answer, not the iteration that it tried last."""
+    is_partial: bool
+    """Whether the iteration at the cursor is told up to a stage before its last one: what it comes to is not known."""
     shown: Iteration | None
     """The latest iteration up to the cursor that worked on the object in focus."""
     target: Target

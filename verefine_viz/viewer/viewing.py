@@ -17,6 +17,7 @@ from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.maps import probe
+from verefine_viz.viewer.revealing import is_partial, revealed
 from verefine_viz.viewer.scene_now import SceneNow, scene_now
 from verefine_viz.viewer.scene_sides import frame_score, scene_sides, scene_target
 from verefine_viz.viewer.scene_words import ALONE
@@ -41,10 +42,15 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     answer = is_answer(run, debugger.look)
     look = debugger.comparing.look(answered(debugger.look) if answer else debugger.look)
     target, shown = _focus(branch, look)
-    state = state_of(run.state, target)
+    partial = is_partial(run, look)
+    # Stage by stage an iteration has no result yet: neither an answer nor, where it is the newest, a place in curves.
+    now = run.state_at(run.cursor - 1) if partial else run.state
+    iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
+    state = state_of(now, target)
     truth = _truth(judge, target)
     alone = branch.tools.session.method.name in ALONE
-    scene = scene_now(work.problem, run.state, run.iterations, run.cursor, judge.errors, alone, answer)
+    stage = look.stage if partial else None
+    scene = scene_now(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
     found = scene.object(target.instance.instance_id).answer if answer else None
     arm = _arm(look, found if found is not None else shown, state)
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
@@ -78,9 +84,10 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         branch=work.index,
         cursor=run.cursor,
         progress=progress,
-        iterations=run.iterations,
-        marks=branch.marks(),
+        iterations=iterations,
+        marks=tuple(m for m in branch.marks() if not (partial and m.iteration == run.cursor)),
         is_answer=answer,
+        is_partial=partial,
         shown=shown,
         target=target,
         state=state,
@@ -91,12 +98,12 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         b=b,
         plausible=_plausible(judge, target, poses, scene) if deep else {},
         initial_errors=tuple(errors),
-        error_series=_error_series(judge, target, run.iterations),
+        error_series=_error_series(judge, target, iterations),
         truth=truth,
         scene=scene,
         frame_score=frame_score(judge, scene, branch.tools.session),
         map_target=map_target,
-        best_errors=_best_errors(judge, work.problem, run.iterations) if look.whole_scene else {},
+        best_errors=_best_errors(judge, work.problem, iterations) if look.whole_scene else {},
         physics=known_physics(scene, judge),
         deep=deep,
         message=debugger.message,
@@ -164,12 +171,12 @@ def _poses(
             now = state.arms[arm].current
             add("current", now.T_cam_obj, now.score)
     if shown is not None:
-        revealed = _revealed(shown, look if is_current else Look())
+        told = revealed(shown, look.stage if is_current else None)
         for stage in shown.stages:
-            if stage.name in revealed:
+            if stage.name in told:
                 score = stage.score or judge.score(target, stage.T_cam_obj)
                 add(stage.name, stage.T_cam_obj, score, stage.ms)
-        if len(revealed) == len(shown.stages):
+        if len(told) == len(shown.stages):
             kept = shown.accepted_stage
             add("accepted", kept.T_cam_obj, kept.score, kept.ms)
     if state is not None:
@@ -180,11 +187,6 @@ def _poses(
     if truth is not None:
         found["ground truth"] = truth
     return found
-
-
-def _revealed(shown: Iteration, look: Look) -> tuple[str, ...]:
-    names = [s.name for s in shown.stages]
-    return tuple(names[: names.index(look.stage) + 1]) if look.stage in names else tuple(names)
 
 
 def _plausible(judge: Judge, target: Target, poses: dict[str, Judged], scene: SceneNow) -> dict[str, Any]:

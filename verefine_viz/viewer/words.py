@@ -11,10 +11,12 @@ from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.answer import beside_answer
 from verefine_viz.viewer.arms import arm_name
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.plays import BEST_OF_ALL
+from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import (
     TERMS,
     found_by,
@@ -238,8 +240,9 @@ def chosen(view: View) -> str:
     if shown is None:
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
     if shown.choice is None:
-        return f"{view.session.method.name} does not choose between hypotheses: it works on hypothesis {shown.arm + 1}."
-    return f"Iteration {shown.index} took {shown.choice.reason}."
+        works = f"it works on hypothesis {shown.arm + 1}"
+        return f"{beside_answer(view)}{view.session.method.name} does not choose between hypotheses: {works}."
+    return f"{beside_answer(view)}Iteration {shown.index} took {shown.choice.reason}."
 
 
 def physics(view: View) -> str:
@@ -252,12 +255,16 @@ def physics(view: View) -> str:
         return "Physics is switched off in the settings: nothing was simulated."
     if shown is None:
         return "No simulation yet: step once (N)."
-    simulated, refined = shown.stage("simulated"), shown.stage("refined")
+    if not is_revealed(view, "simulated") and shown.stage("simulated") is not None:
+        return f"Iteration {shown.index} is about to be simulated: press Stage (M)."
+    simulated = shown.stage("simulated")
+    refined = shown.stage("refined") if is_revealed(view, "refined") else None
     if simulated is None or shown.path is None:
         return f"{view.session.method.name} did not simulate in iteration {shown.index}."
     points = view.target.model.points
     steps = len(shown.path.Ts_cam_obj) - 1
-    said = f"In {steps} steps the simulation {movement(shown.stages[0].T_cam_obj, simulated.T_cam_obj, points)}"
+    said = beside_answer(view)
+    said += f"In {steps} steps the simulation {movement(shown.stages[0].T_cam_obj, simulated.T_cam_obj, points)}"
     n = len(shown.path.contacts[-1].depths_m) if shown.path.contacts else 0
     said += f", ending with {n} contact{'s' if n != 1 else ''}."
     if refined is not None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.markup import sentence, warning
+from verefine_viz.viewer.markup import note, sentence, warning
 from verefine_viz.viewer.plane import doubt
+from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
 from verefine_viz.viewer.view import View
@@ -19,6 +20,11 @@ class PhysicsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)
+        # No hint: it would cover the numbers below while the pointer rests on a button that was pressed.
+        self.edit = gui.add_button_group("By hand", ["Edit pose", "Continue from here", "Cancel"])
+        actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
+        self.edit.on_click(by_person(lambda v: send(actions[v])))
+        self._edited = Block(gui)
         self._standing = Block(gui)
         self._changes = Block(gui)
         self.path = gui.add_slider("Sim. pose", 0, 1, 1, 0, hint="0 = start, then one per step", visible=False)
@@ -26,13 +32,6 @@ class PhysicsPanel:
         self.play = gui.add_button_group("Path", ["Play", "Hide"], visible=False, hint="the simulated path in 3D")
         self.play.on_click(by_person(lambda v: send(c.PlayPath() if v == "Play" else c.ScrubPath(None))))
         self._contacts = Block(gui)
-        self.edit = gui.add_button_group(
-            "By hand", ["Edit pose", "Continue from here", "Cancel"],
-            hint="Drag the hypothesis in 3D, see its score, then go on from there as a new branch.",
-        )  # fmt: skip
-        actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
-        self.edit.on_click(by_person(lambda v: send(actions[v])))
-        self._edited = Block(gui)
 
     def show(self, view: View) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
@@ -40,14 +39,14 @@ class PhysicsPanel:
         if view.deep:
             self._standing.show(standing_html(view))
         self._changes.show(changes_table(view))
-        path = view.shown.path if view.shown else None
+        path = view.shown.path if view.shown and is_revealed(view, "simulated") else None
         self.path.visible = self.play.visible = path is not None
         if path is not None:
             self.path.max = len(path.Ts_cam_obj) - 1
             pose = view.look.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
-        self._contacts.show(contacts_table(view))
-        self._edited.show(sentence(edited_words(view)) if view.look.edited is not None else "")
+        self._contacts.show(contacts_table(view) if path is not None else "")
+        self._edited.show(note(edited_words(view)) if view.look.edited is not None else "")
 
 
 def plane_warning(view: View) -> str:

@@ -97,7 +97,11 @@ def of_the_end(view: View) -> str:
         if len(view.scene.objects) == 1
         else "every object where it ends up"
     )
+    answer = view.scene.objects[0].answer
     shown = f'<span class="term" title="{text(ANSWER)}">the answer</span>'
+    if len(view.scene.objects) == 1 and answer is not None and answer.iteration:
+        made = view.at(answer.iteration)
+        shown += f" of {link(f'iteration {made.index}', visit(view, made))}"
     return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(view, last))}</p>'
 
 
