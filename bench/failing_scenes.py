@@ -50,6 +50,12 @@ def bad_pool(rng: np.random.Generator) -> Broken:
     return broken_by(Cause.POOL, frame_of([Thing(m, T, tuple(poses))], rng), session_of(iterations=3))
 
 
+def empty_pool(rng: np.random.Generator) -> Broken:
+    """Nobody gives a first pose."""
+    m = model(str(rng.choice(["duck", "mug", "jug"])))
+    return broken_by(Cause.NO_HYPOTHESIS, frame_of([Thing(m, standing(m, rng), ())], rng), session_of(iterations=3))
+
+
 def straying_refiner(rng: np.random.Generator) -> Broken:
     """A square carton, turned by a little more than half of a quarter: ICP turns it the wrong way."""
     m = model("carton")
@@ -274,6 +280,7 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.BUDGET: short_of_time,
     Cause.REFINER: straying_refiner,
     Cause.POOL: bad_pool,
+    Cause.NO_HYPOTHESIS: empty_pool,
 }
 
 

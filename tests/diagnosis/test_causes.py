@@ -186,13 +186,15 @@ def test_without_ground_truth_nothing_is_said() -> None:
     assert diagnose(run, toolbox) == ()
 
 
-def test_no_answer_is_a_failure_of_the_pool() -> None:
+def test_an_empty_pool_is_no_bad_pool() -> None:
     toolbox, problem = sound_scene(0)
     run = toolbox.run(problem)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.cause == Cause.POOL
+    assert diagnosis.cause == Cause.NO_HYPOTHESIS
     assert "no hypothesis" in diagnosis.sentence
+    assert "% of the diameter away." in diagnosis.sentence
+    assert diagnosis.others == ()
     assert diagnosis.evidence["error_from_truth"] < 0.1
 
 

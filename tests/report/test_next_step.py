@@ -34,7 +34,7 @@ def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> Non
     found = step("pool", "arm_starved", "pool", "arm_starved", "arm_starved", "pool", "arm_starved")
     assert found is not None
     assert found.said.startswith(
-        "4 of 7 wrong answers have the cause “best hypothesis starved” (next: no good hypothesis"
+        "4 of 7 wrong answers have the cause “best hypothesis tried too little” (next: no good hypothesis"
     )
     assert "in the pool 3)" in found.said
     assert "(method.iterations)" in found.said

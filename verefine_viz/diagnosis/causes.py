@@ -10,7 +10,10 @@ from verefine_viz.core.records import TIMING
 
 
 class Cause(StrEnum):
-    """Why an answer is wrong, in the order in which causes are asked for: what was given before what was done."""
+    """Why an answer is wrong or missing, in the order in which causes are asked for: what was given, what was done.
+
+    Without a hypothesis nothing was done, so that nothing else is asked.
+    """
 
     SYMMETRIC = "symmetric"
     DEPTH = "depth"
@@ -24,6 +27,7 @@ class Cause(StrEnum):
     BUDGET = "budget"
     REFINER = "refiner"
     POOL = "pool"
+    NO_HYPOTHESIS = "no_hypothesis"
 
 
 TITLES: dict[Cause, str] = {
@@ -35,10 +39,11 @@ TITLES: dict[Cause, str] = {
     Cause.PLANE: "wrong support plane",
     Cause.COLLIDER: "collider too coarse",
     Cause.SIMULATION: "simulation pushed it away",
-    Cause.ARM_STARVED: "best hypothesis starved",
+    Cause.ARM_STARVED: "best hypothesis tried too little",
     Cause.BUDGET: "budget too small",
     Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
+    Cause.NO_HYPOTHESIS: "no hypothesis at all",
 }
 """For people: tables, bar charts, filters."""
 

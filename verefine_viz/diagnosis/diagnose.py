@@ -18,7 +18,7 @@ from verefine_viz.diagnosis.errors_of import ErrorOf
 from verefine_viz.diagnosis.of_input import INPUT_TESTS
 from verefine_viz.diagnosis.of_scene import SCENE_TESTS, neighbour
 from verefine_viz.diagnosis.of_score import score
-from verefine_viz.diagnosis.of_search import SEARCH_TESTS
+from verefine_viz.diagnosis.of_search import SEARCH_TESTS, no_hypothesis
 from verefine_viz.diagnosis.truth import FrameTruth
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
@@ -67,8 +67,7 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
     began, before = perf_counter(), case.lab.n_reruns
     findings: list[Finding] = []
     main: Finding | None = None
-    tests = _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, *SEARCH_TESTS)
-    for test in tests:
+    for test in _tests_for(case):
         if main is not None and not every_cause and test not in _NO_RERUN:
             continue
         finding = test(case)
@@ -88,6 +87,12 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
         case.lab.n_reruns - before,
         (perf_counter() - began) * 1e3,
     )
+
+
+def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
+    if not case.target.instance.hypotheses:
+        return (no_hypothesis,)
+    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, *SEARCH_TESTS)
 
 
 def _solved_alone(case: Case) -> bool:

@@ -110,6 +110,15 @@ def _with_budget(case: Case, times: int) -> Rerun:
     return case.rerun(what, method=case.lab.method(case.lab.simulator, iterations=times * own.iterations))
 
 
+def no_hypothesis(case: Case) -> Finding:
+    """The pool is empty, so that nothing was done."""
+    again = _from_truth(case)
+    said = f"There is no hypothesis for the {case.name}"
+    if np.isfinite(again.error):
+        said += f"; started at the truth, it ends {share(again.error)} of the diameter away"
+    return Finding(Cause.NO_HYPOTHESIS, f"{said}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+
+
 def pool(case: Case) -> Finding | None:
     """No hypothesis leads there, and the truth itself as a start does."""
     if outdone(case) is not None:
@@ -123,10 +132,7 @@ def pool(case: Case) -> Finding | None:
             {"times": float(MULTIPLES[0]), "error": case.error, "error_alone": alone.error},
             False,
         )
-    again = case.rerun("started at ground truth", case.with_pool(case.T_true))
-    if not len(case.initial_errors):
-        said = f"There is no hypothesis for the {case.name}; started at the truth, it ends {share(again.error)} away."
-        return Finding(Cause.POOL, said, {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+    again = _from_truth(case)
     j = int(np.argmin(case.initial_errors))
     nearest = float(case.initial_errors[j])
     far = pose_errors(case.target.model, case.target.instance.hypotheses[j].T_cam_obj, case.T_true)
@@ -156,6 +162,10 @@ def pool(case: Case) -> Finding | None:
         evidence,
         True,
     )
+
+
+def _from_truth(case: Case) -> Rerun:
+    return case.rerun("started at ground truth", case.with_pool(case.T_true))
 
 
 def _accepted(case: Case) -> list[float]:

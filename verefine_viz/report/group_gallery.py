@@ -38,7 +38,7 @@ def _picks(group: Group, most: int) -> list[Pick]:
 
 
 def _often(failed: Sequence[Pick], n_runs: int) -> str:
-    """``wrong in 12 of 20 runs: best hypothesis starved 9, collider too coarse 3``."""
+    """``wrong in 12 of 20 runs: best hypothesis tried too little 9, collider too coarse 3``."""
     said = f"wrong in {len(failed)} of {n_runs} runs"
     causes = Counter(pick.row.cause for pick in failed if pick.row.cause).most_common()
     if len(failed) < 2 or not causes:

@@ -29,6 +29,8 @@ ADVICE = {
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
     Cause.POOL: "no first pose led to the truth, so more or better ones are needed ([hypotheses])",
+    Cause.NO_HYPOTHESIS: "without a first pose nothing is refined, so name further results files or an estimator "
+    "(hypotheses.files, hypotheses.estimate)",
 }
 """What to try, by cause."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
