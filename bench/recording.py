@@ -96,7 +96,7 @@ def _measured(toolbox: Toolbox, frame: Problem | str, path: Path | None) -> tupl
     problem = toolbox.problem(frame) if isinstance(frame, str) else frame
     recorders: list[Recorder] = []
     if path is not None:
-        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier))
+        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier_of))
     toolbox.run(problem, recorders).finish()
     return perf_counter() - wall, process_time() - processor
 

@@ -45,7 +45,7 @@ class Own:
 def make_recording(path: Path, session: Session) -> None:
     toolbox = Toolbox(session)
     problem = toolbox.problem(toolbox.frames[0])
-    toolbox.run(problem, [Recorder(path, session, problem, toolbox.verifier)]).finish()
+    toolbox.run(problem, [Recorder(path, session, problem, toolbox.verifier_of)]).finish()
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from verefine_viz.recording.recorder import Recorder
 
 def main(path: Path, maps: bool) -> None:
     s, problem = session(iterations=1000, maps=maps), box_problem(3)
-    run = new_run(s, problem, (Recorder(path, s, problem, FakeVerifier()),))
+    run = new_run(s, problem, (Recorder(path, s, problem, lambda _: FakeVerifier()),))
     while not run.is_done:
         print(run.step().index, flush=True)
 

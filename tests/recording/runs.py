@@ -36,7 +36,7 @@ def recorded_run(path: Path, s: Session | None = None, problem: Problem | None =
     """A finished run, recorded to ``path``; maps only where the session has them."""
     s = s or session()
     problem = problem or box_problem(3, 2)
-    run = new_run(s, problem, (Recorder(path, s, problem, FakeVerifier(), block=block),))
+    run = new_run(s, problem, (Recorder(path, s, problem, lambda _: FakeVerifier(), block=block),))
     run.finish()
     return run
 

@@ -108,7 +108,7 @@ def new_run_with_journal(path: Path):
     from verefine_viz.recording.recorder import Recorder
 
     s, problem = session(maps=False), box_problem(3, 2)
-    recorder = Recorder(path, s, problem, FakeVerifier(), block=4)
+    recorder = Recorder(path, s, problem, lambda _: FakeVerifier(), block=4)
     run = new_run(s, problem)
     recorder.on_start(run.state)
     while not run.is_done:

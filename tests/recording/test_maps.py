@@ -10,11 +10,12 @@ import pytest
 from PIL import Image
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem, seen_at
-from tests.recording.runs import enlarged, recorded_run, session
+from tests.recording.runs import enlarged, new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
+from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
@@ -91,7 +92,7 @@ def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
     s, problem = session(iterations=iterations, maps=maps), enlarged(box_problem(5))
     assert problem.observation.camera.shape == (480, 640)
     verifier = NoisyVerifier()
-    recorder = Recorder(folder / f"{iterations}.rrd", s, problem, verifier)
+    recorder = Recorder(folder / f"{iterations}.rrd", s, problem, lambda _: verifier)
     method = make_method(s.method, FakeSimulator(), FakeRefiner(), verifier, s.physics.steps)
     run = Run(method, problem, (recorder,))
     run.finish()
@@ -103,6 +104,21 @@ def test_an_iteration_is_small(tmp_path: Path, maps: bool, most: int) -> None:
     few, many = sizes(tmp_path, maps, 4), sizes(tmp_path, maps, 14)
     assert few[1] < many[1]
     assert 100 < (many[0] - few[0]) / (many[1] - few[1]) <= most
+
+
+def test_maps_are_those_of_the_score_that_judged_the_iteration(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def verifier_of(index: int) -> FakeVerifier:
+        seen.append(index)
+        return FakeVerifier(ScoreSettings(tau_m=0.005 if index > 2 else 0.02))
+
+    s, problem = session(iterations=1), box_problem(4)
+    new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem, verifier_of),)).finish()
+    assert seen == [1, 2, 3, 4]
+    # What the sensor saw is cut out once for each score that it is compared by.
+    observed = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == f"{entities.MAPS}/observed"]
+    assert len(observed) == 2
 
 
 def test_a_session_without_maps_has_none(tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def numbers_of(row: Sequence[Any]) -> list[float]:
 def test_there_is_something_in_every_view(tmp_path: Path, name: str, n_objects: int, maps: bool) -> None:
     problem = graphed(box_problem(3, n_objects), tuple(range(n_objects)))
     s = session(name, maps=maps)
-    recorder = Recorder(tmp_path / "run.rrd", s, problem, FakeVerifier())
+    recorder = Recorder(tmp_path / "run.rrd", s, problem, lambda _: FakeVerifier())
     run = Run(method_of(problem), problem, (recorder,)) if name == "physim_mcts" else new_run(s, problem, (recorder,))
     run.finish()
     drawn = {c.entity_path for c in chunks_of(tmp_path / "run.rrd") if c.num_rows}

@@ -58,9 +58,11 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     fork.finish()
     change = Change(after_iteration=2, settings=settings)
     session = box.session.model_copy(update={"edits": fork.edits, "changes": (change,)})
-    again = Toolbox(session).run(problem)
+    reopened = Toolbox(session)
+    again = reopened.run(problem)
     again.finish()
     assert first_difference(fork.iterations, again.iterations) is None
+    assert [reopened.verifier_of(k).settings.tau_m for k in (1, 2, 3, again.length)] == [0.02, 0.02, 0.01, 0.01]
     assert first_difference(run.iterations, again.iterations) is not None
 
 

@@ -62,7 +62,7 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> Fra
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
         problem = toolbox.problem(frame)
-    recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier)
+    recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier_of)
     booked = _Booked(recorder, watch)
     try:
         with watch("start"):

@@ -41,7 +41,7 @@ OBSERVED = "observed"
 class Maps:
     """The score maps of an object's iterations, or of a scene of several."""
 
-    def __init__(self, targets: Sequence[Target], verifier: Verifier, tau_m: float, size_px: int = TILE_PX) -> None:
+    def __init__(self, targets: Sequence[Target], verifier: Verifier, size_px: int = TILE_PX) -> None:
         self._targets = tuple(targets)
         self._observation = targets[0].observation
         self._verifier = verifier
@@ -58,7 +58,7 @@ class Maps:
         depth = depth_scale(near - reach, far + reach)
         self._scales = {
             "rendered": depth,
-            "difference": difference_scale(tau_m),
+            "difference": difference_scale(verifier.settings.tau_m),
             "angle": ANGLE,
             "f_d": FIT,
             "f_n": FIT,

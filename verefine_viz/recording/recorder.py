@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,7 +51,7 @@ class Recorder:
         path: Path,
         session: Session,
         problem: Problem,
-        verifier: Verifier | None = None,
+        verifier_of: Callable[[int], Verifier] | None = None,
         live_port: int | None = None,
         block: int = BLOCK,
     ) -> None:
@@ -61,19 +61,19 @@ class Recorder:
             path: the recording, ``….rrd``; its folder is made if needed.
             session: what is being run; written into the recording.
             problem: the frame.
-            verifier: makes the score maps; None = no maps, whatever the session says.
+            verifier_of: what judged iteration k, to make its score maps; None = no maps, whatever the session says.
             live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
             block: iterations drawn together; with a live viewer every iteration is drawn at once.
         """
         self._path = path
         self._session = session
         self._problem = problem
-        self._verifier = verifier if session.recording.maps else None
+        self._verifier_of = verifier_of if session.recording.maps else None
         self._live_port = live_port
         self._block = 1 if live_port is not None else block
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
         self._pending: list[Entry] = []
-        self._maps: tuple[int, Maps] | None = None
+        self._maps: tuple[int, Verifier, Maps] | None = None
         self._truth = AgainstTruth()
 
     def on_start(self, state: RunState) -> None:
@@ -93,7 +93,7 @@ class Recorder:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._journal = Journal(journal_path(self._path), about)
             part.unlink(missing_ok=True)
-            has_maps = self._verifier is not None
+            has_maps = self._verifier_of is not None
             port = self._live_port
             if port is not None:
                 self._file = LiveFile(part, port, self._layout, has_maps)
@@ -115,8 +115,8 @@ class Recorder:
         entry = Entry.of(iteration, errors)
         self._journal.append(entry)
         self._pending.append(entry)
-        if self._verifier is not None:
-            for chunks in self._pictures(self._verifier, iteration):
+        if self._verifier_of is not None:
+            for chunks in self._pictures(self._verifier_of(iteration.index), iteration):
                 self._file.send(chunks)
         if len(self._pending) >= self._block:
             self.draw_now()
@@ -147,26 +147,25 @@ class Recorder:
         self.draw_now()
         file, self._file = self._file, None
         try:
-            file.close(blueprint_messages(self._layout, self._verifier is not None))
+            file.close(blueprint_messages(self._layout, self._verifier_of is not None))
         finally:
             self._journal.close()
         name_finished(self._path)
 
     def _pictures(self, verifier: Verifier, iteration: Iteration) -> Iterator[Iterable[Piece]]:
         """The maps of an iteration, and of the scene where it closes a pass."""
-        tau_m = self._session.score.tau_m
         placed = self._placed(iteration.placed) if self._session.method.occluders == "placed" else ()
-        if self._maps is None or self._maps[0] != iteration.instance_id:
-            maps = Maps([self._targets[iteration.instance_id]], verifier, tau_m)
-            self._maps = (iteration.instance_id, maps)
+        if self._maps is None or self._maps[:2] != (iteration.instance_id, verifier):
+            maps = Maps([self._targets[iteration.instance_id]], verifier)
+            self._maps = (iteration.instance_id, verifier, maps)
             yield [maps.observed(iteration.index)]
-        yield self._maps[1].pair(iteration, placed)
+        yield self._maps[2].pair(iteration, placed)
         scene = iteration.scene
         if scene is not None:
             targets = [self._targets[p.instance_id] for p in scene.poses]
             own = {p.instance_id for p in scene.poses}
             others = [p for p in placed if p.instance_id not in own]
-            maps = Maps(targets, verifier, tau_m, SCENE_TILE_PX)
+            maps = Maps(targets, verifier, SCENE_TILE_PX)
             yield maps.scene(iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:

@@ -151,6 +151,20 @@ class Toolbox:
             other.__dict__["simulator"] = self.simulator
         return other
 
+    @cached_property
+    def _later(self) -> tuple[tuple[int, Toolbox], ...]:
+        """(k, what takes over after iteration k), in order."""
+        found: list[tuple[int, Toolbox]] = []
+        toolbox = self
+        for change in sorted(self.session.changes, key=lambda c: c.after_iteration):
+            toolbox = toolbox.changed(change.settings)
+            found.append((change.after_iteration, toolbox))
+        return tuple(found)
+
+    def verifier_of(self, index: int) -> Verifier:
+        """What judges iteration ``index`` = 1, 2, … of a run of this session."""
+        return next((t for k, t in reversed(self._later) if k < index), self).verifier
+
     def prepare(self, problem: Problem) -> None:
         """Builds what is built once per model and kept on disk, so that no iteration waits for it (seconds each).
 
@@ -164,11 +178,7 @@ class Toolbox:
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         """A run of the session's method on ``problem``, with the edits and changes that the session holds."""
         self.prepare(problem)
-        changes: dict[int, Any] = {}
-        toolbox = self
-        for change in sorted(self.session.changes, key=lambda c: c.after_iteration):
-            toolbox = toolbox.changed(change.settings)
-            changes[change.after_iteration] = toolbox.method
+        changes = {k: toolbox.method for k, toolbox in self._later}
         ids = {i.instance_id for i in problem.instances}
         edits = [e for e in self.session.edits if e.instance in ids]
         return Run(self.method, problem, watchers, edits, changes)

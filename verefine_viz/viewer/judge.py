@@ -55,6 +55,10 @@ class Judge:
         self._numbers: OrderedDict[Key, Any] = OrderedDict()
         self._maps: OrderedDict[Key, Any] = OrderedDict()
 
+    @property
+    def verifier(self) -> Verifier:
+        return self._toolbox.verifier
+
     def score(self, target: Target, T_cam_obj: Float) -> PoseScore:
         """The verification score of one pose."""
         key = _key("score", target, T_cam_obj)

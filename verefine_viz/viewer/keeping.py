@@ -95,7 +95,8 @@ class Keeping:
         space = debugger.workspace
         run = space.run
         path.parent.mkdir(parents=True, exist_ok=True)
-        recorder = Recorder(path, space.session, run.problem, space.branch.tools.verifier, block=1)
+        branch = space.branch
+        recorder = Recorder(path, space.session, run.problem, lambda k: branch.judge_of(k).verifier, block=1)
         # A fork at the end shows its watchers the whole history and changes nothing.
         run.fork(run.length, watchers=(recorder,)).close()
         return path

@@ -60,7 +60,11 @@ class Branch:
     @property
     def judge(self) -> Judge:
         """Judges by the settings of the iteration that is looked at."""
-        return next(judge for k, judge in reversed(self.judges) if k < max(self.run.cursor, 1))
+        return self.judge_of(self.run.cursor)
+
+    def judge_of(self, index: int) -> Judge:
+        """Judges by the settings of an iteration; of the first where ``index`` is 0."""
+        return next(judge for k, judge in reversed(self.judges) if k < max(index, 1))
 
     def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
         """All marks of the history, or those of one object."""
