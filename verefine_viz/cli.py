@@ -12,7 +12,6 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Protocol, Union
 
 import tyro
@@ -31,6 +30,7 @@ from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
 from verefine_viz.core.errors import SettingsError, VerefineError
+from verefine_viz.core.places import at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
@@ -104,7 +104,7 @@ def run_command(words: list[str]) -> int:
 def _at_home(word: str) -> str:
     """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-    return f"{option}{equals}{Path(value).expanduser()}" if value == "~" or value.startswith("~/") else word
+    return f"{option}{equals}{at_home(value)}" if value == "~" or value.startswith("~/") else word
 
 
 def _drop_output() -> None:

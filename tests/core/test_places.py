@@ -11,7 +11,7 @@ import pytest
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.places import check_file, check_folder, why_not
+from verefine_viz.core.places import at_home, check_file, check_folder, why_not
 
 
 @pytest.fixture
@@ -92,6 +92,13 @@ def test_a_name_without_a_folder_is_below_where_one_is(monkeypatch: pytest.Monke
 
 def test_what_is_not_about_the_place_is_said_as_the_system_does(tmp_path: Path) -> None:
     assert why_not(tmp_path / "a", OSError(errno.ENOSPC, "No space left on device")) == "No space left on device"
+
+
+def test_the_home_folder_is_meant_by_a_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert (at_home("~"), at_home("~/a")) == (tmp_path, tmp_path / "a")
+    for other in ("a~", "a/~/b", "~nobody-of-this-name/a"):
+        assert at_home(other) == Path(other)
 
 
 def test_nothing_is_left_of_a_place_that_will_do(tmp_path: Path) -> None:

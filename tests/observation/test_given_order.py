@@ -87,6 +87,8 @@ def test_orders_of_a_file_hold_for_their_frame(tmp_path: Path) -> None:
     assert graph(order_file=str(path)).clusters == ((3,), (0, 1), (2,))
     path.write_text('{"0/7": [[8]]}')
     found = graph(order_file=str(path))
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert graph(order_file=str(path)).clusters == found.clusters
     assert found.source == "recommended"
     assert found.clusters == graph().clusters
     assert "the order file gives none for frame 0/1; the recommended rule's is used" in found.notes

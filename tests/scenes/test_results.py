@@ -58,6 +58,13 @@ def test_written_files_read_back_as_they_were(tmp_path: Path, rows: list[ResultR
         np.testing.assert_allclose(got.T_cam_obj, want.T_cam_obj, atol=1e-14)
 
 
+@pytest.mark.parametrize("header", ["", f"{HEADER}\n"])
+def test_a_byte_order_mark_is_read_over(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "excel_x-test.csv"
+    path.write_text(f"{header}1,2,3,0.5,1 0 0 0 1 0 0 0 1,0 0 500,-1\n", encoding="utf-8-sig")
+    assert [row.scene_id for row in read_results(path)] == [1]
+
+
 def test_writing_leaves_no_half_file(tmp_path: Path) -> None:
     path = tmp_path / "ours_x-test.csv"
     row = ResultRow(1, 2, 3, 0.5, np.eye(4))

@@ -56,6 +56,14 @@ def test_what_was_written_of_one_session_is_not_lost_to_the_next(debugger: Debug
         debugger.carry_out([c.SaveSession("new")])
 
 
+def test_a_file_is_opened_by_its_path_from_home(
+    debugger: Debugger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    debugger.carry_out([c.OpenSession("~/theirs.toml")])
+    assert debugger.workspace.session == OTHER
+
+
 def test_a_file_that_was_changed_meanwhile_is_kept(debugger: Debugger, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     edited = mine.read_text().replace("iterations = 2", "iterations = 3")

@@ -1,4 +1,6 @@
-"""Places on the disk that cannot be written to, and why, before the work whose results they are to hold."""
+"""Places on the disk: as people type them, and those that cannot be written to, and why, before the work whose results
+they are to hold.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +15,14 @@ _ABOUT_PLACES = (
     errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
 )  # fmt: skip
 """What the system says about a place, not about what is written there."""
+
+
+def at_home(text: str) -> Path:
+    """The path that a person typed: "~" is the home folder; "~name" stays as it is where nobody is called so."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        return Path(text)
 
 
 def why_not(path: Path, error: OSError) -> str:

@@ -41,7 +41,7 @@ def read_orders(path: Path) -> dict[str, Entries]:
         SettingsError: it is not JSON, or not orders by frame.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"order file {path} cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError) as error:

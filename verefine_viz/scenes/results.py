@@ -1,7 +1,7 @@
 """BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
 
-:func:`read_lines` takes and refuses what the official toolkit's format check does. :func:`read_results` wants more:
-poses and scores must be numbers and R a rotation.
+:func:`read_lines` takes and refuses what the official toolkit's format check does; a byte order mark is read over.
+:func:`read_results` wants more: poses and scores must be numbers and R a rotation.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
     """
     path = Path(path)
     try:
-        text = path.read_text("utf-8")
+        text = path.read_text("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -153,7 +153,7 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
 
 def _is_header(line: str) -> bool:
     """Whether a line is made of names: nothing in it is a number."""
-    words = re.split(r"[,;\s]+", line.strip().lstrip("\ufeff"))
+    words = re.split(r"[,;\s]+", line.strip())
     return all(re.fullmatch(r"[^\W\d]\w*", word) for word in words)
 
 

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.places import at_home
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
 from verefine_viz.session.mistakes import first_mistake, written_in
@@ -152,7 +153,7 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 
 def _absolute(path: str, folder: Path) -> str:
-    return str((folder / Path(path).expanduser()).resolve())
+    return str((folder / at_home(path)).resolve())
 
 
 def _without_none(value: Any) -> Any:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.places import at_home
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.alignment import Timeline, aligned
@@ -150,7 +151,7 @@ class Comparing:
             case s.CompareBranch(index):
                 self._compare_branch(index)
             case s.CompareRecording(path):
-                self._put_beside(self._recorded_branch(Path(path)))
+                self._put_beside(self._recorded_branch(at_home(path)))
             case s.RunB(length):
                 self._need()
                 branch = self.branch_b()

@@ -14,6 +14,7 @@ import numpy as np
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.places import at_home
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import BreakpointSettings, Session
 from verefine_viz.session.files import load_session
@@ -177,10 +178,10 @@ class Debugger:
             case c.OpenDemo(name):
                 self._open_demo(name)
             case s.OpenRecording(path):
-                self.workspace.open_recording(Path(path))
+                self.workspace.open_recording(at_home(path))
                 self._reset_look()
             case c.OpenSession(path):
-                self.workspace.open(load_session(Path(path)), Path(path))
+                self.workspace.open(load_session(at_home(path)), at_home(path))
                 self._reset_look()
             case c.Fork(changes, cursor, run):
                 at = self.workspace.run.cursor if cursor is None else cursor
