@@ -306,3 +306,9 @@ def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
             running.wait_until_ready(20)
     finally:
         running.stop()
+
+
+def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
+    run, physics = app.layout.run, app.layout.physics
+    assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
+    assert physics.edit.order < physics._edited._handle.order < physics._standing._handle.order

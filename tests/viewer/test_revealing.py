@@ -38,6 +38,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
 
 def test_physics_is_told_as_far_as_the_stages_are() -> None:
     d = debugger().carry_out([STAGE])
+    assert changes_table(d.view()) == ""
     assert physics(d.view()) == "Iteration 1 is about to be simulated: press Stage (M)."
     said = physics(d.carry_out([STAGE]).view())
     assert "the simulation" in said

@@ -37,6 +37,6 @@ def arms_legend(target: Target) -> str:
     groups = [(source, [j for j, _ in group]) for source, group in groupby(numbered, lambda pair: source_of(pair[1]))]
     return " ".join(
         f'<span style="white-space:nowrap">{" ".join(f"{swatch(arm_color(j))}{j + 1}" for j in group)} '
-        f'<span class="cut" title="{text(source)}">{text(source)}</span></span>'
+        f'<span class="cut" style="max-width:170px" title="{text(source)}">{text(source)}</span></span>'
         for source, group in groups
     )

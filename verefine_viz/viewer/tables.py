@@ -204,7 +204,7 @@ def changes_table(view: View) -> str:
         ("axis", "in the object's frame"),
         ("mm", "how far the object's middle moved"), ("ms", "time to compute it"),
     ]  # fmt: skip
-    return table(head, rows)
+    return table(head, rows) if rows else ""
 
 
 def contacts_table(view: View, most: int = 8) -> str:

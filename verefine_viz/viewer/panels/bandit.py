@@ -128,7 +128,7 @@ class CurvesPanel:
         """Curves with their legend; ``of``: whose object in focus they are about, None = all objects."""
         words, chart = self._charts[name]
         if not lines:
-            caption = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name]
+            caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
         legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
         said = f"{whose(of) if of is not None else ''}{text(caption)}"
         words.show(f'<div style="font-size:11px;margin-bottom:-8px;white-space:nowrap">{said} {legend}</div>')

@@ -11,7 +11,7 @@ from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.widgets import Block, Send, by_person, unlabelled
 from verefine_viz.viewer.words import physics
 
 
@@ -22,6 +22,7 @@ class PhysicsPanel:
         self._words = Block(gui)
         # No hint: it would cover the numbers below while the pointer rests on a button that was pressed.
         self.edit = gui.add_button_group("By hand", ["Edit pose", "Continue from here", "Cancel"])
+        gui.add_html(f"<style>{unlabelled(self.edit)}</style>")
         actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
         self.edit.on_click(by_person(lambda v: send(actions[v])))
         self._edited = Block(gui)

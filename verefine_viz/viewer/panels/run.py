@@ -11,7 +11,7 @@ from verefine_viz.viewer.findings import Finding, findings
 from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 from verefine_viz.viewer.words import HINTS, headline, remaining
 
 MOVES: dict[str, c.Command] = {
@@ -37,12 +37,21 @@ ANSWER = (
 )
 
 
+ROW_PX = 26
+
+
 class RunPanel:
-    """Buttons first, where they never move; then headline, findings, and the choice of frame and object."""
+    """The choice of frame and the buttons first, where they never move; then headline, findings, branches and notes."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         gui.add_html(STYLE)
-        # No hints here: they would cover what is below while the pointer rests on a button that was pressed.
+        # Above the words, so that they can push it off the screen no more than the buttons.
+        self.frame = gui.add_dropdown("Frame", [""], visible=False)
+        self.frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))
+        self.demo = gui.add_dropdown("Scene", [""], visible=False)
+        self.demo.on_update(by_person(lambda v: send(c.OpenDemo(v))))
+        gui.add_html(f"<style>{compact(self.frame, ROW_PX)}{compact(self.demo, ROW_PX)}</style>")
+        # No hints: they would cover what is below while the pointer rests on a button that was pressed.
         self.moves = gui.add_button_group("Move", list(MOVES))
         self.moves.on_click(by_person(lambda label: send(MOVES[label])))
         self.runs = gui.add_button_group("Run", list(RUNS))
@@ -50,10 +59,6 @@ class RunPanel:
         self._words = Block(gui)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
         self._below = Block(gui)
-        self._frame = gui.add_dropdown("Frame", [""], visible=False, hint="scene/image of the session's data set")
-        self._frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))
-        self._demo = gui.add_dropdown("Scene", [""], visible=False, hint="Built-in scenes; no data set needed")
-        self._demo.on_update(by_person(lambda v: send(c.OpenDemo(v))))
         self._branches = Block(gui)
         Block(gui).show(KEYS_LINE)
 
@@ -74,15 +79,15 @@ class RunPanel:
         self._progress.visible = p.running
         self._progress.value = 100.0 * p.done / max(p.total, 1)
         below = "".join(_box(f) for f in found if not f.on_top)
-        below += "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
         if p.running:
             below = f'<p class="dim">{p.done} of {p.total} iterations, {text(remaining(p.remaining_s))}</p>' + below
         self._below.show(below)
-        _options(self._frame, view.frames, view.frame)
-        self._frame.visible = len(view.frames) > 1
-        _options(self._demo, view.demos, view.session.scene.demo)
-        self._demo.visible = view.session.scene.source == "demo" and bool(view.demos)
-        self._branches.show(branches_table(view))
+        _options(self.frame, view.frames, view.frame)
+        self.frame.visible = len(view.frames) > 1
+        _options(self.demo, view.demos, view.session.scene.demo)
+        self.demo.visible = view.session.scene.source == "demo" and bool(view.demos)
+        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
+        self._branches.show(branches_table(view) + notes)
 
 
 def of_the_end(view: View) -> str:
