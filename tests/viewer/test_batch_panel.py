@@ -58,6 +58,8 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
     unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
     found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
     assert found.outcome == "1 of 3 objects in 3 frames are right; 2 have no answer; 1 frame failed"
+    assert "Click one of 1," in summary(found, found.entries)
+    assert "None of those below can be opened." in summary(found, found.entries[1:])
     for entry, said in zip(found.entries[1:], ("frame failed", "left out", "frame failed"), strict=True):
         html = card(entry, found.opens(entry), None, False, False)
         assert said in html

@@ -132,7 +132,8 @@ def pair_failures_sentence(failures: Gallery, has_truth: bool) -> str:
 def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:
     """What the gallery shows."""
     if not n_shown:
-        return "Nothing that could be solved came out wrong." if not n_more else f"{n_more} failures, none of them shown (--failures)."
+        hidden = f"{n_more} failures, none of them shown (--failures)."
+        return hidden if n_more else "Nothing that could be solved came out wrong."
     what = "failure" if has_truth else "object"
     order = "worst first" if has_truth else "lowest score first, as there is no ground truth"
     more = f"; {n_more} more in frames.csv" if n_more else ""

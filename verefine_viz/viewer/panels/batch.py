@@ -108,7 +108,8 @@ def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
         said += f"; unfinished and left out: {gallery.n_unfinished}"
     if not entries:
         return f"{said}. None passes all filters: choose others."
-    return f"{said}. Click one of {len(entries)}, or press J, K."
+    n = sum(entry.can_be_opened for entry in entries)
+    return f"{said}. Click one of {n}, or press J, K." if n else f"{said}. None of those below can be opened."
 
 
 def choices(gallery: Gallery, order: Order, only: Mapping[str, str]) -> str:
