@@ -22,9 +22,7 @@ def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None
     n = screen.app.debugger.workspace.run.length
     screen.text("Shown: the answer")
     assert screen.page.locator(".vz.objects td", has_text="working").count() == 0
-    assert screen.page.locator(".vz.objects tr td:last-child", has_text="done").count() == 4, (
-        "the frame and each object"
-    )
+    assert screen.page.locator(".vz.objects tr td:last-child .sw").count() == 3, "the hypothesis that won, each"
     screen.tab("Bandit")
     folds = screen.page.locator(".vz svg g[data-cmd]", has_text="+")
     folds.first.wait_for(timeout=SLOW_MS)

@@ -38,7 +38,7 @@ def test_every_panel(look: Look) -> None:
     screen.text("Run finished")
     for tab, words in (
         ("Score", "against initial"),
-        ("Bandit", "^Iteration .* took hypothesis"),
+        ("Bandit", "^The answer is of iteration .* took hypothesis"),
         ("Physics", "steps the simulation"),
         ("Errors", "by the usual 10 %"),
         ("Session", "not from a file|from .*mug.toml"),

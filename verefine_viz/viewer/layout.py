@@ -33,13 +33,13 @@ from verefine_viz.viewer.widgets import Send, by_person
 _LOG = logging.getLogger(__name__)
 RIGHT_PX = 372
 GAP_PX = 6
-TIMELINE_PX = 162
+TIMELINE_PX = 154
 STRIP_PX = 244
 MAPS_PX = 592
 CURVES_PX = 296
 VIEW_PX = 254
 OBJECTS_PX = 326
-UPPER_PX = 370
+UPPER_PX = 378
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run / pause", "space", c.TogglePause()),

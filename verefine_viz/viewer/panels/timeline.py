@@ -15,10 +15,11 @@ from verefine_viz.viewer.marks import MEANINGS, Mark
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.tables import where
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
 _WIDTH, _HEIGHT = 860, 43
 _NAME_PX, _PASS_PX, _CHARACTER_PX = 36, 30, 6.2
+ROW_PX = 25
 MOST_CELLS = 240
 """A longer run is drawn in fewer pieces."""
 
@@ -27,9 +28,10 @@ class TimelinePanel:
     """A strip of iterations coloured by hypothesis, marks above, the slider below."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._line = Block(gui, "line")
+        self._line = Block(gui, "line tight")
         self.slider = gui.add_slider("Iteration", 0, 1, 1, 0, hint="0 = before the first; Home, End, PageUp, PageDown")
         self.slider.on_update(by_person(lambda v: send(c.Seek(int(v)))))
+        gui.add_html(f"<style>{compact(self.slider, ROW_PX)}</style>")
 
     def show(self, view: View, hand_is_ahead: bool = False) -> None:
         """Draws the strip; leaves the slider alone while a hand moves it further."""
