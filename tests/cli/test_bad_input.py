@@ -121,7 +121,9 @@ def test_the_port_is_taken(desk: Desk) -> None:
 
 
 def test_make_takes_the_port_that_is_advised() -> None:
-    done = subprocess.run(["make", "-n", "app", "PORT=1234"], capture_output=True, text=True, cwd=ROOT, check=True)
+    # Within another make, it tells of folders as well.
+    command = ["make", "-n", "--no-print-directory", "app", "PORT=1234"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.splitlines()[-1].endswith("app.py sessions/mug.toml --port 1234")
 
 
