@@ -57,7 +57,7 @@ def test_a_source_that_all_have_is_told_once() -> None:
     view = plain().carry_out([c.RunUntil("end")]).view()
     hypotheses = [replace(h, source=f"perturbed 9° #{k + 1}") for k, h in enumerate(view.target.instance.hypotheses)]
     target = replace(view.target, instance=replace(view.target.instance, hypotheses=tuple(hypotheses)))
-    assert arms_legend(target).count(">perturbed 9°</span>") == 1
+    assert arms_legend(target).count(">all perturbed 9°</span>") == 1
     assert "perturbed" not in headline(replace(view, target=target)) + arms_table(replace(view, target=target))
 
 

@@ -32,11 +32,12 @@ def have_names(target: Target) -> bool:
 
 
 def arms_legend(target: Target) -> str:
-    """A swatch per hypothesis, and behind those of one source its name."""
+    """A swatch per hypothesis, and behind those of one source its name; "all …" where there is but one."""
     numbered = enumerate(target.instance.hypotheses)
     groups = [(source, [j for j, _ in group]) for source, group in groupby(numbered, lambda pair: source_of(pair[1]))]
+    every = "" if have_names(target) or len(target.instance.hypotheses) < 2 else "all "
     return " ".join(
         f'<span style="white-space:nowrap">{" ".join(f"{swatch(arm_color(j))}{j + 1}" for j in group)} '
-        f'<span class="cut" style="max-width:170px" title="{text(source)}">{text(source)}</span></span>'
+        f'<span class="cut" style="max-width:170px" title="{text(source)}">{every}{text(source)}</span></span>'
         for source, group in groups
     )
