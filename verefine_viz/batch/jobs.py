@@ -103,14 +103,11 @@ def check_outside(out: Path, session: Session) -> None:
         raise SettingsError(f"--out {out} lies among the images of the data set, in {split}; choose another --out")
 
 
-def _words(text: str) -> list[str]:
-    return text.replace(",", " ").split()
-
-
 def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> None:
     for name in methods:
         if "," in name:
-            raise SettingsError(f"--methods {name}: separate the names by blanks, --methods {' '.join(_words(name))}")
+            apart = " ".join(name.replace(",", " ").split())
+            raise SettingsError(f"--methods {name}: separate the names by blanks, --methods {apart}")
         if name not in ALL_METHOD_NAMES:
             raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
         if methods.count(name) > 1:

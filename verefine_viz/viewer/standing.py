@@ -66,13 +66,9 @@ _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     (
         "stable",
         "whether friction at the contacts can hold it still; contacts deep inside a surface cannot tell",
-        lambda p: _stable(p),
+        lambda p: {None: "cannot tell", True: "yes", False: "no"}[p.is_stable],
     ),
 )
-
-
-def _stable(found: Any) -> str:
-    return "cannot tell" if found.is_stable is None else "yes" if found.is_stable else "no"
 
 
 def _overlap(found: Any) -> str:
