@@ -9,3 +9,10 @@ from verefine_viz.evaluation.errors import PoseErrors
 def is_correct(errors: PoseErrors | None) -> bool:
     """Whether a pose is near enough; False also where nobody can say."""
     return errors is not None and errors.relative < CORRECT
+
+
+def verdict_mark(errors: PoseErrors | None) -> str:
+    """✓ or ✗; nothing where nobody can say."""
+    if errors is None:
+        return ""
+    return "✓" if is_correct(errors) else "✗"

@@ -14,6 +14,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
 from verefine_viz.viewer.commands import Command, Focus
+from verefine_viz.viewer.correct import verdict_mark
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.stage_nodes import display_mesh, place
 from verefine_viz.viewer.view import View
@@ -87,7 +88,9 @@ class OtherNodes:
             if T_cam_obj is not None:
                 self._move(nodes, T_cam_obj)
                 self._dress(nodes, o)
-                nodes.label.text = f"{o.label} ✓" if o.phase in ("placed", "done") else o.label
+                # What is still worked on is neither right nor wrong yet.
+                mark = verdict_mark(o.errors) if o.phase in ("placed", "done") else ""
+                nodes.label.text = f"{o.label} {mark}".strip()
 
     def _pose(self, view: View, o: ObjectNow, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""

@@ -7,7 +7,7 @@ import viser
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arm_name
 from verefine_viz.viewer.carrying import alone_hint, carried
-from verefine_viz.viewer.correct import is_correct
+from verefine_viz.viewer.correct import is_correct, verdict_mark
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.scene_words import TERMS, overlap_sentence
@@ -75,7 +75,7 @@ def objects_table(view: View) -> str:
         ("object", "click a row to filter the page to it"),
         ("", "plausibility of the pose among the others: could it lie still like that? Not how far off it is."),
         ("score", "of the answer so far"),
-        ("mm", "ADD(-S) of the answer against ground truth [mm]; bold = within 10 % of the diameter"),
+        ("mm", "ADD(-S) of the answer against ground truth [mm]; bold = within 10 % of the diameter, ✗ = not"),
         ("it.", "iterations spent on it up to the cursor"),
         ("hyp.", "the hypothesis that became the answer") if view.is_answer
         else ("state", "waiting, working, placed or done"),
@@ -115,8 +115,7 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
         order = f"{o.cluster}.{1 + sum(p.cluster == o.cluster and p.order < o.order for p in view.scene.objects)}"
     label, tip = PHASES[o.phase]
     error = "" if o.errors is None else f"{o.errors.add_s_mm:.1f}"
-    if is_correct(o.errors):
-        error = f"<b>{error}</b>"
+    error = f"<b>{error}</b>" if is_correct(o.errors) else f"{error} {verdict_mark(o.errors)}".strip()
     cells = [
         f"{order}",
         f'{swatch(o.color)}<span title="{text(o.label)}">{text(o.label)}</span>{_sinks(view, o)}',
