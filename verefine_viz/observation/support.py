@@ -6,7 +6,6 @@ objects (they lie above it and reach down to it) is refined by least squares. ME
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -18,6 +17,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import NoSupportError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import GravitySource, Support
+from verefine_viz.observation.plane_fit import Plane, fitted
 
 Gravity = Literal["plane", "world"] | tuple[float, float, float]
 
@@ -35,17 +35,6 @@ MIN_POINTS = 200
 """Fewest points of background to look for a plane in."""
 MAX_TILT_RAD = np.radians(30.0)
 """Angle between a plane's normal and a known "up" beyond which nothing would stay on it."""
-
-
-@dataclass(frozen=True)
-class _Plane:
-    normal: Float
-    """(3,) towards the camera."""
-    offset_m: float
-    """``normal · p + offset_m`` is the height of p above the plane [m]."""
-
-    def heights(self, points: Float) -> Float:
-        return points @ self.normal + self.offset_m
 
 
 def find_support(
@@ -81,13 +70,13 @@ def find_support(
     background = points[valid & ~object_mask]
     near = _near(background, objects)
     plane = _carrying_plane(near, objects, up_cam, seed)
-    plane, on_plane = _refined(plane, near)
-    inliers = near[on_plane]
+    plane = fitted(plane, near, TOLERANCE_M)
+    inliers = near[plane.touches(near, TOLERANCE_M)]
     R_world_cam_used = _world_rotation(plane.normal, gravity, R_world_cam, up_cam)
     origin_cam = inliers.mean(axis=0)
     origin_cam = origin_cam - plane.heights(origin_cam) * plane.normal
     source: GravitySource = gravity if gravity in ("plane", "world") else "given"
-    share = float(np.mean(np.abs(plane.heights(background)) < TOLERANCE_M))
+    share = float(plane.touches(background, TOLERANCE_M).mean())
     rms_m = float(np.sqrt(np.mean(plane.heights(inliers) ** 2)))
     T_world_cam = transform(R_world_cam_used, -R_world_cam_used @ origin_cam)
     normal_world = R_world_cam_used @ plane.normal
@@ -120,7 +109,7 @@ def _near(background: Float, objects: Float) -> Float:
     return background[background[:, 2] < z.mean() + max(float(z.std()), 0.05)]
 
 
-def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int) -> _Plane:
+def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int) -> Plane:
     """The plane of the background that carries the objects."""
     if len(near) < MIN_POINTS:
         raise NoSupportError(
@@ -130,7 +119,7 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     rng = np.random.default_rng(seed)
     sample = near[np.sort(rng.choice(len(near), size=min(RANSAC_POINTS, len(near)), replace=False))]
     n_sample = len(sample)
-    best: _Plane | None = None
+    best: Plane | None = None
     best_worth = 0.0
     largest_share = 0.0
     # Open3D's generator is global: seeding it right before each use is what makes the answer depend on the seed alone.
@@ -141,7 +130,7 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample))
         # probability 1 runs every trial: an early stop would depend on how threads happen to interleave.
         coefficients, inlier_idx = cloud.segment_plane(TOLERANCE_M, 3, RANSAC_TRIALS, 1.0)
-        plane = _towards_camera(np.array(coefficients[:3]), float(coefficients[3]))
+        plane = Plane.towards_camera(np.array(coefficients[:3]), float(coefficients[3]))
         share = len(inlier_idx) / n_sample
         largest_share = max(largest_share, share)
         worth = share * _carries(plane, objects) if _is_level(plane, up_cam) else 0.0
@@ -156,17 +145,11 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     return best
 
 
-def _towards_camera(normal: Float, offset_m: float) -> _Plane:
-    length = float(np.linalg.norm(normal))
-    sign = 1.0 if offset_m >= 0 else -1.0  # the camera is the origin, whose height is the offset
-    return _Plane(sign * normal / length, sign * offset_m / length)
-
-
-def _is_level(plane: _Plane, up_cam: Float | None) -> bool:
+def _is_level(plane: Plane, up_cam: Float | None) -> bool:
     return up_cam is None or float(plane.normal @ up_cam) >= np.cos(MAX_TILT_RAD)
 
 
-def _carries(plane: _Plane, objects: Float) -> float:
+def _carries(plane: Plane, objects: Float) -> float:
     """How well the objects stand on the plane, in [0, 1]: share of their points above it, less where all hover."""
     if len(objects) == 0:
         return 1.0
@@ -176,17 +159,6 @@ def _carries(plane: _Plane, objects: Float) -> float:
         return 0.0
     gap_m = max(0.0, float(np.quantile(heights, 0.02)) - 2 * TOLERANCE_M)
     return above * float(np.exp(-gap_m / 0.02))
-
-
-def _refined(plane: _Plane, points: Float) -> tuple[_Plane, NDArray[np.bool_]]:
-    """The least-squares plane of the points near ``plane``, and which points those are."""
-    on_plane = np.abs(plane.heights(points)) < TOLERANCE_M
-    for _ in range(5):
-        centre = points[on_plane].mean(axis=0)
-        normal = np.linalg.eigh(np.cov((points[on_plane] - centre).T))[1][:, 0]
-        plane = _towards_camera(normal, float(-normal @ centre))
-        on_plane = np.abs(plane.heights(points)) < TOLERANCE_M
-    return plane, on_plane
 
 
 def _world_rotation(normal_cam: Float, gravity: Gravity, R_world_cam: Float | None, up_cam: Float | None) -> Float:
