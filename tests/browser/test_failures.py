@@ -62,6 +62,13 @@ def test_arm_starved(look: Look) -> None:
     screen = look(SESSIONS / "failure_arm_starved.toml")
     run_to_end(screen)
     screen.text("its exploration bonus never won")
+    # Long names of estimators leave room for one another.
+    legend = screen.page.locator(".vz.line .blocks")
+    last = legend.locator("> span").nth(4).bounding_box()
+    whole = legend.bounding_box()
+    assert last is not None
+    assert whole is not None
+    assert last["x"] + last["width"] <= whole["x"] + whole["width"]
     screen.tab("Pulls")
     screen.page.locator(".u-over").last.wait_for(timeout=SLOW_MS)
     screen.shot("failure_arm_starved")
