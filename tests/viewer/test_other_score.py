@@ -10,6 +10,8 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.scales import last_of_old_scale
+from verefine_viz.viewer.tables import arm_history
 from verefine_viz.viewer.view import View
 
 
@@ -92,3 +94,18 @@ def test_a_fork_at_the_start_is_judged_by_the_new_score_alone() -> None:
         )
         <= 0.25
     )
+
+
+def test_numbers_of_two_scales_are_told_apart() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER)])
+    assert "changed after iteration" not in arm_history(d.view())
+    view = d.carry_out([c.Step()]).view()
+    assert "changed after iteration 2: scores up to there are not comparable" in arm_history(view)
+    assert last_of_old_scale(view) == 2
+    view = d.carry_out([c.Seek(2)]).view()
+    assert "changed after iteration" not in arm_history(view)
+
+
+def test_other_settings_leave_the_scale_as_it_is() -> None:
+    d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 0.3),)), c.Step()])
+    assert last_of_old_scale(d.view()) is None

@@ -17,6 +17,7 @@ from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hint
 from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
 from verefine_viz.viewer.revealing import is_revealed
+from verefine_viz.viewer.scales import other_scale_note
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
@@ -177,7 +178,8 @@ def arm_history(view: View, newest: int = 12) -> str:
         ("it.", "iteration; click to go there"), ("kept", "stage that was kept"), ("score", "of the kept pose"),
         ("turn", "how far it turned"), ("mm", "how far it moved"), ("ADD(-S)", "error against ground truth [mm]"),
     ]  # fmt: skip
-    return f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>" + table(head, rows)
+    named = f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>"
+    return named + other_scale_note(view) + table(head, rows)
 
 
 def changes_table(view: View) -> str:

@@ -11,6 +11,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
+from verefine_viz.viewer.scales import last_of_old_scale
 from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
 from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.tables import arm_history, arms_table
@@ -107,6 +108,9 @@ class CurvesPanel:
         # Iterations count over all objects; this one's curves begin where its turn did.
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
         scored = "score by arm" if len(view.scene.objects) == 1 else "by arm"
+        k = last_of_old_scale(view)
+        if k is not None:
+            scored += f", other settings to it. {k}"
         self._draw("Score", x, score_lines(view, n) if own else [], scored, view)
         self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm", view)
         counted = "chosen (n adds the start)" if view.session.method.name in CHOOSING else "iterations, by arm"
