@@ -156,7 +156,7 @@ STYLE = """<style>
 .vz.line .where{white-space:nowrap}
 .vz.line .legend{margin-left:auto;font-size:11px;display:flex;gap:10px;white-space:nowrap;overflow:hidden;cursor:help}
 .vz.line .blocks{display:flex;gap:6px;font-size:11px;white-space:nowrap;overflow:hidden}
-.vz.line .blocks>span{flex:0 1 auto;min-width:26px;max-width:200px;overflow:hidden;text-overflow:ellipsis}
+.vz.line .blocks>span{flex:0 1 auto;min-width:26px;overflow:hidden;text-overflow:ellipsis}
 .vz.line .blocks .cut{display:inline}
 [data-dock-tab]{padding:0 7px!important}
 [data-dock-column]{transform:none!important}

@@ -14,8 +14,18 @@ def last_of_old_scale(view: View) -> int | None:
 
 def other_scale_note(view: View) -> str:
     """A line above numbers of both scales; empty where there is one."""
+    said = _said(view)
+    return f'<p class="legend dim">{text(said)}</p>' if said else ""
+
+
+def other_scale_sign(view: View) -> str:
+    """The same where there is room for a sign only."""
+    said = _said(view)
+    return f'<span title="{text(said)}" style="cursor:help">⚠</span>' if said else ""
+
+
+def _said(view: View) -> str:
     k = last_of_old_scale(view)
     if k is None:
         return ""
-    said = f"The score's settings changed after iteration {k}: scores up to there are not comparable with later ones."
-    return f'<p class="legend dim">{text(said)}</p>'
+    return f"The score's settings changed after iteration {k}: scores up to there are not comparable with later ones."

@@ -11,7 +11,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
-from verefine_viz.viewer.scales import last_of_old_scale
+from verefine_viz.viewer.scales import other_scale_sign
 from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
 from verefine_viz.viewer.scene_tables import scene_arms_table
 from verefine_viz.viewer.tables import arm_history, arms_table
@@ -88,6 +88,10 @@ BEST_PX = 5.0
 KEPT_COLOR = (225, 225, 225)
 
 
+SCORES = ("Score", "UCB")
+"""Curves of which the score is a part."""
+
+
 class CurvesPanel:
     """Scores, UCB, pulls and errors over the iterations of the object in focus."""
 
@@ -108,9 +112,6 @@ class CurvesPanel:
         # Iterations count over all objects; this one's curves begin where its turn did.
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
         scored = "score by arm" if len(view.scene.objects) == 1 else "by arm"
-        k = last_of_old_scale(view)
-        if k is not None:
-            scored += f", other settings to it. {k}"
         self._draw("Score", x, score_lines(view, n) if own else [], scored, view)
         self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm", view)
         counted = "chosen (n adds the start)" if view.session.method.name in CHOOSING else "iterations, by arm"
@@ -134,7 +135,11 @@ class CurvesPanel:
         if not lines:
             caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
         legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
-        said = f"{whose(of) if of is not None else ''}{text(caption)}"
+        said = (
+            text(caption)
+            if of is None
+            else f"{whose(of)}{text(caption)} {other_scale_sign(of) if name in SCORES else ''}"
+        )
         words.show(f'<div style="font-size:11px;margin-bottom:-8px;white-space:nowrap">{said} {legend}</div>')
         chart.show(x, lines)
 
