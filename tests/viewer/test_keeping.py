@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
@@ -44,10 +46,45 @@ def test_another_session_is_kept_until_a_person_insists(debugger: Debugger, tmp_
 
 def test_its_own_file_and_what_it_wrote_are_saved_again_at_once(debugger: Debugger, tmp_path: Path) -> None:
     debugger.carry_out([FORK, c.SaveSession("mine"), c.SaveSession("new"), c.Step(), c.SaveSession("new"), INSIST])
-    debugger.carry_out([c.Restart((("hypotheses.max_per_object", 2),)), c.SaveSession("mine"), c.SaveSession("theirs")])
+    again = [c.SaveSession("mine", replace=True), INSIST, c.SaveSession("mine"), c.SaveSession("theirs")]
+    debugger.carry_out([c.Restart((("hypotheses.max_per_object", 2),)), *again])
     saved = [load_session(tmp_path / f"{name}.toml") for name in ("mine", "new", "theirs")]
     assert [s.title for s in saved] == ["mine"] * 3
     assert [s.hypotheses.max_per_object for s in saved] == [2, Session().hypotheses.max_per_object, 2]
+
+
+def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+    T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
+    move = [c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.SaveSession("mine")]
+    debugger.carry_out([*move, c.Seek(0), FORK])
+    with pytest.raises(Unconfirmed, match=r"another branch, “hypothesis 1 moved.*”, with 1 pose moved by hand that"):
+        debugger.carry_out([c.SaveSession("mine")])
+    debugger.carry_out([c.Restart()])
+    with pytest.raises(Unconfirmed, match="holds 1 pose moved by hand that the shown branch does not have"):
+        debugger.carry_out([c.SaveSession("mine")])
+    assert len(load_session(tmp_path / "mine.toml").edits) == 1
+
+
+def test_settings_that_the_shown_branch_lacks_are_kept_until_a_person_insists(debugger: Debugger) -> None:
+    debugger.carry_out([FORK, c.SaveSession("new"), c.Restart()])
+    with pytest.raises(Unconfirmed, match="holds settings changed on the way that the shown branch"):
+        debugger.carry_out([c.SaveSession("new")])
+
+
+def test_another_branch_of_the_page_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+    debugger.carry_out([c.SaveSession("new"), FORK])
+    with pytest.raises(Unconfirmed, match=r"holds another branch, “first run”\. Nothing was written") as refused:
+        debugger.carry_out([c.SaveSession("new")])
+    assert not load_session(tmp_path / "new.toml").changes
+    debugger.carry_out([refused.value.command, c.Step(), c.SaveSession("new")])
+    assert load_session(tmp_path / "new.toml").changes
+
+
+def test_the_message_names_the_branch_where_there_are_several(debugger: Debugger) -> None:
+    debugger.carry_out([c.SaveSession("new")])
+    assert debugger.message.endswith("new.toml")
+    debugger.carry_out([FORK, c.SaveSession("forked")])
+    assert "forked.toml holds the shown branch, “exploration = 0.4, from iteration 0”" in debugger.message
 
 
 def test_what_was_written_of_one_session_is_not_lost_to_the_next(debugger: Debugger, tmp_path: Path) -> None:

@@ -262,7 +262,7 @@ class SaveSession(Command):
 
     name: str
     replace: bool = False
-    """Whether a file that holds another session may be replaced."""
+    """Whether a file that holds another session, or another branch, may be replaced."""
 
 
 @dataclass(frozen=True)

@@ -212,6 +212,10 @@ class Debugger:
                 self.kept = (self._keep(self, command).resolve(), *self.kept)[:4]
                 self.sessions = self._list_sessions()
                 self.message = f"Written: {self.kept[0]}"
+                if isinstance(command, c.SaveSession) and len(self.workspace.work.branches) > 1:
+                    self.message += (
+                        f" holds the shown branch, “{self.workspace.branch.name}”; others are saved one by one"
+                    )
             case _:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
 

@@ -17,6 +17,7 @@ from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.sheet import maps_sheet
+from verefine_viz.viewer.workspace import Saved, Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
@@ -40,14 +41,14 @@ class Keeping:
         if isinstance(command, c.SaveSession):
             path = self._folder / f"{checked_name(command.name)}.toml"
             space = debugger.workspace
-            if not command.replace:
-                refuse_another(path, space.files.get(path.resolve()), command)
             session = space.session
             if session.edits or session.changes:  # They belong to this frame.
                 scene = session.scene.model_copy(update={"frames": (space.frame,)})
                 session = session.model_copy(update={"scene": scene})
+            if not command.replace:
+                refuse_loss(path, session, space, command)
             save_session(session, path)
-            space.files[path.resolve()] = session
+            space.files[path.resolve()] = Saved(session, space.branch)
             return path
         assert isinstance(command, c.Export)
         folder = self._folder / "runs" / "exports"
@@ -113,28 +114,47 @@ def checked_name(name: str) -> str:
     return name.strip().removesuffix(".toml")
 
 
-def refuse_another(path: Path, own: Session | None, command: c.SaveSession) -> None:
-    """Passes where ``path`` is free, or still holds ``own``: the open session as it was read or written there.
+def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveSession) -> None:
+    """Passes where ``path`` is free, or holds nothing that would be lost if ``session`` were written there.
 
     Raises:
-        Unconfirmed: it holds something else, which would be lost.
+        Unconfirmed: it holds something that would be.
     """
     if not path.exists():
         return
     try:
-        there = load_session(path)
+        what = lost(load_session(path), space.files.get(path.resolve()), session, space)
     except VerefineError:
         what = "something that is no session"
-    else:
-        if there == own:
-            return
-        what = (
-            f"another session, “{there.title or 'untitled'}”"
-            if own is None
-            else "changes that were made since it was opened"
-        )
-    said = f"{path} holds {what}. Nothing was written: choose another name, or"
-    raise Unconfirmed(said, "replace it", replace(command, replace=True))
+    if what:
+        said = f"{path} holds {what}. Nothing was written: choose another name, or"
+        raise Unconfirmed(said, "replace it", replace(command, replace=True))
+
+
+def lost(there: Session, saved: Saved | None, session: Session, space: Workspace) -> str:
+    """What a file that holds ``there`` loses if ``session``, that of the shown branch, is written to it; "" = nothing.
+
+    Args:
+        there: what the file holds now.
+        saved: what it held when it was read or written here; None = it was not.
+        session: what is to be written.
+        space: what is open.
+    """
+    if there == session:
+        return ""
+    if saved is None:
+        return f"another session, “{there.title or 'untitled'}”"
+    if there != saved.session:
+        return "changes that were made since it was opened"
+    moved = sum(edit not in session.edits for edit in there.edits)
+    parts = [f"{moved} pose{'s' if moved > 1 else ''} moved by hand"] if moved else []
+    if any(change not in session.changes for change in there.changes):
+        parts.append("settings changed on the way")
+    what = f"{' and '.join(parts)} that the shown branch does not have" if parts else ""
+    other = saved.branch
+    if other is None or other is space.branch or not space.is_open(other):
+        return what
+    return f"another branch, “{other.name}”" + (f", with {what}" if what else "")
 
 
 def stem_of(debugger: Debugger) -> str:

@@ -78,6 +78,15 @@ class Branch:
         return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
 
 
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """What a file holds of the open session."""
+
+    session: Session
+    branch: Branch | None = None
+    """Which it was written of; None = the session was read from there."""
+
+
 @dataclass
 class FrameWork:
     """A frame with its runs."""
@@ -133,7 +142,7 @@ class Workspace:
         first = frame if frame is not None else frames[0]
         work = self._begin(tools, tools.problem(first))
         self.tools, self.path, self.frames = tools, path, frames
-        self.files: dict[Path, Session] = {} if path is None else {path.resolve(): session}
+        self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written."""
         self.breakpoints: BreakpointSettings = session.breakpoints
         self.frame, self._works = first, {first: work}
@@ -153,6 +162,10 @@ class Workspace:
     @property
     def branch(self) -> Branch:
         return self.work.branch
+
+    def is_open(self, branch: Branch) -> bool:
+        """Whether it can still be looked at, on whatever frame."""
+        return any(branch is other for work in self._works.values() for other in work.branches)
 
     @property
     def run(self) -> Run:
