@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from tests.commands.evaluating import Desk, rows
-from tests.scenes.bop_folder import cut, make
+from tests.scenes.bop_folder import box_ply, cut, make
 from verefine_viz.scenes.results import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
@@ -113,6 +113,20 @@ def test_models_eval_win(desk: Desk) -> None:
     assert desk.json()["notes"] == []
     cut(desk.made.root / "models" / "obj_000005.ply")
     assert desk.json()["results"][0]["AR"] == 1.0
+
+
+def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(desk: Desk) -> None:
+    (desk.made.root / "models" / "obj_000005.ply").write_text(box_ply(desk.made.problem, unit_m=1.0))
+    found = desk.json()
+    assert [found["results"][0][k] for k in ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD")] == [1.0] * 4
+    (said,) = [note for note in found["notes"] if note.startswith("object 5: obj_000005.ply is ")]
+    assert said.endswith("models_info.json says 141.4 mm: its unit was taken to be metres")
+
+
+def test_a_mesh_of_another_size_is_measured_as_it_is_and_said(desk: Desk) -> None:
+    desk.made.edit("../../models/models_info.json", lambda x: x["5"].update(diameter=300.0))
+    said = "object 5: obj_000005.ply is 141.4 mm across, models_info.json says 300 mm; one of them is wrong"
+    assert said in desk.json()["notes"]
 
 
 def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from tests.report.pages import GONE, figures, fill_cards, without_plotly
 from tests.report.runs import row, write_run
+from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.command import write_report
@@ -111,3 +112,15 @@ def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> N
     assert found["wrong"] is not None
     assert float(found["right"][1]) == 100.0
     assert float(found["wrong"][1]) == 0.0
+
+
+def test_bop_scores_say_that_a_mesh_is_in_another_unit(tmp_path: Path) -> None:
+    made = make(tmp_path / "data")
+    (made.root / "models" / "obj_000005.ply").write_text(box_ply(made.problem, unit_m=1.0))
+    T_gt = made.problem.instances[1].T_cam_obj_gt
+    answer = row(3, 1, scene_id=7, obj_id=5)
+    session = {"scene": {"source": "bop", "dataset": str(made.root), "objects": [5]}}
+    write_report(write_run(tmp_path / "run", [answer], session, T_gt), None, tmp_path / "r.html")
+    html = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert re.search(r"BOP AR</div>\s*<div class=\"value\">100.0 %", html)
+    assert "Object 5: obj_000005.ply is 0.1414 mm across, models_info.json says 141.4 mm: its unit was taken" in html

@@ -18,7 +18,8 @@ from verefine_viz.evaluation.symmetries import bop_symmetries
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.scenes.jsonfile import number_of, read_json
-from verefine_viz.scenes.meshes import FORMATS, read_geometry, unit_of_format
+from verefine_viz.scenes.meshes import FORMATS, largest_distance, read_geometry, unit_of_format
+from verefine_viz.scenes.units import checked_unit
 
 N_PROBES = 24
 """Vertices, far from each other, that bound the largest distance from below."""
@@ -100,13 +101,15 @@ class EvalModels:
         self._info_path = self.folder / "models_info.json"
         self._info: dict[str, Any] = read_json(self._info_path, dict)
         self._loaded: dict[int, EvalModel] = {}
+        self._unit_notes: list[str] = []
 
     @property
-    def note(self) -> str:
-        """What a person should know about where the models come from; empty for the official ones."""
-        if self.folder.name == "models_eval":
-            return ""
-        return f"there is no models_eval; errors are measured on {self.folder.name}, which differs a little"
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know: where the models come from, if not from the official folder, and which of those
+        read so far are not as large as is stated.
+        """
+        where = f"there is no models_eval; errors are measured on {self.folder.name}, which differs a little"
+        return (*([] if self.folder.name == "models_eval" else [where]), *self._unit_notes)
 
     def get(self, obj_id: int) -> EvalModel:
         """The model of an object, read when it is first asked for.
@@ -132,7 +135,10 @@ class EvalModels:
         symmetries_mm = bop_symmetries(self._info[str(obj_id)], where)
         vertices, faces = read_geometry(path)
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
-        return EvalModel(obj_id, in_mm, faces, diameter_mm, symmetries_mm)
+        # As where poses are found: a mesh that is solved in one unit must not be measured in another.
+        factor, note = checked_unit(path.name, largest_distance(in_mm) * 1e-3, diameter_mm * 1e-3)
+        self._unit_notes += [f"object {obj_id}: {note}"] * bool(note)
+        return EvalModel(obj_id, in_mm if factor == 1.0 else in_mm * factor, faces, diameter_mm, symmetries_mm)
 
 
 def _far_apart(points: Float, n: int) -> list[int]:

@@ -116,7 +116,7 @@ class BopTruth:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        notes = [self._models.note] if self._models.note else []
+        notes = [*self._models.notes]
         if self._without_info:
             scenes = ", ".join(map(str, sorted(self._without_info)))
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")

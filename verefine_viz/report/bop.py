@@ -53,7 +53,13 @@ def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] 
     except VerefineError as error:
         return BopRecalls(note=f"No BOP scores: {error}.")
     found = scores[0]
-    return BopRecalls(found.recalls, found.recalls_by_object, f"BOP scores over {targets.name}.")
+    return BopRecalls(found.recalls, found.recalls_by_object, measured_on(truth, targets))
+
+
+def measured_on(truth: TruthSource, targets: Targets) -> str:
+    """What was asked for, and what a person should know about the data that scores were measured on."""
+    notes = (f" {note[:1].upper()}{note[1:]}." for note in truth.notes)
+    return f"BOP scores over {targets.name}." + "".join(notes)
 
 
 def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:

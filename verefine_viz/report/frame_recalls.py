@@ -14,7 +14,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.evaluation.bop_scores import bop_scores
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.evaluation.targets import Targets
-from verefine_viz.report.bop import asked, result_rows
+from verefine_viz.report.bop import asked, measured_on, result_rows
 from verefine_viz.report.groups import seeds_of
 from verefine_viz.report.loaded import Loaded
 from verefine_viz.report.outcomes import Axes
@@ -77,4 +77,4 @@ def frame_recalls(
                 tell(done, len(having))
     except VerefineError as error:
         return FrameRecalls(note=f"No BOP scores: {error}.")
-    return FrameRecalls(found, f"BOP scores over {targets.name}.")
+    return FrameRecalls(found, measured_on(truth, targets))

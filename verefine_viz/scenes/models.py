@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.jsonfile import number_of, read_json
 from verefine_viz.scenes.meshes import FORMATS, Mesh, read_mesh, unit_of_format
 from verefine_viz.scenes.symmetries import symmetry_transforms
-
-SIZE_TOLERANCE = 1.2
-"""Ratio between a mesh's own and its stated diameter above which a person is told."""
+from verefine_viz.scenes.units import checked_unit
 
 
 def load_model(
@@ -143,27 +142,12 @@ class ModelLibrary:
             raise InputError(f"{where}: 'diameter' is {stated_m * 1e3:g}, expected millimetres > 0")
         symmetries = symmetry_transforms(info, where)
         mesh = read_mesh(path, unit_of_format(path))
-        mesh, note = _with_checked_unit(mesh, path.name, stated_m)
+        factor, note = checked_unit(path.name, mesh.diameter_m, stated_m)
+        if factor != 1.0:
+            mesh = replace(mesh, vertices_m=mesh.vertices_m * factor)
         model = model_of_mesh(mesh, obj_id, self.name(obj_id), self._n_points, self._seed, symmetries, stated_m)
         notes = mesh.notes + ((note,) if note else ())
         return model, tuple(f"{self.name(obj_id)} ({obj_id}): {note}" for note in notes)
-
-
-def _with_checked_unit(mesh: Mesh, file: str, stated_m: float | None) -> tuple[Mesh, str]:
-    """The mesh, scaled by 1000 where its size says that its unit is metres and not millimetres, or the reverse."""
-    own_m = mesh.diameter_m
-    if stated_m is None:
-        if 0.002 < own_m < 20:
-            return mesh, ""
-        return mesh, f"{file} is {own_m * 1e3:.4g} mm across; check its unit (models_info.json states no diameter)"
-    if own_m == 0 or 1 / SIZE_TOLERANCE < own_m / stated_m < SIZE_TOLERANCE:
-        return mesh, ""
-    contradiction = f"{file} is {own_m * 1e3:.4g} mm across, models_info.json says {stated_m * 1e3:.4g} mm"
-    for factor, unit in ((1000.0, "metres"), (0.001, "millimetres")):
-        if 1 / SIZE_TOLERANCE < own_m * factor / stated_m < SIZE_TOLERANCE:
-            scaled = Mesh(mesh.vertices_m * factor, mesh.faces, mesh.vertex_colors, mesh.notes)
-            return scaled, f"{contradiction}: its unit was taken to be {unit}"
-    return mesh, f"{contradiction}; one of them is wrong"
 
 
 def _models_folder(dataset: Path) -> Path:
