@@ -9,9 +9,9 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.scales import last_of_old_scale
-from verefine_viz.viewer.tables import arm_history
 from verefine_viz.viewer.view import View
 
 

@@ -14,6 +14,7 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import tables, words
+from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.markup import text
@@ -309,6 +310,6 @@ def test_names_from_data_are_text_everywhere() -> None:
     )
     branches = tuple(replace(b, name=evil) for b in view.branches)
     view = replace(view, target=target, branches=branches)
-    html = tables.arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + tables.where(view)
+    html = arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + tables.where(view)
     assert "<script>" not in html
     assert html.count("&lt;script&gt;") >= 4

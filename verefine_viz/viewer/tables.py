@@ -9,7 +9,7 @@ from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import the_answer, visit
+from verefine_viz.viewer.answer import the_answer
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
@@ -17,7 +17,6 @@ from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hint
 from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
 from verefine_viz.viewer.revealing import is_revealed
-from verefine_viz.viewer.scales import other_scale_note
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
 from verefine_viz.viewer.words import shift_mm, turn
@@ -146,40 +145,6 @@ def arms_table(view: View) -> str:
     ]
     names = f'<p class="legend">{arms_legend(view.target)}</p>' if have_names(view.target) else ""
     return names + table(head, rows) + what_n_counts(view) + what_the_time_holds(view)
-
-
-def arm_history(view: View, newest: int = 12) -> str:
-    """What became of the hypothesis in focus, the latest iterations first."""
-    if view.state is None:
-        return ""
-    j = view.arm
-    hypothesis = view.target.instance.hypotheses[j]
-    own = [(i, e) for i, e, _ in view.error_series if i.arm == j and not (view.is_partial and i.index == view.cursor)]
-    rows = []
-    for iteration, errors in reversed(own[-newest:]):
-        before, after = iteration.stages[0], iteration.accepted_stage
-        cells = [
-            f"{iteration.index}",
-            f"{swatch(STAGE_COLORS[iteration.accepted])}{iteration.accepted}",
-            number(after.score.score if after.score else None, 3),
-            f"{turn(before.T_cam_obj, after.T_cam_obj)[0]:.1f}°",
-            f"{shift_mm(before.T_cam_obj, after.T_cam_obj, view.target.model.points):.1f}",
-            number(errors.add_s_mm if errors else None, 1),
-        ]
-        rows.append(Row(cells, visit(view, iteration), marked=iteration.index == view.cursor))
-    first = view.state.arms[j].entries[0]
-    error = view.initial_errors[j]
-    start = [
-        "0", f"{swatch(STAGE_COLORS['initial'])}initial", f"{first.score.score:.3f}", "", "",
-        number(error.add_s_mm if error else None, 1),
-    ]  # fmt: skip
-    rows.append(Row(start, c.Seek(0)))
-    head = [
-        ("it.", "iteration; click to go there"), ("kept", "stage that was kept"), ("score", "of the kept pose"),
-        ("turn", "how far it turned"), ("mm", "how far it moved"), ("ADD(-S)", "error against ground truth [mm]"),
-    ]  # fmt: skip
-    named = f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>"
-    return named + other_scale_note(view) + table(head, rows)
 
 
 def changes_table(view: View) -> str:

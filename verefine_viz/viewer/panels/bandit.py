@@ -8,13 +8,14 @@ import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.arms import arm_color
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
 from verefine_viz.viewer.scales import other_scale_sign
 from verefine_viz.viewer.scene_curves import cost_lines, scene_error_lines, scene_score_lines, scene_x, spent_lines
 from verefine_viz.viewer.scene_tables import scene_arms_table
-from verefine_viz.viewer.tables import arm_history, arms_table
+from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.tree import Tree, tree_of
 from verefine_viz.viewer.tree_drawing import tree_html
 from verefine_viz.viewer.view import View

@@ -1,0 +1,61 @@
+"""The history of a hypothesis follows the cursor through more plays than a table can hold."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.arm_history import arm_history
+from verefine_viz.viewer.debugger import Debugger
+
+PLAYS = 24
+
+
+@pytest.fixture
+def debugger() -> Debugger:
+    """A finished run with more than a dozen plays on each hypothesis."""
+    session = Session(method=MethodSettings(name="even", iterations=PLAYS))
+    return Debugger(session, None, FakeTools).carry_out([c.RunUntil("end")])
+
+
+def test_it_shows_the_play_at_the_cursor_and_its_neighbours(debugger: Debugger) -> None:
+    view = debugger.carry_out([c.SelectArm(1)]).view()
+    own = [i.index for i in view.own_iterations if i.arm == 1]
+    assert len(own) == PLAYS
+    for k, index in enumerate(own):
+        rows = listed(debugger.carry_out([c.SeekStage(index, "refined"), c.SelectArm(1)]))
+        near = own[max(k - 2, 0) : k + 3]
+        assert [r for r in rows if r in map(str, near)] == [str(i) for i in reversed(near)]
+        assert rows[-1] == "0"
+        assert len(rows) <= 15
+
+
+def test_it_says_how_many_plays_are_left_out_and_goes_there(debugger: Debugger) -> None:
+    debugger.carry_out([c.SelectArm(1)])
+    own = [i.index for i in debugger.view().own_iterations if i.arm == 1]
+    assert "later" not in arm_history(debugger.view())
+    assert "<td>12 earlier</td>" in arm_history(debugger.view())
+    middle = arm_history(debugger.carry_out([c.Seek(own[11])]).view())
+    assert "<td>6 later</td>" in middle
+    assert "<td>6 earlier</td>" in middle
+    assert f"&quot;cursor&quot;: {own[5]}}}" in middle
+    assert f"&quot;cursor&quot;: {own[18]}}}" in middle
+    first = arm_history(debugger.carry_out([c.Seek(0)]).view())
+    assert "<td>12 later</td>" in first
+    assert "earlier" not in first
+
+
+def test_of_a_few_plays_none_is_left_out() -> None:
+    session = Session(method=MethodSettings(name="even", iterations=3))
+    debugger = Debugger(session, None, FakeTools).carry_out([c.RunUntil("end"), c.Seek(4)])
+    assert "…" not in arm_history(debugger.view())
+    assert len(listed(debugger)) == 4
+
+
+def listed(debugger: Debugger) -> list[str]:
+    """The first column of the table, from the top."""
+    return re.findall(r"<tr[^>]*><td>([^<]*)</td>", arm_history(debugger.view()))
