@@ -17,7 +17,7 @@ from tests.fakes import box_model, box_problem
 from verefine_viz.core.arrays import frozen
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.compare import first_difference
+from verefine_viz.core.compare import differences, first_difference
 from verefine_viz.core.errors import InputError, ShapeError, listed, unknown
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import DependencySettings
@@ -104,6 +104,34 @@ def test_the_first_difference_is_named() -> None:
     assert first_difference((a,), ()) == ": 1 entries against 0"
     assert first_difference(float("nan"), float("nan")) is None
     assert first_difference(1, "1") == "record: int against str"
+
+
+def test_a_difference_shows_digits_that_differ_and_how_much_they_do() -> None:
+    a = np.eye(3)
+    b = a.copy()
+    b[1, 1], b[0, 2] = np.nextafter(1, 2), -0.0
+    (found,) = differences(a, b, "R")
+    assert found.words == ("R[1, 1]: 1.0 against 1.0000000000000002, by 2.2e-16, the largest of 2 differences in it")
+    assert found.size == pytest.approx(2.2e-16, rel=0.01)
+    assert [d.words for d in differences((1e6, 0.0), (1e6 + 1, -1e-3))] == [
+        "[0]: 1000000.0 against 1000001.0, by 1",
+        "[1]: 0.0 against -0.001, by 0.001",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "words"),
+    [
+        (np.array([1, 2]), np.array([1, 3]), "x[1]: 2 against 3"),
+        (np.array([1.0, np.nan]), np.array([1.0, 2.0]), "x[1]: nan against 2.0"),
+        (np.zeros(2), np.zeros(3), "x: float64 (2,) against float64 (3,)"),
+        ("left", "right", "x: 'left' against 'right'"),
+        (np.inf, 1.0, "x: inf against 1.0"),
+    ],
+)
+def test_what_is_no_matter_of_digits_has_no_size(a: object, b: object, words: str) -> None:
+    (found,) = differences(a, b, "x")
+    assert (found.words, found.size) == (words, np.inf)
 
 
 def test_unknown_names_list_what_exists() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.replay import verify
+from verefine_viz.recording.verdict import verify
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s

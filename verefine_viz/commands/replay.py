@@ -37,7 +37,7 @@ def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
     from verefine_viz.commands.own_refiner import check_refiners
     from verefine_viz.recording.reader import Recorded
-    from verefine_viz.recording.replay import run_again, verdict
+    from verefine_viz.recording.verdict import run_again, verdict
     from verefine_viz.session.engine import Run
 
     def again(recorded: Recorded) -> Run:

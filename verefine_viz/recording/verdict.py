@@ -1,0 +1,125 @@
+"""A recording against a new run of its session: the same bit by bit, and if not, how far apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from verefine_viz.core.compare import Difference, differences
+from verefine_viz.core.records import Iteration
+from verefine_viz.recording.entry import as_recorded
+from verefine_viz.recording.reader import Recorded, read_recording
+from verefine_viz.recording.recorder import versions
+from verefine_viz.session.engine import Run
+
+MakeRun = Callable[[Recorded], Run]
+
+ROUNDING = 1e-9
+"""Numbers that differ by a smaller share, or by less where they are below 1, differ in their last digits only."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A recording against a new run of its session."""
+
+    n_compared: int
+    """Iterations of both that were found the same bit by bit, from the first."""
+    difference: str | None
+    """Where the new run first differs, how, by how much and why, as far as that is known; None = nowhere."""
+    n_planned: int
+    """Iterations that the new run has in all."""
+    is_complete: bool
+    """Whether the recording goes to its end."""
+
+    @property
+    def ends_early(self) -> bool:
+        """Nothing differs, but the end of the recording is missing: it was stopped, or cut off."""
+        return self.difference is None and not self.is_complete
+
+    @property
+    def in_words(self) -> str:
+        if self.difference is not None:
+            return f"differs, recorded against now: {self.difference}"
+        if not self.ends_early:
+            short = "" if self.n_compared == self.n_planned else f"; the whole run has {self.n_planned}"
+            return f"no difference in {self.n_compared} iterations{short}"
+        early = f"ended early, after {self.n_compared} of {self.n_planned} iterations (it was stopped or cut off)"
+        return f"{early}; the same up to iteration {self.n_compared}" if self.n_compared else early
+
+
+def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
+    """Where a new run of the recorded session first differs, and how; None = nowhere. See :func:`verdict`."""
+    return verdict(path, make_run).difference
+
+
+def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
+    """Runs the recorded session again and compares bit by bit, as far as the recording goes.
+
+    Where only last digits differ it goes on, to know whether they lead anywhere.
+
+    Args:
+        path: the recording.
+        make_run: builds the run of a recording; None = from its session, with the real simulator, refiner and verifier.
+
+    Raises:
+        InputError: it is not a recording of this program, or its data are gone.
+    """
+    recorded = read_recording(path)
+    run = (make_run or run_again)(recorded)
+    found: list[tuple[int, Difference]] = []
+    """The first difference, and the first that is more than rounding."""
+    n_same, largest = 0, 0.0
+    for iteration in recorded.iterations:
+        here = _differences(iteration, run)
+        n_same += not found and not here
+        largest = max([largest, *(d.size for d in here)])
+        real = next((d for d in here if d.size > ROUNDING), None)
+        if here and not found:
+            found.append((iteration.index, here[0]))
+        if real is not None:
+            found.append((iteration.index, real))
+            break
+    words = _in_words(found, largest, len(recorded.iterations), recorded.versions) if found else None
+    return Verdict(n_same, words, run.n_iterations, recorded.is_complete)
+
+
+def run_again(recorded: Recorded) -> Run:
+    """The run of a recording's session and frame, not yet stepped."""
+    # The engine's parts are heavy, and opening a recording does not need them.
+    from verefine_viz.session.toolbox import Toolbox
+
+    toolbox = Toolbox(recorded.session)
+    problem = toolbox.problem(recorded.frame).only([b.instance_id for b in recorded.layout.branches])
+    return toolbox.run(problem)
+
+
+def _differences(iteration: Iteration, run: Run) -> list[Difference]:
+    if run.is_done:
+        return [Difference(f"recorded, but the new run ended after {run.length}", float("inf"))]
+    return list(differences(iteration, as_recorded(run.step())))
+
+
+def _in_words(found: list[tuple[int, Difference]], largest: float, n: int, recorded: Mapping[str, str]) -> str:
+    """What a person should know about the first difference and, where it is of another kind, the first real one."""
+    (index, first), changed = found[0], _changed(recorded)
+    told = f"iteration {index}: {first.words}"
+    if first.size > ROUNDING:
+        return f"{told}; recorded with {changed}" if changed else told
+    if largest <= ROUNDING:
+        told += (
+            f"; only last digits differ, in all {n} iterations by {largest:.1g} at most, and everything else is the "
+            "same: in effect it is the same run"
+        )
+    else:
+        index, real = found[1]
+        told += f"; it begins with last digits and leads to more, iteration {index}: {real.words}"
+    if changed:
+        return f"{told}; recorded with {changed}, and other versions compute last digits differently"
+    return f"{told}; another state of the program, or another machine, computes last digits differently (same versions)"
+
+
+def _changed(recorded: Mapping[str, str]) -> str:
+    """What is installed in another version here, which may be the reason."""
+    here = versions()
+    return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.items() if here.get(n) != v)
