@@ -134,6 +134,32 @@ def test_scores_need_targets_and_diameters(made: Made) -> None:
     assert "models_info.json cannot be read" in missing(check_split(made.root, "test"))["evaluate:"]
 
 
+def test_objects_without_a_diameter_are_named(made: Made) -> None:
+    entries = [{"scene_id": 7, "im_id": 0, "obj_id": 5, "inst_count": 1}]
+    (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
+    made.edit("../../models/models_info.json", lambda content: content["5"].pop("diameter"))
+    assert "models_info.json, object 5 has no 'diameter'" in advice(made)["models"]
+    assert "object 5 has no 'diameter'" in missing(check_split(made.root, "test"))["evaluate:"]
+    made.edit("../../models/models_info.json", lambda content: content.pop("5"))
+    assert "models_info.json has no entry for object 5" in advice(made)["models"]
+
+
+def test_images_whose_files_list_different_instances_are_named(made: Made) -> None:
+    entries = [{"scene_id": 7, "im_id": 1, "obj_id": 5, "inst_count": 1}]
+    (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
+    made.edit("scene_gt.json", lambda content: content["1"].pop())
+    said = "image 7/1: 2 instances in scene_gt.json, 3 in scene_gt_info.json, 3 in mask/, 3 in mask_visib/; all must"
+    assert advice(made)["instances"].startswith(said)
+    assert "does not describe the 2 instances" in missing(check_split(made.root, "test"))["evaluate:"]
+
+
+def test_a_long_list_of_images_is_cut(tmp_path: Path) -> None:
+    made = make_frames(tmp_path / "boxes", 10)
+    (made.scene / "scene_gt_info.json").write_text("{}")
+    said = advice(made)["instances"]
+    assert "image 7/2: 3 instances in scene_gt.json, 0 in scene_gt_info.json; and 7 more; all must" in said
+
+
 def test_masks_that_are_missing_and_objects_without_a_model_are_found(made: Made) -> None:
     (made.scene / "mask_visib" / "000001_000002.png").unlink()
     (made.scene / "mask" / "000000_000000.png").write_bytes(b"")

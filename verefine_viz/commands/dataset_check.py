@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Placed
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
+from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.rendering.scene import render_scene
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.jsonfile import read_json
@@ -90,10 +92,10 @@ def check_split(folder: Path, split: str) -> Parts:
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
     _check_camera_poses(dataset, parts)
-    _check_scoring(dataset, parts)
     sampled = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).round()]
     _check_images(dataset, sampled, parts)
     _check_masks(dataset, sampled, parts)
+    _check_scoring(dataset, parts)
     if parts.ground_truth and parts.depth and parts.models:
         _check_registration(dataset, sampled, parts)
     return parts
@@ -124,7 +126,7 @@ def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
 
 
 def _check_models(dataset: BopDataset, parts: Parts) -> None:
-    library, broken, notes = dataset.models, list[str](), list[str]()
+    library, broken, notes = dataset.models, list[str](), _without_diameter(dataset)
     for obj_id in library.ids:
         try:
             model = library.get(obj_id)
@@ -139,6 +141,19 @@ def _check_models(dataset: BopDataset, parts: Parts) -> None:
         parts.add(
             "models_eval", "not there: errors are measured on models/, the benchmark's own numbers on models_eval/"
         )
+
+
+def _without_diameter(dataset: BopDataset) -> list[str]:
+    """Which models lack the diameter that scores need; a folder without models_info.json has none, and wants none."""
+    faults: list[str] = []
+    with suppress(VerefineError):
+        models = EvalModels(dataset.folder)
+        for obj_id in dataset.models.ids:
+            try:
+                models.diameter_mm(obj_id)
+            except VerefineError as error:
+                faults.append(str(error))
+    return [*faults, "evaluate refuses answers about objects without diameter"] if faults else []
 
 
 def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
@@ -194,10 +209,16 @@ def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
 
 
 def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
-    """Whether BOP scores find what they need besides images and ground truth."""
+    """Whether BOP scores find what they need besides images; what they would refuse is said in their words."""
     try:
-        EvalModels(dataset.folder)
-        read_targets(find_targets(dataset.folder, dataset.split))
+        models = EvalModels(dataset.folder)
+        targets = read_targets(find_targets(dataset.folder, dataset.split))
+        for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):
+            models.diameter_mm(obj_id)
+        if parts.ground_truth:
+            truth = BopTruth(dataset)
+            for image in targets.counts:
+                truth.image(*image, with_depth=False)
     except VerefineError as error:
         parts.scoring = str(error)
 
@@ -208,14 +229,18 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     parts.masks = (*kinds, *dataset.detection_files())
     none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
-    more = [f"and {len(faults) - 3} more"] * (len(faults) > 3)
-    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join([*faults[:3], *more]))
+    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join(_first_of(faults)))
     try:
         truths = {ids: dataset.ground_truth(*ids) or () for ids in sampled}
     except VerefineError as error:
         parts.add("ground truth", "damaged", str(error))
         return
     _check_truths(dataset, truths, parts)
+
+
+def _first_of(faults: Sequence[str]) -> list[str]:
+    """Three of some sentences, and how many more there are."""
+    return [*faults[:3], *[f"and {len(faults) - 3} more"] * (len(faults) > 3)]
 
 
 def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder]) -> Iterator[str]:
@@ -238,6 +263,12 @@ def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence
         faults.append(f"there is no model of object {', '.join(map(str, strangers))}; its instances are left out")
     where = f"in {n_with} of {len(truths)} frames looked at"
     parts.add("ground truth", where if n_with else "none: nothing can be measured, only looked at", "; ".join(faults))
+    unequal = _first_of(unequal_counts(dataset))
+    if unequal:
+        more = [
+            "all must list the same instances in the same order; evaluate refuses images where scene_gt_info differs"
+        ]
+        parts.add("instances", "not the same in all files", "; ".join([*unequal, *more]))
 
 
 def _check_registration(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:

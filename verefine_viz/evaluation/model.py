@@ -121,18 +121,27 @@ class EvalModels:
             self._loaded[obj_id] = self._read(obj_id)
         return self._loaded[obj_id]
 
-    def _read(self, obj_id: int) -> EvalModel:
-        path = next((p for f in FORMATS if (p := self.folder / f"obj_{obj_id:06d}{f}").is_file()), None)
-        if path is None:
-            found = sorted({p.stem[4:] for p in self.folder.glob("obj_*") if p.stem[4:].isdecimal()})
-            raise InputError(f"{unknown('model', obj_id, map(int, found))} in {self.folder}")
+    def diameter_mm(self, obj_id: int) -> float:
+        """An object's diameter by models_info.json [mm]; its mesh is not read.
+
+        Raises:
+            InputError: there is none.
+        """
         if str(obj_id) not in self._info:
             raise InputError(f"{self._info_path} has no entry for object {obj_id}; its 'diameter' is needed")
         where = f"{self._info_path}, object {obj_id}"
         diameter_mm = number_of(self._info[str(obj_id)], "diameter", where)
         if diameter_mm <= 0:
             raise InputError(f"{where}: 'diameter' is {diameter_mm:g}, expected millimetres > 0")
-        symmetries_mm = bop_symmetries(self._info[str(obj_id)], where)
+        return diameter_mm
+
+    def _read(self, obj_id: int) -> EvalModel:
+        path = next((p for f in FORMATS if (p := self.folder / f"obj_{obj_id:06d}{f}").is_file()), None)
+        if path is None:
+            found = sorted({p.stem[4:] for p in self.folder.glob("obj_*") if p.stem[4:].isdecimal()})
+            raise InputError(f"{unknown('model', obj_id, map(int, found))} in {self.folder}")
+        diameter_mm = self.diameter_mm(obj_id)
+        symmetries_mm = bop_symmetries(self._info[str(obj_id)], f"{self._info_path}, object {obj_id}")
         vertices, faces = read_geometry(path)
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
         # As where poses are found: a mesh that is solved in one unit must not be measured in another.
