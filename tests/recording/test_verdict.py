@@ -82,10 +82,10 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(
 
 
 def test_a_real_difference_is_not_called_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    record_changed(tmp_path / "run.rrd", monkeypatch, 4, lambda i: moved(i, lambda x: x + 2e-6))
+    record_changed(tmp_path / "run.rrd", monkeypatch, 4, lambda i: moved(i, lambda x: x + 2e-5))
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
-    assert re.fullmatch(r"iteration 4: stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-06", found)
+    assert re.fullmatch(r"iteration 4: stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-05", found)
 
 
 def test_last_digits_that_lead_to_another_run_are_not_called_the_same(

@@ -15,8 +15,11 @@ from verefine_viz.session.engine import Run
 
 MakeRun = Callable[[Recorded], Run]
 
-ROUNDING = 1e-9
-"""Numbers that differ by a smaller share, or by less where they are below 1, differ in their last digits only."""
+ROUNDING = 1e-6
+"""Numbers that differ by a smaller share, or by less where they are below 1, count as differing in their last digits.
+
+A micrometre in a pose. Rounding begins ten digits further down, but contacts in the simulation amplify it.
+"""
 
 
 @dataclass(frozen=True)
