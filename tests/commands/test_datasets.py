@@ -83,6 +83,18 @@ def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
     assert f"measured depth is {factor:.3g}" in advice(made)["registration"]
 
 
+def test_true_poses_in_metres_are_found(made: Made) -> None:
+    def in_metres(content: dict[str, Any]) -> None:
+        for entry in (entry for entries in content.values() for entry in entries):
+            entry["cam_t_m2c"] = [x / 1000 for x in entry["cam_t_m2c"]]
+
+    made.edit("scene_gt.json", in_metres)
+    said = advice(made)["registration"]
+    times = float(said.removeprefix("measured depth is about ").split()[0])
+    assert 800 < times <= 1000
+    assert said.endswith("check that cam_t_m2c in scene_gt.json is in millimetres, it looks like metres")
+
+
 def test_meshes_in_metres_are_found(made: Made) -> None:
     path = made.root / "models" / "models_info.json"
     info = json.loads(path.read_text())

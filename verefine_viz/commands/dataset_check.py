@@ -9,30 +9,20 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from verefine_viz.commands.instance_check import unequal_counts
-from verefine_viz.core.arrays import Float
+from verefine_viz.commands.registration_check import registration
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.problem import Placed
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
-from verefine_viz.rendering.scene import render_scene
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.jsonfile import read_json
 
-Pixels = NDArray[np.intp]
 MASKS: tuple[MaskFolder, ...] = ("mask_visib", "mask")
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
-NEAR_M = 0.015
-"""Measured and rendered depth that differ by less agree [m] (BOP's visibility tolerance)."""
-SHIFTS_PX = range(-30, 31, 3)
-"""Displacements that are tried to see whether depth is registered to colour [px]."""
-GAIN = 0.15
-"""So much more of the pixels must agree after a displacement for it to be the explanation."""
 
 
 @dataclass
@@ -97,7 +87,8 @@ def check_split(folder: Path, split: str) -> Parts:
     _check_masks(dataset, sampled, parts)
     _check_scoring(dataset, parts)
     if parts.ground_truth and parts.depth and parts.models:
-        _check_registration(dataset, sampled, parts)
+        for found, advice in registration(dataset, sampled):
+            parts.add("registration", found, advice)
     return parts
 
 
@@ -269,63 +260,6 @@ def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence
             "all must list the same instances in the same order; evaluate refuses images where scene_gt_info differs"
         ]
         parts.add("instances", "not the same in all files", "; ".join([*unequal, *more]))
-
-
-def _check_registration(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
-    """Whether depth lies where the true poses say, and if not, whether it does when displaced or rescaled."""
-    pairs = list(_measured_and_rendered(dataset, sampled))
-    if not pairs:
-        return
-    sampled_pixels = [(seen, *_some_pixels(drawn)) for seen, drawn in pairs]
-    shares = {(dx, dy): _share_near(sampled_pixels, dx, dy) for dx in SHIFTS_PX for dy in SHIFTS_PX}
-    here, best = shares[0, 0], max(shares, key=lambda shift: (shares[shift], -abs(shift[0]) - abs(shift[1])))
-    both = [(seen[(seen > 0) & (drawn > 0)], drawn[(seen > 0) & (drawn > 0)]) for seen, drawn in pairs]
-    ratios = np.concatenate([seen / drawn for seen, drawn in both])
-    ratio = float(np.median(ratios)) if len(ratios) else 1.0
-    found = f"{here:.0%} of the objects' pixels lie within {NEAR_M * 1e3:.0f} mm of their true pose"
-    if not 0.5 < ratio < 2:
-        advice = f"measured depth is {ratio:.3g} times the true one: check depth_scale, and that poses are in mm"
-    elif shares[best] > here + GAIN:
-        advice = (
-            f"{shares[best]:.0%} do if depth is displaced by {best[0]} px in x and {best[1]} px in y: "
-            "depth is not registered to colour; warp it into the colour camera first"
-        )
-    elif here < 0.3:
-        advice = "poses, models or intrinsics do not belong to these images"
-    else:
-        advice = ""
-    parts.add("registration", found, advice)
-
-
-def _measured_and_rendered(dataset: BopDataset, sampled: list[tuple[int, int]]) -> Iterator[tuple[Float, Float]]:
-    for ids in sampled:
-        try:
-            image, truths = dataset.image(*ids), dataset.ground_truth(*ids) or ()
-            known = [(t, t.T_cam_obj) for t in truths if t.obj_id in dataset.models.ids]
-            placed = [Placed(t.gt_id, dataset.models.get(t.obj_id), T) for t, T in known if T is not None]
-        except VerefineError:
-            continue  # Said already.
-        drawn = render_scene(placed, image.camera).depth_m
-        if drawn.any():
-            yield image.depth_m.astype(np.float64), drawn.astype(np.float64)
-
-
-def _some_pixels(drawn: Float) -> tuple[Pixels, Pixels, Float]:
-    """Rows, columns and depths of every seventh rendered pixel."""
-    v, u = np.nonzero(drawn)
-    return v[::7], u[::7], drawn[v[::7], u[::7]]
-
-
-def _share_near(pairs: Sequence[tuple[Float, Pixels, Pixels, Float]], dx: int, dy: int) -> float:
-    """Share of the rendered pixels whose measured depth, displaced by (dx, dy), is near the rendered one."""
-    near = total = 0
-    for seen, v, u, drawn in pairs:
-        inside = (u - dx >= 0) & (u - dx < seen.shape[1]) & (v - dy >= 0) & (v - dy < seen.shape[0])
-        measured = seen[v[inside] - dy, u[inside] - dx]
-        known = measured > 0
-        near += int((np.abs(measured - drawn[inside]) < NEAR_M)[known].sum())
-        total += int(known.sum())
-    return near / total if total else 0.0
 
 
 def _splits(folder: Path) -> list[str]:
