@@ -16,6 +16,7 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
@@ -207,8 +208,25 @@ def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(app.debugger.workspace.run, "step", lambda: 1 / 0)
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
-    assert "ZeroDivisionError" in app.debugger.message
+    assert app.debugger.message == "ZeroDivisionError: division by zero (a bug: please report it with the log)"
     assert app.debugger.running.goal is None
+
+
+def test_what_a_refiner_of_another_program_raises_is_no_bug_of_this_one(
+    app: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Dead:
+        def refine(self, *_: object) -> None:
+            raise RuntimeError("no CUDA device")
+
+    monkeypatch.setitem(REFINERS, "mine", lambda session: Dead())
+    refiner = make_refiner("mine", SESSION)
+    monkeypatch.setattr(FakeRefiner, "refine", lambda _, *of: refiner.refine(*of))
+    app.send(c.RunUntil("end"))
+    app.wait_until_idle()
+    assert app.debugger.message.startswith(f"The refiner 'mine' raised RuntimeError: no CUDA device ({__file__}:")
+    assert "bug" not in app.debugger.message
+    assert cursor(app) == 0
 
 
 def test_every_panel_has_something_to_say_everywhere(app: App) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
+from verefine_viz.refiners.foreign import is_foreign, made
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.identity import Identity
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
@@ -26,4 +27,5 @@ def make_refiner(name: str, session: Session) -> Refiner:
     """
     if name not in REFINERS:
         raise SettingsError(unknown("refiner", name, REFINERS))
-    return REFINERS[name](session)
+    make = REFINERS[name]
+    return made(name, make, session) if is_foreign(make) else make(session)

@@ -25,7 +25,7 @@ from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.layout import Layout, set_theme
 from verefine_viz.viewer.lost import lost_style
 from verefine_viz.viewer.markup import block, text
-from verefine_viz.viewer.refusal import Unconfirmed
+from verefine_viz.viewer.refusal import Unconfirmed, told
 from verefine_viz.viewer.scene_view import SceneView
 from verefine_viz.viewer.server import Server
 from verefine_viz.viewer.side_commands import CompareRecording, OpenRecording
@@ -174,7 +174,7 @@ class App:
                 self.debugger.offer = (error.label, error.command) if isinstance(error, Unconfirmed) else None
                 if not isinstance(error, VerefineError):
                     _LOG.exception("command %s failed", command)
-                    self.debugger.message = f"{type(error).__name__}: {error} (a bug: please report it with the log)"
+                    self.debugger.message = told(error)
                 self._show()
 
     def _open(self) -> None:
