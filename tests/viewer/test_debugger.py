@@ -129,6 +129,13 @@ def test_breakpoint_stops_a_run_and_says_why() -> None:
     assert d.workspace.run.is_done
 
 
+def test_a_breakpoint_names_the_object_where_there_are_several() -> None:
+    d = debugger().carry_out([c.OpenFrame("0/2"), c.Focus(1)])
+    d.carry_out([c.SetBreakpoints((("simulated_rejected", True),)), c.RunUntil("end")])
+    of = d.workspace.run.iterations[0].instance_id
+    assert d.message.startswith(f"Breakpoint at iteration 1, box #{of}: simulated pose rejected")
+
+
 def test_fork_with_changed_settings_shares_the_past() -> None:
     d = debugger().carry_out([c.Step(), c.Step(), c.Step(), c.Fork((("method.exploration", 5.0),), 2, run=True)])
     first, second = d.workspace.work.branches

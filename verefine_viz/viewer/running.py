@@ -12,6 +12,7 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.marks import jumps
+from verefine_viz.viewer.scene_now import labels_of
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
@@ -109,7 +110,9 @@ class Running:
             return
         reasons = hits(debugger.workspace.breakpoints, run.problem, iteration)
         if reasons:
-            debugger.message = f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}"
+            names = labels_of(run.problem)
+            where = f"iteration {iteration.index}" + (f", {names[iteration.instance_id]}" if len(names) > 1 else "")
+            debugger.message = f"Breakpoint at {where}: {'; '.join(reasons)}"
             self.pause()
         elif self.goal == "event" and jumps(
             [m for m in debugger.workspace.branch.marks() if m.iteration == iteration.index]
