@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -63,6 +64,23 @@ def test_another_session_is_refused_by_its_first_difference(tmp_path: Path) -> N
     with pytest.raises(SettingsError, match=r"method\.name is 'sir' there and 'rir' here; choose another --out"):
         RunFolder(tmp_path, other)
     assert load_session(tmp_path / "session.toml") == SESSION
+
+
+@pytest.mark.parametrize(
+    ("there", "here", "said"),
+    [
+        ({}, {"scene": {"frames": ["0/1", "0/2"]}}, "scene.frames is [] there and ['0/1', '0/2'] here"),
+        ({}, {"physics": {"enabled": False}}, "physics.enabled is true there and false here"),
+        ({}, {"hypotheses": {"rotation_deg": 5.5}}, "hypotheses.rotation_deg is 30.0 there and 5.5 here"),
+        (
+            {"changes": [{"after_iteration": 3, "settings": {"score": {"tau_m": 0.01}}}]},
+            {"changes": [{"after_iteration": 4, "settings": {"score": {"tau_m": 0.01}}}]},
+            "the [[changes]] there are others than those here",
+        ),
+    ],
+)
+def test_what_differs_is_written_as_in_a_session_file(there: dict[str, Any], here: dict[str, Any], said: str) -> None:
+    assert first_change(resolve(there), resolve(here)) == said
 
 
 def test_another_version_is_refused(tmp_path: Path) -> None:

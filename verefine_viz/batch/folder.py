@@ -123,9 +123,25 @@ def first_change(before: Session, now: Session) -> str | None:
     """The first field in which two sessions differ: ``method.name is 'rir' there and 'sir' here``."""
     there, here = _flat(before.model_dump(), ""), _flat(now.model_dump(), "")
     for field in {**there, **here}:
-        if there.get(field) != here.get(field):
-            return f"{field} is {there.get(field)!r} there and {here.get(field)!r} here"
+        before_it, now_it = there.get(field), here.get(field)
+        if before_it != now_it:
+            if _holds_tables(before_it) or _holds_tables(now_it):
+                return f"the [[{field}]] there are others than those here"
+            return f"{field} is {_as_written(before_it)} there and {_as_written(now_it)} here"
     return None
+
+
+def _holds_tables(value: Any) -> bool:
+    return isinstance(value, tuple | list) and any(isinstance(entry, Mapping) for entry in value)
+
+
+def _as_written(value: Any) -> str:
+    """A value as it stands in a session file."""
+    if value is None:
+        return "not set"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"[{', '.join(map(_as_written, value))}]" if isinstance(value, tuple | list) else repr(value)
 
 
 def _flat(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:
