@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,7 @@ def test_a_folder_of_runs_is_compared(tmp_path: Path, capsys: pytest.CaptureFixt
     assert plain.count('<tr><td class="text name">') == 6
     assert '<select id="group">' in plain
     assert "All were far off." in plain
+    assert re.search(r"title=\"[^\"]*without first scores; median\"[^>]*>iterations \[ms\]<", plain)
     assert "default-src 'none'" in plain
     assert len(figures(html)["recall"]["data"]) == 6
 

@@ -12,11 +12,15 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.evaluation.pose_table import read_pose_table
+from verefine_viz.report.bop import result_rows
 from verefine_viz.report.difference import difference
 from verefine_viz.report.loaded import Loaded, load, load_pair
 from verefine_viz.report.numbers import THRESHOLDS, by_object, lies, numbers_of, recall_curve, stage_times
 from verefine_viz.report.words import headline
+from verefine_viz.scenes.results import write_results
 from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}
@@ -39,16 +43,15 @@ def test_failed_frames_are_counted_apart() -> None:
     failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
     numbers = numbers_of(run_of(row(1), failed))
     assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
-    assert numbers.ms_per_frame == 40.0
 
 
-def test_what_a_failed_frame_held_is_missed_and_takes_no_time() -> None:
+def test_what_a_failed_frame_held_is_missed() -> None:
     failed = [row(9, k, status="failed", add_s_mm=None, score=None, ms_total=0.0) for k in range(2)]
     left_out = row(1, 5, status="left_out", add_s_mm=None, score=None, ms_total=0.0)
     run = run_of(row(1), *failed, left_out)
     numbers = numbers_of(run)
     assert (numbers.n_failed_frames, numbers.n_objects, numbers.n_in_failed_frames, numbers.n_left_out) == (1, 4, 2, 1)
-    assert (numbers.recall, numbers.ms_per_frame) == (1 / 4, 40.0)
+    assert numbers.recall == 1 / 4
     assert run.failures == ()
     assert headline(run, numbers) == (
         "rir got 1 of 4 objects right (error below 10 % of the diameter); 1 left out as their mask or model cannot be "
@@ -56,8 +59,18 @@ def test_what_a_failed_frame_held_is_missed_and_takes_no_time() -> None:
     )
 
 
-def test_a_frame_takes_as_long_as_its_objects() -> None:
-    assert numbers_of(run_of(row(1, 0), row(1, 1), row(2, 0))).ms_per_frame == pytest.approx(60.0)
+def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
+    rows = [row(1, 0), row(1, 1), row(2, 0), row(3, 0, **NO_ANSWER), row(9, status="failed", add_s_mm=None)]
+    folder = write_run(tmp_path / "a", rows)
+    journal = Journal(folder / "frames")
+    stages_ms = {"read": 900.0, "start": 300.0, "iterate": 100.0, "record": 500.0}
+    for k, result in enumerate(list(journal.results(["1/1", "1/2", "1/3", "1/9"])), start=1):
+        journal.keep(result.model_copy(update={"stages_ms": {name: k * ms for name, ms in stages_ms.items()}}))
+    run = load(folder)
+    # The time of results.csv is that of first scores and iterations, of images with an answer.
+    assert numbers_of(run).solving_ms == pytest.approx(600.0)
+    write_results(tmp_path / "results.csv", list(result_rows(run, run.frames)))
+    assert read_pose_table(tmp_path / "results.csv").mean_time_s == pytest.approx(0.6)
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:

@@ -107,6 +107,8 @@ def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> N
         html = (tmp_path / "r.html").read_text(encoding="utf-8")
         assert html.count('<img src="data:image/webp;base64,') == 2
         assert "BOP scores over all instances that are at least 10 % visible" in html
+        # A made-up run says 1 s for a frame, and nothing about its stages.
+        assert re.search(r"solving, a frame</div>\s*<div class=\"value\">1\u202f000 ms", html)
         found[name] = re.search(r"BOP AR</div>\s*<div class=\"value\">([\d.]+) %", html)
     assert found["right"] is not None
     assert found["wrong"] is not None

@@ -61,7 +61,8 @@ COLUMNS = (
     Column("rotation [°]", "mean rotation error", lambda line: line.rotation_deg, 1, 1, False),
     Column("transl. [mm]", "mean translation error", lambda line: line.translation_mm, 1, 1, False),
     Column("score", "mean score of the answers", lambda line: line.score, 1, 2, None),
-    Column("ms a frame", "computing time of the iterations for all objects of a frame; median",
+    Column("iterations [ms]", "computing time of the iterations for all objects of a frame, without first scores; "
+           "median",
            lambda line: line.ms_per_frame, 1, 0, False),
     Column("refiner calls", "for one object, mean", lambda line: line.calls, 1, 1, None),
 )  # fmt: skip

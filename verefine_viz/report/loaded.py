@@ -81,6 +81,12 @@ class Loaded:
     def journal(self) -> Journal:
         return Journal(self.folder / "frames")
 
+    @cached_property
+    def solving_ms(self) -> float | None:
+        """Mean of the times that results.csv states for images with an answer [ms]; None where there are none."""
+        times_s = [result.solving_s for result in self.journal.results(self.frames) if result.estimates]
+        return 1e3 * sum(times_s) / len(times_s) if times_s else None
+
     def result(self, frame: str) -> FrameResult | None:
         """What the journal says about a frame; None where it says nothing."""
         return self.journal.read(frame)

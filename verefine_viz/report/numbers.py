@@ -36,8 +36,8 @@ class Numbers:
     """ADD(-S), over the objects that got an answer."""
     mean_mm: float | None
     median_score: float | None
-    ms_per_frame: float | None
-    """Computing time of the iterations for all objects of a frame, mean."""
+    solving_ms: float | None
+    """Time for first scores and iterations of a frame, mean; only of a whole run."""
     calls_per_object: float | None
     """Refiner calls; None for methods that do not call it once an iteration."""
     ar: float | None = None
@@ -56,7 +56,7 @@ class ObjectNumbers:
 
 def numbers_of(run: Loaded, ar: float | None = None) -> Numbers:
     """Of the whole run."""
-    return _numbers(run.rows, run.method, ar)
+    return _numbers(run.rows, run.method, ar, run.solving_ms)
 
 
 def by_object(run: Loaded, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
@@ -104,13 +104,12 @@ def stage_times(run: Loaded) -> dict[str, float]:
     return {**first, **parts, "rest of the iterations": max(rest, 0.0), **stages}
 
 
-def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Numbers:
+def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_ms: float | None = None) -> Numbers:
     objects = [row for row in rows if row.is_object]
     solved = [row for row in objects if row.status == "ok"]
     truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
     errors = [row.add_s_mm for row in solved if row.add_s_mm is not None]
     scores = [row.score for row in solved if row.score is not None]
-    n_solved_frames = _n_solved_frames(objects)
     return Numbers(
         n_frames=len({row.frame for row in rows}),
         n_failed_frames=len({row.frame for row in rows if row.status == "failed"}),
@@ -123,7 +122,7 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None) -> Number
         median_mm=float(np.median(errors)) if errors else None,
         mean_mm=float(np.mean(errors)) if errors else None,
         median_score=float(np.median(scores)) if scores else None,
-        ms_per_frame=sum(row.ms_total for row in objects) / n_solved_frames if n_solved_frames else None,
+        solving_ms=solving_ms,
         calls_per_object=None
         if method == SEARCH or not solved
         else sum(row.n_iterations for row in solved) / len(solved),

@@ -120,9 +120,10 @@ _HEADLINE = (
     ("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", 1, 1, "mm", -1),
     ("mean_mm", "mean ADD(-S)", "of the objects with an answer", 1, 1, "mm", -1),
     ("median_score", "median score", "of the answers", 1, 2, "", 1),
-    ("ms_per_frame", "method, a frame", "the iterations of all objects of a frame, mean", 1, 0, "ms", -1),
+    ("solving_ms", "solving, a frame", "first scores and all iterations of a frame, mean over frames with an answer: "
+     "the column time of results.csv", 1, 0, "ms", -1),
     ("calls_per_object", "refiner calls", "for one object, mean", 1, 1, "", 0),
-)
+)  # fmt: skip
 """Field, label, hint, factor, digits, unit, and whether more is better (1), worse (-1) or neither."""
 
 
