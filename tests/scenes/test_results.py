@@ -133,8 +133,9 @@ def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
     assert T is not None
     many = tmp_path / "many_x-test.csv"
     few = tmp_path / "few_x-test.csv"
-    many.write_text("\n".join([HEADER, *(line(5, s, T) for s in (0.5, 0.9, 0.7, 0.6))]))
-    few.write_text("\n".join([HEADER, line(5, 0.01, T), line(5, 0.02, T)]))
+    apart = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
+    many.write_text("\n".join([HEADER, *(line(5, s, X) for s, X in zip((0.5, 0.9, 0.7, 0.6), apart, strict=True))]))
+    few.write_text("\n".join([HEADER, line(5, 0.01, apart[0]), line(5, 0.02, apart[1])]))
     files = (str(many), str(few))
     pools = {}
     for n in (3, 5, 9):
@@ -143,6 +144,34 @@ def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
     assert pools[9] == [("many", 0.9), ("few", 0.02), ("many", 0.7), ("few", 0.01), ("many", 0.6), ("many", 0.5)]
     assert pools[5] == pools[9][:5]
     assert pools[3] == pools[9][:3]
+
+
+def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    T, other = made.problem.instances[1].T_cam_obj_gt, made.problem.instances[0].T_cam_obj_gt
+    assert T is not None
+    assert other is not None
+    path = tmp_path / "est_x-test.csv"
+    moved = transform(np.eye(3), [0.001, 0, 0]) @ T
+    rows = [line(5, 0.9, T), line(5, 0.8, moved), line(2, 0.7, other)]
+    h = HypothesesSettings(source="results", files=(str(path),))
+    path.write_text("\n".join([HEADER, *rows]))
+    assert made.open(h).notes == ()
+    once = made.read(h)
+    for again, said in ((rows, "3 rows repeat"), ([line(5, 0.1, T)], "1 row repeats")):
+        path.write_text("\n".join([HEADER, *rows, *again]))
+        note = f"est_x-test.csv: {said} a pose of the same object in the same frame; each pose is tried once"
+        assert made.open(h).notes == (note,)
+        for before, now in zip(once.instances, made.read(h).instances, strict=True):
+            assert [x.confidence for x in now.hypotheses] == [x.confidence for x in before.hypotheses]
+
+
+def test_repeated_rows_for_a_demo_are_noted(tmp_path: Path) -> None:
+    rows = results_file(tmp_path, "0,0,1")
+    path = Path(rows.files[0])
+    path.write_text(path.read_text() + path.read_text().split("\n")[1] + "\n")
+    (note,) = open_scene(SceneSettings(demo="mug"), rows).check_first_poses()
+    assert note.startswith("est_x-test.csv: 1 row repeats a pose")
 
 
 def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
 from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import check_covered, pools_of_object, results_of, unit_notes
+from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
     Segment,
     Segments,
@@ -50,7 +50,7 @@ class BopSource:
         self._detections = _detections(scene.masks)
         self._results = results_of(hypotheses)
         chosen, notes = (named_frames(self._dataset, scene.frames), ()) if scene.frames else all_frames(self._dataset)
-        self.notes: tuple[str, ...] = (*notes, *unit_notes(self._results))
+        self.notes: tuple[str, ...] = (*notes, *file_notes(self._results))
         self._chosen = self._holding(chosen) if scene.objects else chosen
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
 

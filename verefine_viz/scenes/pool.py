@@ -32,7 +32,10 @@ class ResultsFile:
     """The file's own, for messages."""
     method: str
     rows: dict[tuple[int, int, int], tuple[ResultRow, ...]]
-    """By (scene, image, object), highest score first; rows of equal score keep the file's order."""
+    """By (scene, image, object), highest score first; rows of equal score keep the file's order. No pose is
+    there twice."""
+    n_repeated: int = 0
+    """Rows that were dropped because they repeat a pose of the same object in the same frame."""
 
     def objects(self) -> dict[FrameIds, set[int]]:
         """Of which objects there are rows, by frame."""
@@ -51,8 +54,18 @@ def open_results(path: Path | str) -> ResultsFile:
     grouped: dict[tuple[int, int, int], list[ResultRow]] = {}
     for row in read_results(path):
         grouped.setdefault((row.scene_id, row.im_id, row.obj_id), []).append(row)
-    ranked = {key: tuple(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
-    return ResultsFile(Path(path).name, method_of(path), ranked)
+    # Two starts from one pose would do the same, twice; the better score stays.
+    ranked = {key: _each_once(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
+    n_repeated = sum(len(rows) - len(ranked[key]) for key, rows in grouped.items())
+    return ResultsFile(Path(path).name, method_of(path), ranked, n_repeated)
+
+
+def _each_once(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
+    """The first row of each pose."""
+    by_pose: dict[bytes, ResultRow] = {}
+    for row in rows:
+        by_pose.setdefault(row.T_cam_obj.tobytes(), row)
+    return tuple(by_pose.values())
 
 
 def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
@@ -79,13 +92,19 @@ def _told_apart(paths: Sequence[Path]) -> tuple[ResultsFile, ...]:
     )
 
 
-def unit_notes(files: Sequence[ResultsFile]) -> tuple[str, ...]:
-    """Which of ``files`` seem to give translations in metres, and what to do about it."""
-    return tuple(
+def file_notes(files: Sequence[ResultsFile]) -> tuple[str, ...]:
+    """Which of ``files`` seem to give translations in metres or give poses twice, and what is done about it."""
+    in_metres = tuple(
         f"{file.name}: every pose lies within {NEAREST_M * 1e3:g} mm of the camera, so t looks like metres; BOP wants "
         "millimetres: multiply t by 1000"
         for file in files
         if all(np.linalg.norm(row.T_cam_obj[:3, 3]) < NEAREST_M for rows in file.rows.values() for row in rows)
+    )
+    return in_metres + tuple(
+        f"{file.name}: {file.n_repeated} {'row repeats' if file.n_repeated == 1 else 'rows repeat'} a pose of the same "
+        "object in the same frame; each pose is tried once"
+        for file in files
+        if file.n_repeated
     )
 
 

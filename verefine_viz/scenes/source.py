@@ -91,10 +91,10 @@ class DemoSource:
 
     def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
-        from verefine_viz.scenes.pool import check_covered, results_of, unit_notes
+        from verefine_viz.scenes.pool import check_covered, file_notes, results_of
 
         files, frames = results_of(self._hypotheses), [parse_frame(frame) for frame in self.frames]
-        return (*unit_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
+        return (*file_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
     def problem(self, frame: str) -> Problem:
         """A frame of the scene; the same object at each call.
