@@ -159,7 +159,7 @@ def lost(there: Session, saved: Saved | None, session: Session, space: Workspace
 
 def stem_of(debugger: Debugger) -> str:
     """What exports of the open run are called."""
-    session, frame = debugger.workspace.session, debugger.workspace.frame
+    session, frame = debugger.workspace.branch.settings, debugger.workspace.frame
     title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
     return f"{title}_{frame.replace('/', '_')}_{session.method.name}"
 

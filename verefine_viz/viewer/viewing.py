@@ -48,7 +48,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
     state = state_of(now, target)
     truth = _truth(judge, target)
-    alone = branch.tools.session.method.name in ALONE
+    alone = branch.settings.method.name in ALONE
     stage = look.stage if partial else None
     scene = scene_now(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
     found = scene.object(target.instance.instance_id).answer if answer else None
@@ -63,13 +63,13 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     if look.whole_scene and len(scene.objects) > 1:
         map_target = scene_target(work.problem)
         first = _first_poses(branch) if answer else None
-        a, b = scene_sides(judge, scene, look, branch.tools.session, deep, first)
+        a, b = scene_sides(judge, scene, look, branch.settings, deep, first)
     else:
         map_target = target
         a = _side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep)
         b = _side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep)
     return View(
-        session=branch.tools.session.model_copy(
+        session=branch.settings.model_copy(
             update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
         ),
         session_path=space.path,
@@ -101,7 +101,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         error_series=_error_series(judge, target, iterations),
         truth=truth,
         scene=scene,
-        frame_score=frame_score(judge, scene, branch.tools.session),
+        frame_score=frame_score(judge, scene, branch.settings),
         map_target=map_target,
         best_errors=_best_errors(judge, work.problem, iterations) if look.whole_scene else {},
         physics=known_physics(scene, judge),

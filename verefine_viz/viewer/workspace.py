@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -13,6 +14,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Verifier, Watcher
 from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
 from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.marks import Mark, marks_of
@@ -56,6 +58,11 @@ class Branch:
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+
+    @cached_property
+    def settings(self) -> Session:
+        """Those that it ends up with: a session that was read may change them on the way."""
+        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
 
     @property
     def judge(self) -> Judge:
@@ -274,7 +281,7 @@ class Workspace:
     def _judges(self, tools: Tools) -> tuple[tuple[int, Judge], ...]:
         """Those of a run from its start, with the changes that its session holds."""
         found = [(0, self._judge(tools))]
-        for change in sorted(tools.session.changes, key=lambda change: change.after_iteration):
+        for change in in_order(tools.session.changes):
             tools = tools.changed(change.settings)
             if "score" in change.settings:
                 found.append((change.after_iteration, self._judge(tools)))
@@ -282,6 +289,11 @@ class Workspace:
 
     def _judge(self, tools: Tools) -> Judge:
         return Judge(tools, self._plausibility, self._overlap)
+
+
+def in_order(changes: Sequence[Change]) -> list[Change]:
+    """The earliest first."""
+    return sorted(changes, key=lambda change: change.after_iteration)
 
 
 def nested(changes: Changes) -> dict[str, dict[str, Any]]:
