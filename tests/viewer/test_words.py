@@ -265,7 +265,7 @@ def test_n_is_told_from_the_pulls() -> None:
     at_choice = [1 + n - (j == view.shown.arm) for j, n in enumerate(pulled)]
     assert at_choice == view.shown.choice.plays.tolist(), "what the line says is what is counted"
     html = tables.arms_table(view)
-    assert "n: 1 for the score of the first pose, and 1 for each pull before this choice." in html
+    assert "n: 1 for the first pose, and 1 for each pull before this choice." in html
     fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
     assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
 

@@ -15,7 +15,16 @@ from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.maps import Probe
 from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
 from verefine_viz.viewer.pair_words import score_digits
-from verefine_viz.viewer.plays import N_MEANS, TIME_MEANS, WITH_UCB, plays_text, what_n_counts, what_the_time_holds
+from verefine_viz.viewer.plays import (
+    N_MEANS,
+    TIME_MEANS,
+    WITH_UCB,
+    mean_of,
+    plays_text,
+    what_n_counts,
+    what_the_mean_is_of,
+    what_the_time_holds,
+)
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
@@ -136,7 +145,7 @@ def arms_table(view: View) -> str:
     head = [
         ("arm", "hypothesis; ◂ = chosen; click a row for its history"),
         ("n", N_MEANS),
-        ("μ", "μ_j, mean score over the plays"),
+        ("μ", mean_of(view)),
         ("bonus", "exploration term c·√(ln Σn / n_j)"),
         ("UCB", "mean + bonus; the largest is chosen"),
         ("best", "best score of any of its poses so far"),
@@ -144,7 +153,7 @@ def arms_table(view: View) -> str:
         ("Σ ms", TIME_MEANS),
     ]
     names = f'<p class="legend">{arms_legend(view.target)}</p>' if have_names(view.target) else ""
-    return names + table(head, rows) + what_n_counts(view) + what_the_time_holds(view)
+    return names + table(head, rows) + what_the_mean_is_of(view) + what_n_counts(view) + what_the_time_holds(view)
 
 
 def changes_table(view: View) -> str:
