@@ -13,7 +13,7 @@ import trimesh
 
 from tests.scenes.test_write_bop import assert_same, reopened
 from verefine_viz.core.errors import InputError, SettingsError
-from verefine_viz.core.geometry import angle_between, apply
+from verefine_viz.core.geometry import angle_between, apply, transform
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.rendering.scene import render_scene
@@ -156,8 +156,10 @@ def test_full_masks_are_larger_where_something_is_hidden() -> None:
 
 def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
     truth = made("mug").instances[0]
-    assert truth.T_cam_obj_gt is not None
-    rows = [ResultRow(0, 0, truth.obj_id, score, truth.T_cam_obj_gt, -1.0) for score in (0.3, 0.9)]
+    T = truth.T_cam_obj_gt
+    assert T is not None
+    poses = (transform(T[:3, :3], T[:3, 3] + 0.001), T)
+    rows = [ResultRow(0, 0, truth.obj_id, score, pose, -1.0) for score, pose in zip((0.3, 0.9), poses, strict=True)]
     write_results(tmp_path / "mine_demo-test.csv", rows)
     scene, hypotheses = (
         SceneSettings(),
@@ -165,7 +167,7 @@ def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
     )
     (instance,) = open_scene(scene, hypotheses).problem("0/0").instances
     assert [h.confidence for h in instance.hypotheses] == [0.9, 0.3]
-    np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, truth.T_cam_obj_gt, atol=1e-6)
+    np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, T, atol=1e-6)
 
 
 def test_files_of_the_same_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from verefine_viz.observation.frame import observe
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
+from verefine_viz.scenes.fit import pose_notes, truth_notes
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
 from verefine_viz.scenes.perturb import perturbed
 from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
@@ -91,7 +92,14 @@ class BopSource:
             models=models,
             instances=instances,
             title=f"{self._dataset.name} {self._scene.split}",
-            notes=(*image.notes, *notes, *model_notes, *self._instance_notes(instances, models, image)),
+            notes=(
+                *image.notes,
+                *notes,
+                *model_notes,
+                *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
+                *pose_notes(self._results, instances, models),
+                *self._instance_notes(instances, models, image),
+            ),
             left_out=self._asked_for(of_frame.left_out) + without_model,
         )
 
@@ -183,7 +191,8 @@ class BopSource:
                 elif not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > models[instance.obj_id].diameter_m:
                     notes.append(
                         f"{name}: depth inside its mask is {seen_m:.3g} m, its ground truth says {true_m:.3g} m; "
-                        "check 'depth_scale' in scene_camera.json"
+                        "check 'depth_scale' in scene_camera.json, and that 'cam_t_m2c' in scene_gt.json is in "
+                        "millimetres"
                     )
         return tuple(notes)
 
