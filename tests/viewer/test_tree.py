@@ -188,7 +188,15 @@ def test_big_trees_stay_readable_and_name_what_is_left_out() -> None:
     assert tree is not None
     html = nodes_table(tree, LABELS, {})
     assert html.count("<tr") - 1 <= MOST_ROWS
-    assert "148 more nodes, visited less, are not listed." in html
+    assert "148 more nodes, visited once and without any below, are not listed." in html
+
+
+def test_of_a_small_tree_every_node_is_listed() -> None:
+    tree = tree_of(steps([(0, 50.0 + k) for k in range(5)]))
+    assert tree is not None
+    html = nodes_table(tree, LABELS, {})
+    assert html.count("<tr") - 1 == len(tree.nodes) - 1
+    assert "not listed" not in html
 
 
 def test_names_are_text() -> None:

@@ -33,11 +33,11 @@ def _difference(a: Judged, b: Judged) -> str:
     """How much more the second one scores, and from what."""
     one, other = a.score, b.score
     if one is None or other is None:
-        return f"{a.name} or {b.name} was not scored."
+        return f"{a.label} or {b.label} was not scored."
     digits = score_digits([one, other])
     if a.name == b.name or one == other:
-        return f"{b.name.capitalize()} scores {other.score:.{digits}f}."
-    said = f"{b.name.capitalize()} {other.score:.{digits}f} against {a.name} {one.score:.{digits}f}"
+        return f"{b.label.capitalize()} scores {other.score:.{digits}f}."
+    said = f"{b.label.capitalize()} {other.score:.{digits}f} against {a.label} {one.score:.{digits}f}"
     lead = other.score - one.score
     depth, normal = (other.depth_fit - one.depth_fit) / 2, (other.normal_fit - one.normal_fit) / 2
     larger = max(abs(depth), abs(normal))

@@ -27,7 +27,7 @@ def maps_sheet(view: View) -> Image:
         assert side.maps is not None
         top = _TOP + row * (_TILE_H + _GAP)
         score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
-        draw.text((8, top + 8), f"{side.pose.name}{score}", (20, 20, 20), font=font)
+        draw.text((8, top + 8), f"{side.pose.label}{score}", (20, 20, 20), font=font)
         for column, name in enumerate(MAP_NAMES):
             image = PilImage.fromarray(map_image(name, side.maps, view.map_target, tau_m, crop))
             tile = image.resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)

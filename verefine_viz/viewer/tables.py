@@ -53,7 +53,7 @@ def cut(name: str) -> str:
 def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
     """The parts of the score of some poses, a column each; ``short``: the pixels as bars only."""
     known = [p for p in poses if p is not None]
-    head = [("", ""), *((p.name, f"the {p.name} pose") for p in known)]
+    head = [("", ""), *((p.label, f"the {p.label} pose") for p in known)]
     scores = [p.score for p in known]
 
     def row(label: str, tip: str, cells: Iterable[str], marked: bool = False) -> Row:
@@ -74,7 +74,7 @@ def score_table(poses: Sequence[Judged | None], short: bool = False) -> str:
     for name in () if short else PIXEL_CLASSES:
         cells = [_NONE if s is None else f"{s.shares[name]:.1%}" for s in scores]
         rows.append(row(f"{swatch(CLASS_COLORS[name])}{name}", CLASS_MEANING[name], cells))
-    return table(head, rows) + "".join(_shares_bar(p.name, p.score) for p in known if p.score)
+    return table(head, rows) + "".join(_shares_bar(p.label, p.score) for p in known if p.score)
 
 
 def _shares_bar(name: str, score: PoseScore) -> str:
@@ -224,7 +224,7 @@ def errors_table(view: View) -> str:
         e = pose.errors
         is_truth = name == "ground truth"
         cells = [
-            f"{swatch(STAGE_COLORS[name])}{name}",
+            f"{swatch(STAGE_COLORS[name])}{pose.label}",
             _NONE if is_truth else f"{e.rotation_deg:.1f}°",
             _NONE if is_truth else f"{e.translation_mm:.1f}",
             _NONE if is_truth else f"{e.add_s_mm:.1f}",

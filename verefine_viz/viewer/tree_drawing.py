@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -94,14 +94,15 @@ def _strips(tree: Tree, n_layers: int, labels: Mapping[int, str], colors: Mappin
 def nodes_table(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]) -> str:
     """The tree as an indented list: nodes with children, the branch of this iteration, and the way to the incumbent.
 
-    What was tried once and led nowhere is counted in one line.
+    Of a tree that is too big for it, what was tried once and led nowhere is counted in one line.
     """
     rows: list[Row] = []
-    folded = 0
+    folded: list[Node] = []
+    fits = len(tree.nodes) - 1 <= MOST_ROWS
     for node in tree.below():
         on_a_way = node.number in tree.branch or node.number in tree.incumbent
-        if not on_a_way and (not _worth_reading(node) or len(rows) >= MOST_ROWS):
-            folded += 1
+        if not (on_a_way or fits) and (not _worth_reading(node) or len(rows) >= MOST_ROWS):
+            folded.append(node)
             continue
         marks = ("★" if node.number in tree.incumbent else "") + ("▶" if node.number in tree.branch else "")
         indent = 12 * (node.depth - 1)
@@ -119,8 +120,16 @@ def nodes_table(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB]
         ("px/visit", "mean cost of the complete scenes below it: pixels that are not explained"),
         ("LCP", "share of the model's points that the segment explains at the hypothesis: what was tried first"),
     ]
-    more = f'<p class="dim">{folded} more nodes, visited less, are not listed.</p>' if folded else ""
-    return table(head, rows) + more
+    return table(head, rows) + _not_listed(folded)
+
+
+def _not_listed(nodes: Sequence[Node]) -> str:
+    """A line that counts them; empty where there are none."""
+    if not nodes:
+        return ""
+    once = "" if any(map(_worth_reading, nodes)) else ", visited once and without any below,"
+    said = f"{len(nodes)} more nodes{once} are" if len(nodes) > 1 else f"1 more node{once} is"
+    return f'<p class="dim">{said} not listed.</p>'
 
 
 def _worth_reading(node: Node) -> bool:

@@ -35,6 +35,13 @@ class Judged:
     score: PoseScore | None
     errors: PoseErrors | None
     ms: float = 0.0
+    is_of_best_scene: bool = False
+    """Whether it is the answer for what it adds to the whole scene: alone another pose may score higher."""
+
+    @property
+    def label(self) -> str:
+        """What people read."""
+        return "answer" if self.is_of_best_scene else self.name
 
 
 @dataclass(frozen=True, eq=False)

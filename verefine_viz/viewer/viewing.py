@@ -56,7 +56,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
-        poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
+        off, of_scene = judge.errors(target, found.T_cam_obj), _is_of_scenes(iterations, target)
+        poses["best"] = Judged("best", found.T_cam_obj, found.score, off, is_of_best_scene=of_scene)
     running, kept = debugger.running.goal is not None, space.session
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
@@ -235,6 +236,12 @@ def _first_poses(branch: Branch) -> dict[int, Float]:
     state = branch.run.state_at(0)
     pairs = zip(state.problem.targets, state.best, strict=True)
     return {t.instance.instance_id: best.T_cam_obj for t, best in pairs if best is not None}
+
+
+def _is_of_scenes(iterations: tuple[Iteration, ...], target: Target) -> bool:
+    """Whether whole scenes were searched for where the object belongs."""
+    own = (i for i in iterations if i.instance_id == target.instance.instance_id)
+    return any(i.tree is not None or i.scene_pass is not None for i in own)
 
 
 def _best_errors(judge: Judge, problem: Problem, iterations: Sequence[Iteration]) -> dict[int, PoseErrors | None]:

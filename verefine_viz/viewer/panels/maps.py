@@ -61,7 +61,7 @@ def _row(view: View, side: Side, crop: Crop, letter: str) -> str:
     digits = score_digits([s.pose.score for s in (view.a, view.b) if s is not None])
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
-    name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.name)}<br>{score}"
+    name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.label)}<br>{score}"
     cells = [f"<td>{_picture(view, side, m, crop)}</td>" for m in MAP_NAMES]
     return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
 
@@ -74,7 +74,7 @@ def _picture(view: View, side: Side, name: MapName, crop: Crop) -> str:
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     return (
         f'<img src="{data_uri(image)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '
-        f'alt="{text(LABELS[name][0])} of {text(side.pose.name)}" title="click for the numbers of a pixel">'
+        f'alt="{text(LABELS[name][0])} of {text(side.pose.label)}" title="click for the numbers of a pixel">'
     )
 
 

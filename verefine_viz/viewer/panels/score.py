@@ -56,7 +56,7 @@ class ScorePanel:
         self._numbers.show(score_table([a, b], short=probed) + passes + below)
         if not view.deep:
             return
-        sides = [(side.pose.name, side.probe) if side else ("", None) for side in (view.a, view.b)]
+        sides = [(side.pose.label, side.probe) if side else ("", None) for side in (view.a, view.b)]
         self._probe.show(probe_table(sides[0], sides[1]))
 
 

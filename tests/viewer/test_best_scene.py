@@ -1,0 +1,37 @@
+"""Where whole scenes are searched, the pose handed on is called the answer: alone another may score higher."""
+
+from __future__ import annotations
+
+from tests.viewer.test_read_changes import Clustered
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.pair_words import compared
+from verefine_viz.viewer.panels.maps import maps_html
+from verefine_viz.viewer.tables import errors_table, score_table
+from verefine_viz.viewer.view import View
+
+
+def after(*commands: c.Command, name: str) -> View:
+    d = Debugger(Session(method=MethodSettings(name=name, iterations=2)), None, Clustered)
+    return d.carry_out([c.OpenFrame("0/2"), *commands, c.Compare(a="initial", b="best")]).view()
+
+
+def said(view: View) -> tuple[str, ...]:
+    """Everything that names the poses of both sides."""
+    sides = [side.pose if side else None for side in (view.a, view.b)]
+    return maps_html(view), score_table(sides), errors_table(view), compared(view).lower()
+
+
+def test_the_answer_of_a_search_of_scenes_is_not_called_the_best() -> None:
+    for words in said(after(c.RunUntil("end"), name="vf_depth")):
+        assert "answer" in words
+        assert "best<" not in words
+        assert "best pose" not in words
+
+
+def test_on_the_way_and_of_one_object_alone_it_is_the_best() -> None:
+    for view in (after(c.RunTo(3), name="vf_depth"), after(c.RunUntil("end"), name="rir")):
+        for words in said(view):
+            assert "best" in words
+            assert "answer" not in words
