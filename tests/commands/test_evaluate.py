@@ -38,6 +38,7 @@ def test_the_table_has_a_row_for_each_file(desk: Desk) -> None:
     assert lines["other"][-2:] == ["2", "-"]
     assert "other: 1 of 2 rows are about scenes, images or objects that the targets do not name" in text
     assert "there is no models_eval" in text
+    assert "over all vertices of the model (in frames.csv over points sampled on its surface" in text
     assert max(map(len, text.splitlines()[:6])) <= 80
 
 

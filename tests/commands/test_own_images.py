@@ -60,6 +60,34 @@ def test_the_objects_of_a_run_over_some_frames_are_those_of_its_frames(three: De
     assert by_object["2"][-1:] == ["2/4"]
 
 
+def test_objects_that_a_run_was_not_to_solve_do_not_count(three: Desk) -> None:
+    write_results(three.results, [row for row in rows(three.made, im_id=0) if row.obj_id == 5])
+    (three.results.parent / "session.toml").write_text("[scene]\nobjects = [5, 9]\n")
+    text = three.run(three.results, "--per-object")
+    own, official = text.index("boxes/test, only the images and objects that each"), text.index("(official score)")
+    # One object of three instances in an image, of two such images.
+    n = OBJ_IDS.count(5)
+    assert text[own:official].split("out ")[1].split()[:3] == ["2/3", "1/2", "50.0"]
+    assert "out, object 5 in the 2 of 3 images that the run covered: average recall [%]" in text
+    (score,) = three.json()["results"]
+    own_score = score["own_images"]
+    assert (own_score["only_objects"], own_score["AR"], own_score["targets"]) == ([5], 0.5, 2 * n)
+    assert score["AR"] == pytest.approx(n / 9)
+    # All images, but not all objects.
+    (three.results.parent / "frames.csv").write_text("scene_id,im_id\n7,0\n7,1\n7,2\n")
+    own_score = three.json()["results"][0]["own_images"]
+    assert (own_score["images"], own_score["AR"], own_score["targets"]) == (3, pytest.approx(1 / 3), 3 * n)
+
+
+def test_a_run_that_was_to_solve_all_objects_says_nothing_about_objects(three: Desk) -> None:
+    (three.results.parent / "session.toml").write_text("[scene]\nobjects = [2, 5]\n")
+    assert "boxes/test, only the images that each run covered" in three.run()
+    assert three.json()["results"][0]["own_images"]["only_objects"] is None
+    # What is not a session says nothing.
+    (three.results.parent / "session.toml").write_text("[scene]\nobjects = 5\n")
+    assert three.json()["results"][0]["own_images"]["only_objects"] is None
+
+
 def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(three: Desk) -> None:
     alone = three.folder / "rir_boxes-test.csv"
     shutil.copy(three.results, alone)

@@ -17,6 +17,7 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
+from verefine_viz.evaluation.coverage import OwnPart
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
 from verefine_viz.evaluation.targets import Targets, Task
 from verefine_viz.evaluation.truth import ProblemTruth, visible_targets
@@ -212,7 +213,7 @@ def test_a_rigid_motion_of_the_file_s_pose_never_beats_the_truth(demo: DemoSet, 
 def test_the_score_of_own_images_is_that_of_targets_without_the_others(demo: DemoSet, task: Task) -> None:
     tables = [table(demo.rows(disturbed), "a"), table(demo.rows(perfect)[::2], "b")]
     some, none, few = list(demo.targets.counts)[1:3], None, list(demo.targets.counts)[:1]
-    found = bop_scores(tables, demo.truth, demo.targets, task, own_images=[some, none])
+    found = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), none])
     plain = bop_scores(tables, demo.truth, demo.targets, task)
     assert found[1].own is None
     assert [s.own for s in plain] == [None, None]
@@ -223,8 +224,26 @@ def test_the_score_of_own_images_is_that_of_targets_without_the_others(demo: Dem
     )
     assert found[0].own is not None
     assert every_number(found[0].own) == every_number(first[0]) != every_number(plain[0])
-    both = bop_scores(tables, demo.truth, demo.targets, task, own_images=[some, few])
+    both = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), own(few)])
     assert [every_number(s.own) for s in both if s.own] == [every_number(first[0]), every_number(second[1])]
+
+
+def own(images: list[tuple[int, int]], objects: frozenset[int] | None = None) -> OwnPart:
+    return OwnPart(frozenset(images), "run", objects)
+
+
+@pytest.mark.parametrize("task", ["localization", "detection"])
+def test_the_score_of_own_objects_is_that_of_targets_without_the_others(demo: DemoSet, task: Task) -> None:
+    tables = [table(demo.rows(disturbed), "a")]
+    images = list(demo.targets.counts)[:3]
+    some = frozenset(list(demo.targets.counts[images[0]])[:2])
+    (found,) = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(images, some)])
+    assert found.own is not None
+    if task == "localization":
+        counts = {i: {o: n for o, n in demo.targets.counts[i].items() if o in some} for i in images}
+        (alone,) = bop_scores(tables, demo.truth, replace(demo.targets, counts=counts), task)
+        assert every_number(found.own) == every_number(alone)
+    assert set(found.own.recalls_by_object) | set(found.own.precision_by_object) == some
 
 
 def every_number(scores: Scores) -> list[object]:

@@ -19,8 +19,8 @@ class Evaluate:
 
     results: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RESULTS.csv [RESULTS.csv ...]")]
     """Results files in BOP format, such as a batch's results.csv; each becomes a row of the table. One about some of
-    the targets' images only is scored over these as well (which frames a batch covered, its folder says); one about
-    none of the targets is refused."""
+    the targets' images only is scored over these as well (which frames and objects a batch was to solve, its folder
+    says); one about none of the targets is refused."""
     dataset: Path
     """Folder of the data set, with models_eval/ (or models/), the split and its targets file."""
     split: str = ""

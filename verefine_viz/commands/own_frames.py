@@ -1,16 +1,19 @@
-"""Which frames a batch covered, as its folder says."""
+"""Which frames and objects a batch covered, as its folder says."""
 
 from __future__ import annotations
 
 import csv
 from pathlib import Path
 
+from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import is_batch_folder
-from verefine_viz.evaluation.pose_table import Image
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.evaluation.coverage import Covered
+from verefine_viz.session.files import load_session
 
 
-def covered_by(results: Path) -> frozenset[Image] | None:
-    """The frames (scene_id, im_id) of the batch that wrote a results.csv, failed ones too.
+def covered_by(results: Path) -> Covered | None:
+    """The frames of the batch that wrote a results.csv, failed ones too, and the objects that its session names.
 
     None where the file does not lie in a batch's folder, or where its frames.csv cannot be read.
     """
@@ -20,6 +23,15 @@ def covered_by(results: Path) -> frozenset[Image] | None:
     try:
         # Two columns of many: the rows are not checked as they are for the page.
         with (folder / "frames.csv").open(encoding="utf-8", newline="") as file:
-            return frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
+            images = frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
     except (OSError, ValueError, KeyError, TypeError, csv.Error):
+        return None
+    return Covered(images, _objects(folder / SESSION_FILE))
+
+
+def _objects(session: Path) -> frozenset[int] | None:
+    """What the session asks for; None = all, also where it cannot be read."""
+    try:
+        return frozenset(load_session(session).scene.objects) or None
+    except VerefineError:
         return None

@@ -8,7 +8,7 @@ from typing import Any
 
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores
-from verefine_viz.evaluation.coverage import OwnImages
+from verefine_viz.evaluation.coverage import OwnPart
 from verefine_viz.evaluation.files import Evaluation
 from verefine_viz.evaluation.precision import Precision
 from verefine_viz.evaluation.recalls import Recalls
@@ -58,11 +58,12 @@ def scores_json(score: Scores, names: dict[int, str]) -> dict[str, Any]:
     return head | {"average_time_per_image_s": seconds, "counts": asdict(score.counts)}
 
 
-def _own_json(score: Scores, own: OwnImages | None, names: dict[int, str]) -> dict[str, Any] | None:
-    """The score over the images that the file is about, where these are not all of them."""
+def _own_json(score: Scores, own: OwnPart | None, names: dict[int, str]) -> dict[str, Any] | None:
+    """The score over what the file is about, where this is not all that is asked for."""
     if own is None or score.own is None:
         return None
-    return {"known_from": own.known_from, "images": len(own.images), **scores_json(score.own, names)}
+    part = {"images": len(own.images), "only_objects": None if own.objects is None else sorted(own.objects)}
+    return {"known_from": own.known_from, **part, **scores_json(score.own, names)}
 
 
 def _recalls_json(recalls: Recalls) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from verefine_viz.evaluation.targets import Task
 
 OWN = {"run": "only the images that each run covered", "file": "only the images that each file names"}
 """Which images a score is about that is not about all targets, by how these are known."""
+OWN_OBJECTS = "only the images and objects that each run was to solve"
+"""The same, where a run was to solve some objects only."""
 
 
 def print_scores(
@@ -64,35 +66,39 @@ def _overviews(found: Evaluation) -> Iterator[tuple[str, Table]]:
     """Titles and tables: the official score, runs over fewer images before it, files that name fewer after it."""
     runs, files = (list(_own(found, how)) for how in OWN)
     if runs:
-        yield _title(found, OWN["run"]), _overview(runs)
+        few = any(own and own.objects for own in found.own)
+        yield (
+            _title(found, OWN_OBJECTS if few else OWN["run"]),
+            _overview(runs, ("images", "objects") if few else ("images",)),
+        )
     n_targets, is_all = found.scores[0].counts.targets, not runs and not files
     asked = f"{n_targets} targets" if is_all else f"all {n_targets} targets (official score)"
-    yield _title(found, f"{found.targets}, {asked}"), _overview([(score, "") for score in found.scores])
+    yield _title(found, f"{found.targets}, {asked}"), _overview([(score, ()) for score in found.scores])
     if files:
-        yield _title(found, OWN["file"]), _overview(files)
+        yield _title(found, OWN["file"]), _overview(files, ("images",))
 
 
-def _own(found: Evaluation, how: str) -> Iterator[tuple[Scores, str]]:
-    """Scores over the images that are a file's own, and how many of all these are."""
+def _own(found: Evaluation, how: str) -> Iterator[tuple[Scores, tuple[str, ...]]]:
+    """Scores over the part that is a file's own, and how many of all images and objects this holds."""
     for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
         if own is not None and score.own is not None and own.known_from == how:
-            yield score.own, f"{len(own.images)}/{covered.images_asked}"
+            of = f"/{covered.objects_asked}" if covered.objects_asked else ""
+            objects = "all" if own.objects is None else f"{len(own.objects)}{of}"
+            yield score.own, (f"{len(own.images)}/{covered.images_asked}", objects)
 
 
 def _title(found: Evaluation, what: str) -> str:
     return f"{found.dataset}/{found.split}, {what}: {_measure(found.scores[0])} [%]"
 
 
-def _overview(shown: Sequence[tuple[Scores, str]]) -> Table:
-    """A row for each of some scores and how many images it is about (empty where that need not be said)."""
-    first, images = shown[0]
+def _overview(shown: Sequence[tuple[Scores, tuple[str, ...]]], about: tuple[str, ...] = ()) -> Table:
+    """A row for each of some scores; ``about`` names those of the cells beside it that need to be said."""
     is_timed = any(score.mean_time_s >= 0 for score, _ in shown)
-    heads = (*(["images"] if images else []), *_heads(first), "missing", *(["s/image"] if is_timed else []))
+    heads = (*about, *_heads(shown[0][0]), "missing", *(["s/image"] if is_timed else []))
     table = narrow_table(["method"], heads)
     for score, covered in shown:
         seconds = [f"{score.mean_time_s:.3g}" if score.mean_time_s >= 0 else "-"] if is_timed else []
-        counted = [covered] if covered else []
-        table.add_row(escape(score.name), *counted, *_numbers(score), str(score.counts.missing), *seconds)
+        table.add_row(escape(score.name), *covered[: len(about)], *_numbers(score), str(score.counts.missing), *seconds)
     return table
 
 
@@ -131,10 +137,11 @@ def _percent(share: float) -> str:
 
 
 def _by_object(found: Evaluation) -> Iterator[tuple[str, Table]]:
-    """Titles and tables, one for each file; of a run over fewer images, only over these."""
+    """Titles and tables, one for each file; of a run over fewer images or objects, only over these."""
     for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
         if own is not None and score.own is not None and own.known_from == "run":
-            what = f"the {len(own.images)} of {covered.images_asked} images that the run covered"
+            only = "" if own.objects is None else f"object {', '.join(map(str, sorted(own.objects)))} in "
+            what = f"{only}the {len(own.images)} of {covered.images_asked} images that the run covered"
             yield f"{score.name}, {what}: {_measure(score)} [%]", _objects(score.own, found.names)
         else:
             yield f"{score.name}: {_measure(score)} [%]", _objects(score, found.names)
@@ -159,8 +166,9 @@ def _remarks(found: Evaluation) -> list[str]:
         lines += [f"{score.name}: {what}" for what in (*_covered(covered), *_rows(score))]
     if found.scores[0].task == "localization":
         lines.append(
-            "ADD(-S): targets with less than 10 % of the diameter; r̄, t̄: mean errors of those with a pose; missing: "
-            "those without"
+            "ADD(-S): targets with less than 10 % of the diameter, over all vertices of the model (in frames.csv "
+            "over points sampled on its surface, which differs by some percent); r̄, t̄: mean errors of those "
+            "with a pose; missing: those without"
         )
     return lines
 

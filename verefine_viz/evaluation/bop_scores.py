@@ -7,7 +7,7 @@ estimate is drawn once and all of its errors go into one table, from which every
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -16,6 +16,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.evaluation.answers import Answer, answers
+from verefine_viz.evaluation.coverage import OwnPart
 from verefine_viz.evaluation.matching import match_thresholds
 from verefine_viz.evaluation.mean_errors import adi_by_index_mm, adi_mm
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
@@ -71,7 +72,7 @@ class Scores:
     answers: tuple[Answer, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
     own: Scores | None = None
-    """The same over the images that were named as its own, as if no others were asked for; None where none were."""
+    """The same over the part that was named as its own, as if nothing else were asked for; None where none was."""
 
 
 def bop_scores(
@@ -81,7 +82,7 @@ def bop_scores(
     task: Task | None = None,
     workers: int = 1,
     tell: Tell = lambda done, total: None,
-    own_images: Sequence[Collection[Image] | None] = (),
+    own_parts: Sequence[OwnPart | None] = (),
 ) -> tuple[Scores, ...]:
     """The scores of each table, as the official scripts compute them for its results file.
 
@@ -93,7 +94,8 @@ def bop_scores(
         task: by default the one that the targets were made for.
         workers: threads; the scores are the same for any number.
         tell: progress.
-        own_images: for each table the images that it is about, where a score over these alone is wanted as well.
+        own_parts: for each table the part of the targets that it is about, where a score over this alone is wanted
+            as well.
 
     Raises:
         InputError: the targets name what the data set does not have, or one of its files is damaged.
@@ -112,21 +114,20 @@ def bop_scores(
         truth.model(obj_id)
     kind = _Localization if task == "localization" else _Detection
     score, own_score = kind(tables, truth, targets), kind(tables, truth, targets)
-    own_images = own_images or [None] * len(tables)
+    own_parts = own_parts or [None] * len(tables)
     pool = ThreadPoolExecutor(workers)
     try:
         for done, (image, parts) in enumerate(zip(images, pool.map(score.image, images), strict=True), start=1):
             score.add(image, parts)
-            own_score.add(
-                image, [mine if own and image in own else [] for mine, own in zip(parts, own_images, strict=True)]
-            )
+            both = zip(parts, own_parts, strict=True)
+            own_score.add(image, [[p for p in mine if own and own.holds(image, p.obj_id)] for mine, own in both])
             tell(done, len(images))
     finally:
         # After an error or Ctrl-C nobody waits for the images that have not begun.
         pool.shutdown(cancel_futures=True)
     return tuple(
-        replace(whole, own=own if images else None)
-        for whole, own, images in zip(score.scores(), own_score.scores(), own_images, strict=True)
+        replace(whole, own=own if part else None)
+        for whole, own, part in zip(score.scores(), own_score.scores(), own_parts, strict=True)
     )
 
 

@@ -1,4 +1,4 @@
-"""How much of what is asked for a results file speaks about, which images are its own, rows that cannot be right."""
+"""How much of what is asked for a results file speaks about, what of it is its own, rows that cannot be right."""
 
 from __future__ import annotations
 
@@ -37,13 +37,28 @@ class Coverage:
 
 
 @dataclass(frozen=True)
-class OwnImages:
-    """Images of the targets that a results file is about, where these are not all of them."""
+class Covered:
+    """What the run that wrote a results file was about, as its folder says."""
+
+    images: frozenset[Image]
+    objects: frozenset[int] | None = None
+    """BOP ids of the objects that it was to solve; None = all."""
+
+
+@dataclass(frozen=True)
+class OwnPart:
+    """The part of the targets that a results file is about, where this is not all of them."""
 
     images: frozenset[Image]
     known_from: Literal["run", "file"]
-    """run: the batch that wrote the file says which frames it covered. file: only that there is an estimate is known,
+    """run: the batch that wrote the file says what it covered. file: only that there is an estimate is known,
     and an image without one may also be one in which nothing was found."""
+    objects: frozenset[int] | None = None
+    """Objects that count; None = all of these images."""
+
+    def holds(self, image: Image, obj_id: int) -> bool:
+        """Whether an object of an image belongs to it."""
+        return image in self.images and (self.objects is None or obj_id in self.objects)
 
 
 def coverage(table: PoseTable, targets: Targets) -> Coverage:
@@ -68,18 +83,22 @@ def coverage(table: PoseTable, targets: Targets) -> Coverage:
     )
 
 
-def own_images(table: PoseTable, targets: Targets, covered: Collection[Image] | None) -> OwnImages | None:
-    """The images of ``targets`` that ``table`` is about; None where these are all of them, or none.
+def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> OwnPart | None:
+    """The part of ``targets`` that ``table`` is about; None where this is all of them, or nothing.
 
     Args:
         table: the estimates.
         targets: what is asked for.
-        covered: images that the run says it covered; None = it says nothing.
+        covered: what the run says it covered; None = it says nothing.
     """
-    about = set(table.by_image if covered is None else covered) & targets.counts.keys()
-    if not about or len(about) == len(targets.counts):
+    images = frozenset(targets.counts.keys() & (table.by_image.keys() if covered is None else covered.images))
+    objects = None if covered is None else covered.objects
+    asked = {obj_id for image in images for obj_id in targets.counts[image]}
+    if objects is not None and asked:
+        objects = None if asked <= objects else objects & asked
+    if not images or objects == frozenset() or (len(images) == len(targets.counts) and objects is None):
         return None
-    return OwnImages(frozenset(about), "file" if covered is None else "run")
+    return OwnPart(images, "file" if covered is None else "run", objects)
 
 
 def why_none(table: PoseTable, targets: Targets) -> str:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
-from verefine_viz.evaluation.coverage import Coverage, OwnImages, coverage, own_images, why_none
-from verefine_viz.evaluation.pose_table import Image, PoseTable, read_pose_table
+from verefine_viz.evaluation.coverage import Coverage, Covered, OwnPart, coverage, own_part, why_none
+from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
 from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
@@ -31,7 +31,7 @@ class Evaluation:
     """One for each file."""
     coverage: tuple[Coverage, ...]
     """The same."""
-    own: tuple[OwnImages | None, ...]
+    own: tuple[OwnPart | None, ...]
     """The same; where it is there, so are the ``own`` scores."""
     names: dict[int, str]
     """Of the objects that occur."""
@@ -49,7 +49,7 @@ def evaluate_files(
     task: Task | None = None,
     workers: int = 1,
     tell: Tell = lambda done, total: None,
-    covered_by: Callable[[Path], Collection[Image] | None] = lambda path: None,
+    covered_by: Callable[[Path], Covered | None] = lambda path: None,
 ) -> Evaluation:
     """Scores results files as the official scripts do.
 
@@ -61,7 +61,7 @@ def evaluate_files(
         task: None = the one that the targets were made for.
         workers: threads; the scores are the same for any number.
         tell: progress in images.
-        covered_by: which images the run that wrote a file covered; None = nobody knows.
+        covered_by: what the run that wrote a file covered; None = nobody knows.
 
     Raises:
         InputError: a results file breaks the format (the line is named) or has nothing about any target, or the data
@@ -79,11 +79,9 @@ def evaluate_files(
                 f"{path} says nothing about any target of {asked.name}: {why_none(table, asked)}; "
                 "does it belong to another data set, --split or --targets?"
             )
-    own = tuple(own_images(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
+    own = tuple(own_part(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
     truth = BopTruth(folder)
-    scores = bop_scores(
-        _with_own_names(tables, files), truth, asked, task, workers, tell, [mine and mine.images for mine in own]
-    )
+    scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell, own)
     obj_ids = {i for s in scores for i in (*s.recalls_by_object, *s.precision_by_object)}
     return Evaluation(
         folder.name,
