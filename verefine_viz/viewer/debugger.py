@@ -34,6 +34,10 @@ from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
 
 Keeper = Callable[["Debugger", c.Command], Path]
+BY_HAND = (
+    "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
+    "pose as it was."
+)
 
 
 class Debugger:
@@ -206,6 +210,7 @@ class Debugger:
                     raise InputError("no pose is being edited; press Edit pose first")
                 T = as_rigid(np.reshape(T_cam_obj, (4, 4)) if len(T_cam_obj) == 16 else T_cam_obj, "edited pose")
                 self.look = replace(self.look, edited=tuple(float(x) for x in T.ravel()))
+                self.message = BY_HAND
             case c.SaveSession() | c.Export():
                 if self._keep is None:
                     raise InputError("nothing can be written here")
@@ -306,6 +311,7 @@ class Debugger:
         T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
         edited = tuple(float(x) for x in T.ravel())
         self.look = self.look.editing(edited, view.arm)
+        self.message = BY_HAND
 
     def _shown_path(self) -> Any:
         shown = self.view(deep=False).shown
