@@ -74,6 +74,7 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
         console.print(sweep_table(outcomes))
     head, *lines = [line.split() for line in said.get().splitlines()]
     assert head[:4] == ["runs", "of", "seeds", "right"]
+    assert head[-2:] == ["iterations", "ms"]
     assert [line[:2] for line in lines] == [["rir", "3"], ["pir", "3"]]
 
 

@@ -47,7 +47,7 @@ def sweep_table(outcomes: Sequence[tuple[Job, Outcome]]) -> Table:
     rows.sort(key=lambda row: -((row[1].recall if has_truth else row[1].score) or 0.0))
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("run" if all(row.n_runs == 1 for _, row in rows) else "runs of")
-    for head in ("seeds", "right", "by seed", "median mm", "score", "ms a frame"):
+    for head in ("seeds", "right", "by seed", "median mm", "score", "iterations ms"):
         table.add_column(head, justify="right")
     for name, row in rows:
         table.add_row(
