@@ -174,6 +174,7 @@ def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: c.Com
 
 def test_edited_pose_is_scored_and_continued_from() -> None:
     d = debugger().carry_out([c.Step(), c.SelectArm(1), c.EditPose()])
+    assert "then press “Continue from here” in the Physics tab" in d.message
     T_gt = d.view().target.instance.T_cam_obj_gt
     assert T_gt is not None
     d.carry_out([c.DragPose(tuple(float(x) for x in T_gt.ravel()))])

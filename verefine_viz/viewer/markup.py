@@ -108,7 +108,7 @@ def warning(content: str, extra: str = "", red: bool = False) -> str:
 
 
 # About the docked panels: the library slides a column to its place when the window gets wider, and leaves it beside the
-# screen; and it gives both rows the same height, until a person moves the border.
+# screen; it gives both rows the same height, until a person moves the border; and its scrollbars lie on the content.
 STYLE = """<style>
 .vz{font-size:12.5px;line-height:1.38;padding:0 10px 6px 10px;color:inherit}
 .vz.tight{padding-bottom:0}
@@ -118,6 +118,7 @@ STYLE = """<style>
  background:rgba(217,142,4,.12);overflow-wrap:anywhere}
 .vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
 .vz p.note{border-color:#1c7ed6;background:rgba(28,126,214,.12)}
+.vz code{overflow-wrap:anywhere}
 .vz p.dim,.vz .dim{opacity:.65}
 .vz .term{text-decoration:underline dotted;text-underline-offset:3px;cursor:help}
 .vz a{color:#1c7ed6;cursor:pointer;text-decoration:underline;text-underline-offset:2px}
@@ -150,6 +151,10 @@ STYLE = """<style>
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
 .vz.strip th.whose{white-space:nowrap}
 .vz th.whose .cut{max-width:52px}
+.vz .curves{display:flex;gap:6px;font-size:11px;margin-bottom:-8px;white-space:nowrap}
+.vz .curves>span{overflow:hidden;text-overflow:ellipsis;min-width:0}
+.vz .curves>.what{flex-shrink:1000}
+.vz .curves .sw{margin-right:3px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 .vz.line .head{display:flex;gap:12px;font-size:12px}
@@ -159,6 +164,7 @@ STYLE = """<style>
 .vz.line .blocks>span{flex:0 1 auto;min-width:26px;overflow:hidden;text-overflow:ellipsis}
 .vz.line .blocks .cut{display:inline}
 [data-dock-tab]{padding:0 7px!important}
+[data-dock-region=right] .mantine-ScrollArea-content{padding-right:4px}
 [data-dock-column]{transform:none!important}
 [data-dock-region=right] div[style*="flex: 0.5 1"]{flex-grow:.43!important}
 [data-dock-region=right] div[style*="flex: 0.5 1"]:has([data-dock-tab]){flex-grow:.57!important}

@@ -136,12 +136,11 @@ class CurvesPanel:
         if not lines:
             caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
         legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
-        said = (
-            text(caption)
-            if of is None
-            else f"{whose(of)}{text(caption)} {other_scale_sign(of) if name in SCORES else ''}"
-        )
-        words.show(f'<div style="font-size:11px;margin-bottom:-8px;white-space:nowrap">{said} {legend}</div>')
+        before = "" if of is None else f"<span>{whose(of)}</span>"
+        sign = other_scale_sign(of) if of is not None and name in SCORES else ""
+        # Where there is no room for all the words say less: the curves need their names.
+        said = f'{before}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'
+        words.show(f'<div class="curves">{said}<span>{legend}</span></div>')
         chart.show(x, lines)
 
 
