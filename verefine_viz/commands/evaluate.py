@@ -18,9 +18,9 @@ class Evaluate:
     """Score results files as the BOP toolkit does: AR over VSD, MSSD and MSPD (BOP'19), or mean precision (BOP'24)."""
 
     results: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RESULTS.csv [RESULTS.csv ...]")]
-    """Results files in BOP format, such as a batch's results.csv; each becomes a row of the table. One about some of
-    the targets' images only is scored over these as well (which frames and objects a batch was to solve, its folder
-    says); one about none of the targets is refused."""
+    """Results files in BOP format, such as a batch's results.csv; each becomes a row of the table. One about a part of
+    the targets only is scored over this part as well (which frames and objects a batch was to solve, its folder says);
+    one about none of the targets is refused."""
     dataset: Path
     """Folder of the data set, with models_eval/ (or models/), the split and its targets file."""
     split: str = ""
