@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.viewer.test_answer import SearchTools
 from tests.viewer.test_read_changes import Clustered
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
@@ -28,6 +29,13 @@ def test_the_answer_of_a_search_of_scenes_is_not_called_the_best() -> None:
         assert "answer" in words
         assert "best<" not in words
         assert "best pose" not in words
+
+
+def test_nor_is_that_of_a_tree_search_on_its_way() -> None:
+    d = Debugger(Session(method=MethodSettings(name="physim_mcts")), None, SearchTools)
+    for commands in ([c.OpenFrame("0/2"), c.Compare(a="initial", b="best")], [c.RunTo(3)], [c.RunUntil("end")]):
+        pose = d.carry_out(commands).view().poses["best"]
+        assert pose.label == "answer"
 
 
 def test_on_the_way_and_of_one_object_alone_it_is_the_best() -> None:

@@ -153,7 +153,7 @@ STYLE = """<style>
 .vz th.whose .cut{max-width:52px}
 .vz .curves{display:flex;gap:6px;font-size:11px;margin-bottom:-8px;white-space:nowrap}
 .vz .curves>span{overflow:hidden;text-overflow:ellipsis;min-width:0}
-.vz .curves>.what{flex-shrink:1000}
+.vz .curves>.what{flex-shrink:1000000}
 .vz .curves .sw{margin-right:3px}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}

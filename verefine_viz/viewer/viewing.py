@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.methods.registry import SEARCH
 from verefine_viz.viewer.answer import OF_ITERATION, answered, is_answer
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
@@ -56,8 +58,9 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
-        off, of_scene = judge.errors(target, found.T_cam_obj), _is_of_scenes(iterations, target)
-        poses["best"] = Judged("best", found.T_cam_obj, found.score, off, is_of_best_scene=of_scene)
+        poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
+    if "best" in poses and _is_of_scenes(branch, iterations, target, answer):
+        poses["best"] = replace(poses["best"], is_of_best_scene=True)
     running, kept = debugger.running.goal is not None, space.session
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
@@ -238,10 +241,14 @@ def _first_poses(branch: Branch) -> dict[int, Float]:
     return {t.instance.instance_id: best.T_cam_obj for t, best in pairs if best is not None}
 
 
-def _is_of_scenes(iterations: tuple[Iteration, ...], target: Target) -> bool:
-    """Whether whole scenes were searched for where the object belongs."""
-    own = (i for i in iterations if i.instance_id == target.instance.instance_id)
-    return any(i.tree is not None or i.scene_pass is not None for i in own)
+def _is_of_scenes(branch: Branch, iterations: tuple[Iteration, ...], target: Target, answer: bool) -> bool:
+    """Whether the best pose of an object is its part of the best scene: always in a tree search, and in passes over
+    several objects at the end.
+    """
+    if branch.settings.method.name == SEARCH:
+        return True
+    own = target.instance.instance_id
+    return answer and any(i.scene_pass is not None for i in iterations if i.instance_id == own)
 
 
 def _best_errors(judge: Judge, problem: Problem, iterations: Sequence[Iteration]) -> dict[int, PoseErrors | None]:

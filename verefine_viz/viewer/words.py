@@ -213,8 +213,9 @@ def _answer(view: View) -> str:
     best = view.scene.object(view.target.instance.instance_id).answer
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
-    said = f"best {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{_ahead(view, best)}"
-    errors = view.poses["best"].errors
+    shown = view.poses["best"]
+    said = f"{shown.label} {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{_ahead(view, best)}"
+    errors = shown.errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
 
 
@@ -285,13 +286,14 @@ def truth(view: View) -> str:
     if best is None or best.errors is None or best.score is None or view.truth.score is None:
         return f"{view.name} has no pose to measure."
     verdict = "correct" if is_correct(best.errors) else "wrong"
+    what = "answer" if best.is_of_best_scene else "best pose"
     said = (
-        f"The best pose so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
+        f"The {what} so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."
     )
     if view.look.judged_truth:
         relation = ">" if best.score.score > view.truth.score.score else "≤"
-        said += f" Scored: best {best.score.score:.3f} {relation} ground truth {view.truth.score.score:.3f}."
+        said += f" Scored: {best.label} {best.score.score:.3f} {relation} ground truth {view.truth.score.score:.3f}."
     return said
 
 
