@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -18,8 +19,6 @@ from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.jsonfile import read_json
-
-MASKS: tuple[MaskFolder, ...] = ("mask_visib", "mask")
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
@@ -216,7 +215,9 @@ def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
 
 def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
     scenes = [dataset.scene_folder(scene_id) for scene_id in dataset.scene_ids]
-    kinds: list[MaskFolder] = [kind for kind in MASKS if scenes and all((s / kind).is_dir() for s in scenes)]
+    kinds: list[MaskFolder] = [
+        kind for kind in get_args(MaskFolder) if scenes and all((s / kind).is_dir() for s in scenes)
+    ]
     parts.masks = (*kinds, *dataset.detection_files())
     none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))

@@ -6,13 +6,11 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.jsonfile import read_json
-
-MASKS = ("mask", "mask_visib")
 
 
 def unequal_counts(dataset: BopDataset) -> tuple[str, ...]:
@@ -24,7 +22,7 @@ def _of_scene(dataset: BopDataset, scene_id: int) -> Iterator[str]:
     folder = dataset.scene_folder(scene_id)
     with suppress(VerefineError):  # A file that is damaged is a finding of its own.
         truths = _lengths(folder / "scene_gt.json")
-        others = {f"{kind}/": _masks(folder / kind) for kind in MASKS if (folder / kind).is_dir()}
+        others = {f"{kind}/": _masks(folder / kind) for kind in sorted(get_args(MaskFolder)) if (folder / kind).is_dir()}
         if (folder / "scene_gt_info.json").is_file():
             others = {"scene_gt_info.json": _lengths(folder / "scene_gt_info.json"), **others}
         for im_id, n in truths.items():

@@ -43,10 +43,11 @@ def registration(dataset: BopDataset, sampled: Sequence[tuple[int, int]]) -> Ite
     frames = list(_frames(dataset, sampled))
     times = _times_as_far(frames)
     if times is not None:
+        guess = ", it looks like metres" if 300 < times < 3000 else ""
         yield (
             "true poses put the camera inside of the objects",
             f"measured depth is about {times:.0f} times as far away: check that cam_t_m2c in scene_gt.json is in "
-            f"millimetres{', it looks like metres' * (300 < times < 3000)}",
+            f"millimetres{guess}",
         )
         return
     pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := _drawn(frame)).any()]
@@ -108,7 +109,9 @@ def _times_as_far(frames: Sequence[_Frame]) -> float | None:
             # Where an origin is seen does not depend on the unit of length.
             u, v = np.round(frame.camera.project(one.T_cam_obj[:3, 3])).astype(int)
             around = frame.seen_m[max(v - 5, 0) : max(v + 6, 0), max(u - 5, 0) : max(u + 6, 0)]
-            times += [float(np.median(around[around > 0])) / one.T_cam_obj[2, 3]] * bool((around > 0).any())
+            measured = around[around > 0]
+            if len(measured):
+                times.append(float(np.median(measured)) / one.T_cam_obj[2, 3])
     return float(np.median(times)) if times else None
 
 

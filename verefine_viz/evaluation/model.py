@@ -146,7 +146,8 @@ class EvalModels:
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
         # As where poses are found: a mesh that is solved in one unit must not be measured in another.
         factor, note = checked_unit(path.name, largest_distance(in_mm) * 1e-3, diameter_mm * 1e-3)
-        self._unit_notes += [f"object {obj_id}: {note}"] * bool(note)
+        if note:
+            self._unit_notes.append(f"object {obj_id}: {note}")
         return EvalModel(obj_id, in_mm if factor == 1.0 else in_mm * factor, faces, diameter_mm, symmetries_mm)
 
 
