@@ -11,7 +11,7 @@ from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.scales import last_of_old_scale
+from verefine_viz.viewer.scales import last_of_old_scale, other_scale_sign
 from verefine_viz.viewer.view import View
 
 
@@ -102,8 +102,10 @@ def test_numbers_of_two_scales_are_told_apart() -> None:
     view = d.carry_out([c.Step()]).view()
     assert "changed after iteration 2: scores up to there are not comparable" in arm_history(view)
     assert last_of_old_scale(view) == 2
+    assert "changed after iteration 2" in other_scale_sign(view)
     view = d.carry_out([c.Seek(2)]).view()
     assert "changed after iteration" not in arm_history(view)
+    assert other_scale_sign(view) == ""
 
 
 def test_other_settings_leave_the_scale_as_it_is() -> None:

@@ -6,10 +6,12 @@ edited pose is looked at.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.records import Iteration
+from verefine_viz.methods.registry import SEARCH
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.look import Look
@@ -25,6 +27,13 @@ def is_answer(run: Run, look: Look) -> bool:
     """Whether the answer is shown."""
     beside = look.stage is None and look.path_pose is None and look.edited is None
     return run.at_end and run.length > 0 and beside
+
+
+def is_of_best_scene(method: str, own: Sequence[Iteration], answer: bool) -> bool:
+    """Whether the best pose of an object is its part of the best scene: always in a tree search, and where ``own``
+    iterations belong to passes over several objects at the end (``answer``).
+    """
+    return method == SEARCH or (answer and any(i.scene_pass is not None for i in own))
 
 
 def answered(look: Look) -> Look:

@@ -13,8 +13,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.methods.registry import SEARCH
-from verefine_viz.viewer.answer import OF_ITERATION, answered, is_answer
+from verefine_viz.viewer.answer import OF_ITERATION, answered, is_answer, is_of_best_scene
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
@@ -59,7 +58,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
-    if "best" in poses and _is_of_scenes(branch, iterations, target, answer):
+    own = [i for i in iterations if i.instance_id == target.instance.instance_id]
+    if "best" in poses and is_of_best_scene(branch.settings.method.name, own, answer):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
     running, kept = debugger.running.goal is not None, space.session
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
@@ -239,16 +239,6 @@ def _first_poses(branch: Branch) -> dict[int, Float]:
     state = branch.run.state_at(0)
     pairs = zip(state.problem.targets, state.best, strict=True)
     return {t.instance.instance_id: best.T_cam_obj for t, best in pairs if best is not None}
-
-
-def _is_of_scenes(branch: Branch, iterations: tuple[Iteration, ...], target: Target, answer: bool) -> bool:
-    """Whether the best pose of an object is its part of the best scene: always in a tree search, and in passes over
-    several objects at the end.
-    """
-    if branch.settings.method.name == SEARCH:
-        return True
-    own = target.instance.instance_id
-    return answer and any(i.scene_pass is not None for i in iterations if i.instance_id == own)
 
 
 def _best_errors(judge: Judge, problem: Problem, iterations: Sequence[Iteration]) -> dict[int, PoseErrors | None]:

@@ -87,8 +87,6 @@ MISSING = {
 BEST_PX = 5.0
 """Width of the line of the best pose, which others are drawn over."""
 KEPT_COLOR = (225, 225, 225)
-
-
 SCORES = ("Score", "UCB")
 """Curves of which the score is a part."""
 
