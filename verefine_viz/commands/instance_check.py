@@ -22,7 +22,8 @@ def _of_scene(dataset: BopDataset, scene_id: int) -> Iterator[str]:
     folder = dataset.scene_folder(scene_id)
     with suppress(VerefineError):  # A file that is damaged is a finding of its own.
         truths = _lengths(folder / "scene_gt.json")
-        others = {f"{kind}/": _masks(folder / kind) for kind in sorted(get_args(MaskFolder)) if (folder / kind).is_dir()}
+        kinds = [kind for kind in sorted(get_args(MaskFolder)) if (folder / kind).is_dir()]
+        others = {f"{kind}/": _masks(folder / kind) for kind in kinds}
         if (folder / "scene_gt_info.json").is_file():
             others = {"scene_gt_info.json": _lengths(folder / "scene_gt_info.json"), **others}
         for im_id, n in truths.items():
