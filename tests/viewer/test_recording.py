@@ -37,7 +37,7 @@ def debugger(tmp_path: Path) -> Debugger:
 
 def exported(debugger: Debugger) -> Path:
     debugger.carry_out([c.Export("recording")])
-    path = debugger.kept[0]
+    path = debugger.kept[0].path
     assert debugger.message == f"Written: {path}"
     assert path.is_absolute()
     recorded = read_recording(path)

@@ -270,6 +270,8 @@ class Export(Command):
     """Write the recording, the 3D scene as one HTML file, the results CSV, or the score maps as PNG."""
 
     what: Literal["recording", "scene", "results", "maps", "commands"]
+    client: int | None = None
+    """The browser that asked, which gets the file as well; None = it is only written."""
 
 
 COMMANDS: dict[str, type[Command]] = {

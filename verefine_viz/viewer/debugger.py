@@ -24,6 +24,7 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.answer import asked
 from verefine_viz.viewer.browsing import Browsing
 from verefine_viz.viewer.comparing import Comparing, as_done
+from verefine_viz.viewer.downloads import Kept
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.marks import jumps
@@ -33,7 +34,7 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
 
-Keeper = Callable[["Debugger", c.Command], Path]
+Keeper = Callable[["Debugger", c.Command], Kept]
 BY_HAND = (
     "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
     "pose as it was."
@@ -77,7 +78,7 @@ class Debugger:
         """Whether the message says what went wrong."""
         self.offer: tuple[str, c.Command] | None = None
         """Words and command of a link behind the message: does what was refused all the same."""
-        self.kept: tuple[Path, ...] = ()
+        self.kept: tuple[Kept, ...] = ()
         self.log: list[c.Command] = []
         """What was done, so that doing it again gives the same: runs appear as where they ended."""
         self._keep = keep
@@ -214,9 +215,9 @@ class Debugger:
             case c.SaveSession() | c.Export():
                 if self._keep is None:
                     raise InputError("nothing can be written here")
-                self.kept = (self._keep(self, command).resolve(), *self.kept)[:4]
+                self.kept = (self._keep(self, command), *self.kept)[:4]
                 self.sessions = self._list_sessions()
-                self.message = f"Written: {self.kept[0]}"
+                self.message = f"Written: {self.kept[0].words}"
                 if isinstance(command, c.SaveSession) and len(self.workspace.work.branches) > 1:
                     self.message += (
                         f" holds the shown branch, “{self.workspace.branch.name}”; others are saved one by one"
@@ -336,6 +337,8 @@ def _as_done(command: c.Command, cursor: int) -> tuple[c.Command, ...]:
         return (replace(command, run=False),)
     if isinstance(command, c.OpenAt):
         return (replace(command, iteration=cursor),)
+    if isinstance(command, c.Export):
+        return (replace(command, client=None),)
     return as_done(command)
 
 

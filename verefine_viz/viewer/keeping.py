@@ -1,4 +1,4 @@
-"""Writes what a person wants to keep: sessions to ``sessions/``, exports to ``sessions/runs/``; nowhere else."""
+"""Writes what a person wants to keep: sessions to ``sessions/``, exports to ``sessions/runs/``, nowhere else."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.downloads import Kept, downloaded
 from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.sheet import maps_sheet
 from verefine_viz.viewer.workspace import Saved, Workspace
@@ -36,21 +37,27 @@ class Keeping:
     def __init__(self, server: viser.ViserServer, folder: Path) -> None:
         self._server, self._folder = server, folder
 
-    def __call__(self, debugger: Debugger, command: c.Command) -> Path:
-        """Writes one file and says which."""
+    def __call__(self, debugger: Debugger, command: c.Command) -> Kept:
+        """Writes one file, says which, and hands an export to the browser that asked for it."""
         if isinstance(command, c.SaveSession):
-            path = self._folder / f"{checked_name(command.name)}.toml"
-            space = debugger.workspace
-            session = space.session
-            if session.edits or session.changes:  # They belong to this frame.
-                scene = session.scene.model_copy(update={"frames": (space.frame,)})
-                session = session.model_copy(update={"scene": scene})
-            if not command.replace:
-                refuse_loss(path, session, space, command)
-            save_session(session, path)
-            space.files[path.resolve()] = Saved(session, space.branch)
-            return path
+            return Kept(self._session(debugger.workspace, command).resolve())
         assert isinstance(command, c.Export)
+        path = self._export(debugger, command).resolve()
+        return Kept(path, downloaded(self._server, command.client, path))
+
+    def _session(self, space: Workspace, command: c.SaveSession) -> Path:
+        path = self._folder / f"{checked_name(command.name)}.toml"
+        session = space.session
+        if session.edits or session.changes:  # They belong to this frame.
+            scene = session.scene.model_copy(update={"frames": (space.frame,)})
+            session = session.model_copy(update={"scene": scene})
+        if not command.replace:
+            refuse_loss(path, session, space, command)
+        save_session(session, path)
+        space.files[path.resolve()] = Saved(session, space.branch)
+        return path
+
+    def _export(self, debugger: Debugger, command: c.Export) -> Path:
         folder = self._folder / "runs" / "exports"
         stem = stem_of(debugger)
         match command.what:

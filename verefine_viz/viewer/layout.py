@@ -9,6 +9,7 @@ import viser
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.downloads import asked_by
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
@@ -147,7 +148,7 @@ class Layout:
         self._n_objects = 0
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
-            handle.on_trigger(lambda _, command=command: send(command))
+            handle.on_trigger(lambda event, command=command: send(asked_by(event.client_id, command)))
 
     def on_link(self, handler: Send) -> None:
         """Calls ``handler`` with the command of every link that is clicked."""

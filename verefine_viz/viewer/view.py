@@ -15,6 +15,7 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.downloads import Kept
 from verefine_viz.viewer.gallery import Entry, Gallery
 from verefine_viz.viewer.later import ScenePhysics
 from verefine_viz.viewer.look import Look
@@ -146,7 +147,7 @@ class View:
     """Whether the message says what went wrong."""
     offer: tuple[str, Command] | None = None
     """Words and command of the link behind a message that refuses."""
-    kept: tuple[str, ...] = ()
+    kept: tuple[Kept, ...] = ()
     """Files written lately."""
     sides: SidesView | None = None
     """The comparison with another run; None = this one is looked at alone."""

@@ -113,7 +113,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         message=debugger.message,
         refused=debugger.refused,
         offer=debugger.offer,
-        kept=tuple(str(p) for p in debugger.kept),
+        kept=debugger.kept,
         sides=sides_view(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.downloads import asked_by
 from verefine_viz.viewer.markup import sentence, text
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -33,9 +34,15 @@ class SessionPanel:
         self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
         self.exports = gui.add_button_group(
             "Export", list(EXPORTS),
-            hint="Recording: for the rerun viewer. 3D scene: one HTML file that opens without a network.",
+            hint="Written beside the sessions, and downloaded by your browser. Recording: for the rerun viewer. "
+            "3D scene: one HTML file that opens without a network.",
         )  # fmt: skip
-        self.exports.on_click(by_person(lambda label: send(EXPORTS[label])))
+
+        @self.exports.on_click
+        def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+            if event.client is not None:
+                send(asked_by(event.client_id, EXPORTS[event.target.value]))
+
         self._kept = Block(gui)
 
     def show(self, view: View) -> None:
@@ -45,7 +52,7 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = str(view.session_path) if str(view.session_path) in options else ""
-        self._kept.show("".join(f"<p>Written: <code>{text(path)}</code></p>" for path in view.kept))
+        self._kept.show("".join(f"<p>Written: <code>{text(kept.words)}</code></p>" for kept in view.kept))
 
 
 def opened(view: View) -> str:

@@ -1,0 +1,87 @@
+"""An export goes to the browser that asked for it, and to no other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import viser
+
+from tests.viewer.client import client
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.settings import Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import downloads
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.layout import KEYS
+
+Sent = list[tuple[int, str, bytes]]
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> Sent:
+    """(client, name, content) of every file that was handed to a browser."""
+    found: Sent = []
+
+    def send(self: viser.ClientHandle, filename: str, content: bytes, *_: Any, **__: Any) -> None:
+        found.append((self.client_id, filename, content))
+
+    monkeypatch.setattr(viser.ClientHandle, "send_file_download", send)
+    return found
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[App]:
+    app = App(Session(title="test"), port=0, make_tools=FakeTools, folder=tmp_path).start()
+    app.wait_until_idle()
+    yield app
+    app.stop()
+
+
+def exported(app: App, condition: Any) -> None:
+    """Waits until the message of a browser has arrived and was carried out."""
+    with app._wake:
+        assert app._wake.wait_for(condition, 20)
+    app.wait_until_idle()
+
+
+def test_the_button_hands_it_to_the_browser_that_was_clicked_in(app: App, sent: Sent) -> None:
+    with client(app.url), client(app.url) as second:
+        second.set(app.layout.session.exports, "Command log")
+        exported(app, lambda: app.debugger.kept)
+        asked, other = sorted(app.server.get_clients(), reverse=True)
+    path = app.debugger.kept[0].path
+    assert sent == [(asked, path.name, path.read_bytes())]
+    assert asked != other
+    assert app.debugger.message == f"Written: {path}; the browser that asked downloads it too"
+
+
+def test_a_command_of_the_palette_hands_it_over_as_well(app: App, sent: Sent) -> None:
+    k = next(k for k, (_, _, command) in enumerate(KEYS) if command == c.Export("maps"))
+    with client(app.url) as browser:
+        browser.trigger(app.layout.commands[k])
+        exported(app, lambda: app.debugger.kept)
+    path = app.debugger.kept[0].path
+    assert [(name, content) for _, name, content in sent] == [(path.name, path.read_bytes())]
+    assert app.debugger.message.endswith("; your browser downloads it too")
+
+
+def test_what_is_too_large_is_only_written_and_said(app: App, sent: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(downloads, "LARGEST_BYTES", 10)
+    with client(app.url) as browser:
+        browser.set(app.layout.session.exports, "Maps PNG")
+        exported(app, lambda: app.debugger.kept)
+    assert sent == []
+    assert "too many to download in the browser (at most" in app.debugger.message
+    assert app.debugger.kept[0].path.exists()
+
+
+def test_a_script_gets_it_on_disk_only_and_the_log_names_no_browser(app: App, sent: Sent) -> None:
+    app.send(c.Export("results", client=7))
+    app.send(c.Export("maps"))
+    app.wait_until_idle()
+    assert sent == []
+    assert [kept.note for kept in app.debugger.kept] == ["", ""]
+    assert app.debugger.log == [c.Export("results"), c.Export("maps")]
