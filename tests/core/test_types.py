@@ -18,9 +18,9 @@ from verefine_viz.core.arrays import frozen
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.compare import differences, first_difference
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import InputError, ShapeError, listed, unknown
 from verefine_viz.core.scores import Scores
-from verefine_viz.core.settings import DependencySettings
 
 
 def test_frozen_arrays_are_copies_and_read_only() -> None:

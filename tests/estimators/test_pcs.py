@@ -13,9 +13,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.estimators.views import random_pose, target_of, view
+from verefine_viz.core.estimator_settings import PcsSettings
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.problem import Hypothesis, Target
-from verefine_viz.core.settings import PcsSettings, Session
+from verefine_viz.core.settings import Session
 from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates
 from verefine_viz.estimators.pcs_clouds import segment_cloud, thinned
 from verefine_viz.estimators.registry import make_estimator
@@ -92,7 +93,7 @@ def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
     script = (
         "import hashlib\n"
         "from tests.estimators.test_pcs import bits, seen\n"
-        "from verefine_viz.core.settings import PcsSettings\n"
+        "from verefine_viz.core.estimator_settings import PcsSettings\n"
         "from verefine_viz.estimators.pcs import Pcs\n"
         "print(hashlib.sha256(repr(bits(Pcs(PcsSettings()).hypotheses(seen('duck', 3), 25))).encode()).hexdigest())"
     )

@@ -12,9 +12,10 @@ import pytest
 
 from tests.estimators.views import CAMERA, random_pose, target_of, view
 from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Hypothesis, Target
-from verefine_viz.core.settings import PpfSettings, Session
+from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
 from verefine_viz.evaluation.errors import pose_errors, rotation_error_deg

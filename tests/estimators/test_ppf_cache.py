@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tests.estimators.views import random_pose, view
+from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.problem import Target
-from verefine_viz.core.settings import PpfSettings
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.ppf_cache import LEARNT_FROM, Learnt, cache_file, learn, read, write
 from verefine_viz.scenes.demo_models import demo_model

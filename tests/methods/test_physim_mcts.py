@@ -15,10 +15,12 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, axis_angle, transform
+from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Hypothesis, Placed, Problem
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.settings import MctsSettings, PhysicsSettings, TricpSettings
+from verefine_viz.core.refiner_settings import TricpSettings
+from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.methods.overlap import overlaps
 from verefine_viz.methods.physim_mcts import (
     REFINED_BEST,

@@ -9,8 +9,9 @@ import pytest
 
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph
+from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.problem import Placed, Problem
-from verefine_viz.core.settings import MctsSettings, ScoreSettings, Session
+from verefine_viz.core.settings import ScoreSettings, Session
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.methods.physim_mcts import PhysimMcts, make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.physics.simulator import BulletSimulator

@@ -13,7 +13,7 @@ from tests.refiners.test_icp import assert_rigid, lumpy_cloud, moved, small_moti
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.settings import TricpSettings
+from verefine_viz.core.refiner_settings import TricpSettings
 from verefine_viz.refiners.trimmed_afar import Leaves, nearest_from_afar
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp, TrimmedTarget, trimmed_align
 from verefine_viz.refiners.trimmed_kernel import trimmed_loop

@@ -18,9 +18,10 @@ from tests.viewer.client import client
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import DependencySettings, MethodSettings, Session
+from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger

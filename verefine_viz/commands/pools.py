@@ -15,9 +15,10 @@ from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.core.atomic import atomic
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.places import check_file
-from verefine_viz.core.settings import DependencySettings, Session
+from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.session.files import load_session
 

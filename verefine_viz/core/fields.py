@@ -1,4 +1,4 @@
-"""Kinds of values that settings have, and how they are read as people write them."""
+"""What settings are made of: their base, and the kinds of values that they have, read as people write them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ import json
 import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """Base of all settings: immutable, unknown names refused, docstrings kept."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -1,22 +1,21 @@
 """Every number that can be set, once: name, unit, default, and the paper's or the code's reading of it.
 
-A session file (TOML) is a :class:`Session`. The field docstrings are what ``--help`` shows. Where the paper can be read
-in two ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
+A session file (TOML) is a :class:`Session`; what only some runs need has a file of its own (refiners, estimators, the
+tree search, the order of objects). The field docstrings are what ``--help`` shows. Where the paper can be read in two
+ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from verefine_viz.core.fields import Count, Gravity, NonNegative, Order, Positive, Seed
-
-
-class Settings(BaseModel):
-    """Base of all settings: immutable, unknown names refused, docstrings kept."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.estimator_settings import PcsSettings, PpfSettings
+from verefine_viz.core.fields import Count, Gravity, NonNegative, Positive, Seed, Settings
+from verefine_viz.core.mcts_settings import MctsSettings
+from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
 
 
 class SceneSettings(Settings):
@@ -108,136 +107,6 @@ class MethodSettings(Settings):
     carry_clusters: bool = True
     """vf_breadth, vf_depth: earlier clusters stay in simulation and rendering for later ones; the authors' code forgets
     them."""
-
-
-class IcpSettings(Settings):
-    """Point-to-point (or point-to-plane) ICP. METHODS 4.1."""
-
-    metric: Literal["point", "plane"] = "point"
-    """Distance that a step minimises."""
-    stop: Literal["published", "max_iterations", "tolerance"] = "max_iterations"
-    """published: stops after 2 inner iterations, as the authors' PCL settings do. max_iterations: always runs them all.
-    tolerance: until the step is below 1e-6."""
-    max_iterations: Count = 10
-    """Inner iterations per refiner call."""
-    gate: Literal["shrinking", "published"] = "shrinking"
-    """Largest distance of a correspondence. published: 0.1 × the observed cloud's largest extent, which leaves far
-    starts untouched. shrinking: starts at 0.5 of it and tightens to the published gate."""
-    matches: Literal["same_side", "all"] = "same_side"
-    """Which correspondences within the gate count. all: every one (published). same_side: those whose observed and
-    model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
-
-
-class TricpSettings(Settings):
-    """Trimmed ICP. METHODS 4.2."""
-
-    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
-    """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""
-    energy_ratio: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.99
-    """A pass that leaves more than this share of the energy before is the last."""
-    max_passes: Count = 50
-    """Most passes of a call."""
-    explained_m: NonNegative = 0.008
-    """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
-
-
-class MctsSettings(Settings):
-    """PHYSIM-MCTS, the system that the paper compares with. METHODS 3."""
-
-    expansions: Count = 50
-    """Budget in expansions per object."""
-    seconds: Positive | None = None
-    """Budget in computing time per cluster instead [s]; results then depend on the machine."""
-    exploration_px: NonNegative = 5000.0
-    """α, weight of the exploration term [px]."""
-    explained_m: Positive = 0.010
-    """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
-    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
-    """Trim of its trimmed ICP."""
-    physics: Literal["published", "session"] = "published"
-    """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
-
-
-class DependencySettings(Settings):
-    """Which objects touch, hide or carry which, and hence in which order they are solved. METHODS 2."""
-
-    rule: Literal["recommended", "published"] = "recommended"
-    """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
-    one pixel form a cluster, lower tops come first."""
-    order: Order = ()
-    """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
-    is there twice, as [[8, 2], [3]]."""
-    order_file: str = ""
-    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file."""
-    cut: tuple[tuple[int, int], ...] = ()
-    """Pairs of instances between which no edge is to count."""
-    contact_m: Positive = 0.015
-    """Visible clouds nearer than this may touch [m]."""
-    border_px: Count = 3
-    """Width of the common border of two masks [px]."""
-    occlusion_m: Positive = 0.010
-    """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
-    footprint_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
-    """An object lies over another if more than this share of its footprint does."""
-    base_m: Positive = 0.020
-    """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
-
-
-class PpfSettings(Settings):
-    """Point pair features. METHODS 6; defaults as measured on real frames (bench/estimators.py)."""
-
-    step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Grid of model and scene points as a share of the diameter, at least 0.02."""
-    distance_bin: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Bin of distances as a share of the diameter, at least 0.02."""
-    angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
-    """Bin of the three angles, at least 4° [deg]."""
-    bin_limit: Count = 1000
-    """Most model pairs kept in a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
-    reference_every: Count = 5
-    """Every n-th scene point is a reference."""
-    turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
-    """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Count = 4
-    """Most poses that a reference proposes."""
-    cluster_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
-    """Poses nearer than this share of the diameter, and …"""
-    cluster_deg: Annotated[float, Field(gt=0, lt=180, allow_inf_nan=False)] = 18.0
-    """… turned by less than this are one hypothesis [deg]."""
-    candidates: Count = 60
-    """Clusters with most votes that are ranked by their agreement with the depth image."""
-    tolerance: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.03
-    """Depths that differ by less than this share of the diameter agree."""
-    seed: Seed = 0
-    """Seeds the points drawn on the model."""
-
-
-class PcsSettings(Settings):
-    """Congruent point sets (Super4PCS). METHODS 3.2."""
-
-    delta_m: Positive = 0.0035
-    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
-    grid_m: Positive = 0.005
-    """Side of the grid that thins segment and model [m]."""
-    part_share: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.1
-    """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
-    leaves such. 0 keeps all (published code)."""
-    samples: Count = 300
-    """Points of the model, spread evenly, of which those that lie on the segment are counted."""
-    spacing_m: NonNegative = 0.014
-    """Those of them that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
-    power of the number of points. 0 takes all (published code)."""
-    bases: Count = 100
-    """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
-    quads: Count = 1000
-    """Most quads of a base that are looked at, a random choice."""
-    keep_share: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
-    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
-    cluster is often none of the good poses."""
-    bins: Count = 2000
-    """Most bins, the best ones, that go into the clusters."""
-    seed: Seed = 0
-    """Seeds bases, quads and clusters."""
 
 
 class ScoreSettings(Settings):

@@ -15,9 +15,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.estimator_settings import PcsSettings
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
-from verefine_viz.core.settings import PcsSettings
 from verefine_viz.estimators.pcs_bases import diameter, draw_base
 from verefine_viz.estimators.pcs_clouds import large_parts, segment_cloud, spread_out, thinned
 from verefine_viz.estimators.pcs_lcp import NearGrid, lcps

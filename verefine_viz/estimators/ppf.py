@@ -13,9 +13,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
-from verefine_viz.core.settings import PpfSettings
 from verefine_viz.estimators.ppf_agreement import agreement
 from verefine_viz.estimators.ppf_cache import Learnt, cache_file, learn, read, write
 from verefine_viz.estimators.ppf_cloud import segment_surface, thinned

@@ -15,8 +15,8 @@ import platformdirs
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.settings import PpfSettings
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field
 from verefine_viz.estimators.ppf_cloud import Oriented, model_surface, thinned
 from verefine_viz.estimators.ppf_table import PairTable, pair_table

@@ -20,10 +20,12 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.problem import Hypothesis, Problem, Target
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.settings import MctsSettings, PhysicsSettings, TricpSettings
+from verefine_viz.core.refiner_settings import TricpSettings
+from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.methods.overlap import overlaps
 from verefine_viz.methods.per_object import FrameState

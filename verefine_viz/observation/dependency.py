@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import inf
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import DependencySettings
 from verefine_viz.observation.contact_edges import contact_edges, meetings
 from verefine_viz.observation.dependency_order import Groups, cut_between, ordered
 from verefine_viz.observation.given_order import given_clusters, given_entries

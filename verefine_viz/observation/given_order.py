@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import DependencySettings
 from verefine_viz.observation.dependency_order import Groups
 from verefine_viz.observation.visible_parts import label
 

@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.dependency import Edge
-from verefine_viz.core.settings import DependencySettings
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.observation.contact_edges import Meetings
 from verefine_viz.observation.visible_parts import VisiblePart
 

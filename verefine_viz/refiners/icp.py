@@ -37,7 +37,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.settings import IcpSettings
+from verefine_viz.core.refiner_settings import IcpSettings
 from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop, refined_pose
 from verefine_viz.refiners.nearest import NearestIndex, model_index, neighbours_first
 

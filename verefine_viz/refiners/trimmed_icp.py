@@ -19,7 +19,7 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.settings import TricpSettings
+from verefine_viz.core.refiner_settings import TricpSettings
 from verefine_viz.refiners.nearest import NearestIndex, model_index
 from verefine_viz.refiners.trimmed_afar import Leaves
 from verefine_viz.refiners.trimmed_kernel import trimmed_loop, unexplained

@@ -11,7 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.core.settings import IcpSettings, Session, TricpSettings
+from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
+from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.quality import Quality, quality
 from verefine_viz.studies.study import Curve, Panel, Unit

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from verefine_viz.core.dependency import DependencyGraph
+from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import DependencySettings
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
 
