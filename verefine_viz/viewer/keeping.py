@@ -17,6 +17,7 @@ from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.downloads import Kept, downloaded
 from verefine_viz.viewer.refusal import Unconfirmed
+from verefine_viz.viewer.scene_page import scene_page
 from verefine_viz.viewer.sheet import maps_sheet
 from verefine_viz.viewer.workspace import Saved, Workspace
 
@@ -62,7 +63,8 @@ class Keeping:
         stem = stem_of(debugger)
         match command.what:
             case "scene":
-                return written(folder / f"{stem}.html", self._server.scene.as_html())
+                page = scene_page(self._server.scene.as_html(dark_mode=True), debugger.view())
+                return written(folder / f"{stem}.html", page)
             case "commands":
                 return written(folder / f"{stem}_commands.jsonl", "".join(f"{c.to_json(x)}\n" for x in debugger.log))
             case "maps":

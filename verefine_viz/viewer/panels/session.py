@@ -5,7 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.downloads import asked_by
+from verefine_viz.viewer.downloads import Kept, asked_by
 from verefine_viz.viewer.markup import sentence, text
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -34,8 +34,7 @@ class SessionPanel:
         self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
         self.exports = gui.add_button_group(
             "Export", list(EXPORTS),
-            hint="Written beside the sessions, and downloaded by your browser. Recording: for the rerun viewer. "
-            "3D scene: one HTML file that opens without a network.",
+            hint="Downloaded by your browser too. Recording: for rerun. 3D scene: one HTML file that opens offline.",
         )  # fmt: skip
 
         @self.exports.on_click
@@ -52,7 +51,13 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = str(view.session_path) if str(view.session_path) in options else ""
-        self._kept.show("".join(f"<p>Written: <code>{text(kept.words)}</code></p>" for kept in view.kept))
+        self._kept.show("".join(written(kept) for kept in view.kept))
+
+
+def written(kept: Kept) -> str:
+    """Where a file is, and what else became of it."""
+    note = f'; <span class="dim">{text(kept.note)}</span>' if kept.note else ""
+    return f"<p>Written: <code>{text(kept.path)}</code>{note}</p>"
 
 
 def opened(view: View) -> str:
