@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgpack
 import viser
 from websockets.sync.client import ClientConnection, connect
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.app import App
 
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 
@@ -53,3 +57,10 @@ def client(url: str, origin: str | None = None):
     limits: dict[str, Any] = {"max_size": None, "max_queue": None}
     with connect(url.replace("http", "ws"), subprotocols=[SUBPROTOCOL], origin=origin, **limits) as socket:  # type: ignore[arg-type, list-item]
         yield FakeClient(socket)
+
+
+def until(app: App, condition: Callable[[], object]) -> None:
+    """Waits for the worker until ``condition()`` holds; the browser's message takes a moment to arrive."""
+    requests = app._requests
+    with requests._wake:
+        assert requests._wake.wait_for(lambda: condition() and requests._idle, 20), "it never happened"

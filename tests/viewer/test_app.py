@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from tests.fakes import FakeRefiner
-from tests.viewer.client import client
+from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
@@ -35,13 +35,7 @@ def app(tmp_path: Path) -> Iterator[App]:
 
 
 def command_of(app: App, label: str) -> Any:
-    return app.layout.commands[[k[0] for k in KEYS].index(label)]
-
-
-def until(app: App, condition: Any) -> None:
-    """Waits for the worker until ``condition()`` holds; the browser's message takes a moment to arrive."""
-    with app._wake:
-        assert app._wake.wait_for(lambda: condition() and app._idle, 20), "it never happened"
+    return app.page.layout.commands[[k[0] for k in KEYS].index(label)]
 
 
 def cursor(app: App) -> int:
@@ -50,7 +44,7 @@ def cursor(app: App) -> int:
 
 def test_buttons_and_hotkeys_move_the_run(app: App) -> None:
     with client(app.url) as browser:
-        browser.set(app.layout.run.moves, "Step ▶")
+        browser.set(app.page.layout.run.moves, "Step ▶")
         until(app, lambda: cursor(app) == 1)
         browser.trigger(command_of(app, "Step one iteration"))
         until(app, lambda: cursor(app) == 2)
@@ -65,13 +59,13 @@ def test_buttons_and_hotkeys_move_the_run(app: App) -> None:
 def test_slider_seeks_and_follows(app: App) -> None:
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
-    assert app.layout.timeline.slider.value == 6
+    assert app.page.layout.timeline.slider.value == 6
     with client(app.url) as browser:
-        browser.set(app.layout.timeline.slider, 2)
+        browser.set(app.page.layout.timeline.slider, 2)
         until(app, lambda: cursor(app) == 2)
     app.send(c.SeekEnd())
     app.wait_until_idle()
-    assert app.layout.timeline.slider.value == 6
+    assert app.page.layout.timeline.slider.value == 6
     assert [type(x) for x in app.debugger.log][-1] is c.SeekEnd
 
 
@@ -79,9 +73,9 @@ def test_links_carry_commands_and_nothing_else(app: App) -> None:
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
     with client(app.url) as browser:
-        browser.set(app.layout.link, '{"command": "DoEvil"} 1')
-        browser.set(app.layout.link, "__import__('os') 2")
-        browser.set(app.layout.link, '{"command": "Seek", "cursor": 3} 3')
+        browser.set(app.page.layout.link, '{"command": "DoEvil"} 1')
+        browser.set(app.page.layout.link, "__import__('os') 2")
+        browser.set(app.page.layout.link, '{"command": "Seek", "cursor": 3} 3')
         until(app, lambda: cursor(app) == 3)
 
 
@@ -90,7 +84,7 @@ def test_settings_show_a_refiner_that_only_another_program_has(tmp_path: Path) -
     running = App(session, port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
         running.wait_until_idle()
-        shown = running.layout.settings._fields["method.refiner"]
+        shown = running.page.layout.settings._fields["method.refiner"]
         assert shown.value == "nudge"
         assert {"nudge", "icp"} <= set(shown.options)
     finally:
@@ -99,9 +93,9 @@ def test_settings_show_a_refiner_that_only_another_program_has(tmp_path: Path) -
 
 def test_two_browsers_show_the_same_run(app: App) -> None:
     with client(app.url) as one, client(app.url) as other:
-        one.set(app.layout.run.moves, "Step ▶")
+        one.set(app.page.layout.run.moves, "Step ▶")
         until(app, lambda: cursor(app) == 1)
-        other.set(app.layout.run.moves, "Step ▶")
+        other.set(app.page.layout.run.moves, "Step ▶")
         until(app, lambda: cursor(app) == 2)
 
 
@@ -117,10 +111,10 @@ def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
 def test_sliding_fast_carries_out_the_latest_only(app: App) -> None:
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
-    with app._wake:  # The worker waits for the lock: all of these are in the queue together.
+    with app._requests._wake:  # The worker waits for the lock: all of these are in the queue together.
         for k in (1, 2, 3, 4):
             app.send(c.Seek(k))
-        assert [x.cursor for x in app._queue if isinstance(x, c.Seek)] == [4]
+        assert [x.cursor for x in app._requests._queue if isinstance(x, c.Seek)] == [4]
     app.wait_until_idle()
     assert cursor(app) == 4
 
@@ -129,10 +123,12 @@ def test_a_command_that_fails_is_told_and_the_page_lives_on(app: App) -> None:
     app.send(c.OpenFrame("9/9"))
     app.wait_until_idle()
     assert app.debugger.message == "unknown frame '9/9'; available: 0/1, 0/2"
-    assert 'class="warn">unknown frame' in app.layout.run._words._handle.content
+    assert 'class="warn">unknown frame' in app.page.layout.run._words._handle.content
     app.send(c.Fork())
     app.wait_until_idle()
-    assert 'class="note">A new branch from iteration 0' in app.layout.run._words._handle.content, "nothing went wrong"
+    assert 'class="note">A new branch from iteration 0' in app.page.layout.run._words._handle.content, (
+        "nothing went wrong"
+    )
     app.send(c.Step())
     app.wait_until_idle()
     assert cursor(app) == 1
@@ -159,7 +155,7 @@ class Overheard(App):
 
     def _say(self, doing: str) -> None:
         super()._say(doing)
-        self.said.append(self._loading.content if self._layout is None else self._layout.run._words._handle.content)
+        self.said.append(self._loading.content if self._page is None else self._page.layout.run._words._handle.content)
 
 
 def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path) -> None:
@@ -171,7 +167,7 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path)
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()
         assert any(f">{COMPILING}<" in said for said in app.said), "the scene was read long ago"
-        assert COMPILING not in app.layout.run._words._handle.content, "it is over"
+        assert COMPILING not in app.page.layout.run._words._handle.content, "it is over"
     finally:
         app.stop()
 
@@ -327,6 +323,6 @@ def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
-    run, physics = app.layout.run, app.layout.physics
+    run, physics = app.page.layout.run, app.page.layout.physics
     assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
     assert physics.edit.order < physics._edited._handle.order < physics._standing._handle.order

@@ -29,8 +29,8 @@ def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
 
 def content(app: App) -> str:
     """The cards on the page."""
-    assert app.layout.batch is not None
-    return "".join(block._handle.content for block in app.layout.batch._cards)
+    assert app.page.layout.batch is not None
+    return "".join(block._handle.content for block in app.page.layout.batch._cards)
 
 
 def test_cards_are_links_to_the_worst_iteration_and_names_are_text(tmp_path: Path) -> None:

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.viewer.client import client
-from tests.viewer.test_app import until
+from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
@@ -167,17 +166,17 @@ def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_p
         app.send(c.RunUntil("end"))
         app.wait_until_idle()
         with client(app.url) as browser, client(app.url) as another:
-            browser.set(app.layout.compare.choice.fields["method.name"], "sir")
-            browser.set(app.layout.compare.choice.run, True)
+            browser.set(app.page.layout.compare.choice.fields["method.name"], "sir")
+            browser.set(app.page.layout.compare.choice.run, True)
             until(app, lambda: app.debugger.view().sides is not None)
             app.wait_until_idle()
             assert sides(app.debugger).effort_b.iterations == 2
-            another.set(app.layout.compare.slider, 2)
+            another.set(app.page.layout.compare.slider, 2)
             until(app, lambda: app.debugger.workspace.run.cursor == 2)
-            another.set(app.layout.compare.moves, "First difference")
+            another.set(app.page.layout.compare.moves, "First difference")
             until(app, lambda: sides(app.debugger).which == "kept")
-            browser.set(app.layout.compare.choice.more, "score.tau_m")
-            browser.set(app.layout.compare.choice.run, True)
+            browser.set(app.page.layout.compare.choice.more, "score.tau_m")
+            browser.set(app.page.layout.compare.choice.run, True)
             until(app, lambda: "is no setting; expected a name and a value" in app.debugger.message)
     finally:
         app.stop()

@@ -94,7 +94,7 @@ def test_a_page_opens_with_two_recordings_or_says_why_not(tmp_path: Path) -> Non
         app.wait_until_idle()
         app.send(s.CompareRecording(str(other)))
         app.wait_until_idle()
-        assert "A (rir, rir.rrd) and B (sir, sir.rrd) do the same" in app.layout.compare._words._handle.content
+        assert "A (rir, rir.rrd) and B (sir, sir.rrd) do the same" in app.page.layout.compare._words._handle.content
         app.send(s.CompareRecording(str(elsewhere)))
         app.wait_until_idle()
         assert "two runs are compared on the same frame" in app.debugger.message

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import viser
 
-from tests.viewer.client import client
+from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
@@ -40,17 +40,10 @@ def app(tmp_path: Path) -> Iterator[App]:
     app.stop()
 
 
-def exported(app: App, condition: Any) -> None:
-    """Waits until the message of a browser has arrived and was carried out."""
-    with app._wake:
-        assert app._wake.wait_for(condition, 20)
-    app.wait_until_idle()
-
-
 def test_the_button_hands_it_to_the_browser_that_was_clicked_in(app: App, sent: Sent) -> None:
     with client(app.url), client(app.url) as second:
-        second.set(app.layout.session.exports, "Command log")
-        exported(app, lambda: app.debugger.kept)
+        second.set(app.page.layout.session.exports, "Command log")
+        until(app, lambda: app.debugger.kept)
         asked, other = sorted(app.server.get_clients(), reverse=True)
     path = app.debugger.kept[0].path
     assert sent == [(asked, path.name, path.read_bytes())]
@@ -61,8 +54,8 @@ def test_the_button_hands_it_to_the_browser_that_was_clicked_in(app: App, sent: 
 def test_a_command_of_the_palette_hands_it_over_as_well(app: App, sent: Sent) -> None:
     k = next(k for k, (_, _, command) in enumerate(KEYS) if command == c.Export("maps"))
     with client(app.url) as browser:
-        browser.trigger(app.layout.commands[k])
-        exported(app, lambda: app.debugger.kept)
+        browser.trigger(app.page.layout.commands[k])
+        until(app, lambda: app.debugger.kept)
     path = app.debugger.kept[0].path
     assert [(name, content) for _, name, content in sent] == [(path.name, path.read_bytes())]
     assert app.debugger.message.endswith("; your browser downloads it too")
@@ -71,8 +64,8 @@ def test_a_command_of_the_palette_hands_it_over_as_well(app: App, sent: Sent) ->
 def test_what_is_too_large_is_only_written_and_said(app: App, sent: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(downloads, "LARGEST_BYTES", 10)
     with client(app.url) as browser:
-        browser.set(app.layout.session.exports, "Maps PNG")
-        exported(app, lambda: app.debugger.kept)
+        browser.set(app.page.layout.session.exports, "Maps PNG")
+        until(app, lambda: app.debugger.kept)
     assert sent == []
     assert "too many to download in the browser (at most" in app.debugger.message
     assert app.debugger.kept[0].path.exists()

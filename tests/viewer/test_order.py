@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.viewer.client import client
+from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph, Edge
@@ -239,9 +239,8 @@ def app(tmp_path: Path) -> Iterator[App]:
 def test_links_of_the_panel_change_the_order(app: App) -> None:
     ids = order(app.debugger)
     with client(app.url) as browser:
-        browser.set(app.layout.link, c.to_json(MoveInOrder(ids[0], 1)) + " 1")
-        with app._wake:
-            assert app._wake.wait_for(lambda: order(app.debugger)[0] == ids[1] and app._idle, 20)
+        browser.set(app.page.layout.link, c.to_json(MoveInOrder(ids[0], 1)) + " 1")
+        until(app, lambda: order(app.debugger)[0] == ids[1])
     assert "It was given by hand." in order_html(app.debugger.view(deep=False))
     assert app.debugger.message == ""
     for command in (CutDependency(0, 1), ResetOrder(), MoveInOrder(7, 1)):
