@@ -155,6 +155,10 @@ STYLE = """<style>
 .vz .curves>span{overflow:hidden;text-overflow:ellipsis;min-width:0}
 .vz .curves>.what{flex-shrink:1000000}
 .vz .curves .sw{margin-right:3px}
+.vz .curves.many{flex-wrap:wrap;row-gap:0}
+.vz .curves.many>.who{flex:0 0 100%;display:flex;flex-wrap:wrap;column-gap:4px;justify-content:space-between}
+.vz .curves.many .cut{max-width:170px!important}
+.vz .curves.many .sw{width:8px;height:8px;margin-right:2px;vertical-align:0}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
 .vz.line .head{display:flex;gap:12px;font-size:12px}

@@ -84,6 +84,8 @@ MISSING = {
 }
 
 
+IN_ONE_ROW = 6
+"""Names beside the caption; more get a row of their own below it."""
 BEST_PX = 5.0
 """Width of the line of the best pose, which others are drawn over."""
 KEPT_COLOR = (225, 225, 225)
@@ -133,12 +135,13 @@ class CurvesPanel:
         words, chart = self._charts[name]
         if not lines:
             caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
-        legend = " ".join(f"{swatch(line.color)}{text(line.label)}" for line in lines if line.in_legend)
+        names = [f"<span>{swatch(line.color)}{text(line.label)}</span>" for line in lines if line.in_legend]
         before = "" if of is None else f"<span>{whose(of)}</span>"
         sign = other_scale_sign(of) if of is not None and name in SCORES else ""
         # Where there is no room for all the words say less: the curves need their names.
         said = f'{before}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'
-        words.show(f'<div class="curves">{said}<span>{legend}</span></div>')
+        many = " many" if len(names) > IN_ONE_ROW else ""
+        words.show(f'<div class="curves{many}">{said}<span class="who">{" ".join(names)}</span></div>')
         chart.show(x, lines)
 
 
