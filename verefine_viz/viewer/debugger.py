@@ -10,14 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.geometry import as_rigid
-from verefine_viz.core.places import at_home
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import BreakpointSettings, Session
-from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
 from verefine_viz.viewer import side_commands as s
@@ -27,18 +22,16 @@ from verefine_viz.viewer.comparing import Comparing, as_done
 from verefine_viz.viewer.downloads import Kept
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.look import Look
-from verefine_viz.viewer.marks import jumps
+from verefine_viz.viewer.moving import Moving
+from verefine_viz.viewer.opening import Opening
+from verefine_viz.viewer.posing import Posing
 from verefine_viz.viewer.reordering import as_restart
-from verefine_viz.viewer.running import OVER, Running
+from verefine_viz.viewer.running import Running
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
 from verefine_viz.viewer.workspace import Tools, Workspace
 
 Keeper = Callable[["Debugger", c.Command], Kept]
-BY_HAND = (
-    "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
-    "pose as it was."
-)
 
 
 class Debugger:
@@ -87,6 +80,7 @@ class Debugger:
         self.browsing = Browsing(batch, self.workspace)
         self.running = Running(self)
         self.comparing = Comparing(self)
+        self._moving, self._opening, self._posing = Moving(self), Opening(self, sessions), Posing(self)
 
     # Driving it
 
@@ -152,42 +146,9 @@ class Debugger:
             self._check(look)
             self.look = look
             return
+        if self._moving.do(command) or self._opening.do(command) or self._posing.do(command):
+            return
         match command:
-            case c.Step():
-                self._step()
-            case c.StepStage():
-                self._step_stage()
-            case c.Back():
-                self.seek(max(self.workspace.run.cursor - 1, 0))
-            case c.Seek(cursor):
-                self.seek(min(max(cursor, 0), self.workspace.run.length))
-            case c.SeekStage(cursor, stage):
-                self.seek(cursor)
-                self.look = replace(self.look, stage=stage)
-            case c.SeekEnd():
-                self.seek(self.workspace.run.length)
-            case c.SeekEvent(direction):
-                self._seek_event(direction)
-            case c.Restart(changes):
-                self.workspace.restart(changes)
-                self._reset_look()
-            case c.OpenFrame(frame):
-                self.workspace.open_frame(frame)
-                self._reset_look()
-            case c.OpenAt(_, iteration):
-                self.browsing.enter(command)
-                run = self.workspace.run
-                run.seek(min(max(iteration, 0), run.length))
-                self.running.goal = iteration if iteration > run.length and not run.is_done else None
-                self.look = self.browsing.look(self.look.afresh(), command)
-            case c.OpenDemo(name):
-                self._open_demo(name)
-            case s.OpenRecording(path):
-                self.workspace.open_recording(at_home(path))
-                self._reset_look()
-            case c.OpenSession(path):
-                self.workspace.open(load_session(at_home(path)), at_home(path))
-                self._reset_look()
             case c.Fork(changes, cursor, run):
                 at = self.workspace.run.cursor if cursor is None else cursor
                 self.workspace.fork(at, changes)
@@ -195,8 +156,6 @@ class Debugger:
                 self.running.goal = "end" if run else None
                 if not run and not self.workspace.run.is_done:
                     self.message = f"A new branch from iteration {at}; Step or Run go on with it."
-            case c.ForkFromPose():
-                self._fork_from_pose()
             case c.ShowBranch(index):
                 self._show_branch(index)
             case c.SetBreakpoints(changes):
@@ -204,14 +163,6 @@ class Debugger:
             case c.PlayPath():
                 path = self._shown_path()
                 self.look = replace(self.look, path_pose=len(path) - 1, layers=self.look.layers | {"path"})
-            case c.EditPose(on):
-                self._edit_pose(on)
-            case c.DragPose(T_cam_obj):
-                if self.look.edited is None:
-                    raise InputError("no pose is being edited; press Edit pose first")
-                T = as_rigid(np.reshape(T_cam_obj, (4, 4)) if len(T_cam_obj) == 16 else T_cam_obj, "edited pose")
-                self.look = replace(self.look, edited=tuple(float(x) for x in T.ravel()))
-                self.message = BY_HAND
             case c.SaveSession() | c.Export():
                 if self._keep is None:
                     raise InputError("nothing can be written here")
@@ -224,66 +175,6 @@ class Debugger:
                     )
             case _:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
-
-    def _step(self) -> None:
-        if self.workspace.run.at_end:
-            self.message = OVER
-        else:
-            self.running.step()
-
-    def _step_stage(self) -> None:
-        iteration = self.workspace.run.iteration
-        names = [s.name for s in iteration.stages] if iteration else []
-        if self.look.stage in names and self.look.stage != names[-1]:
-            following = names[names.index(self.look.stage) + 1]
-            self.look = replace(self.look, stage=following)
-        elif self.look.stage is not None:
-            self.look = replace(self.look, stage=None)
-        elif not self.workspace.run.at_end:
-            self._step()
-            self.look = replace(self.look, stage="current")
-        else:
-            self._step()
-
-    def _seek_event(self, direction: int) -> None:
-        cursor = self.workspace.run.cursor
-        places = jumps(self.workspace.branch.marks(self.look.focus))
-        ahead = [k for k in places if (k > cursor if direction > 0 else k < cursor)]
-        if not ahead:
-            self.message = "No further mark there." if direction > 0 else "No earlier mark."
-            return
-        self.seek(min(ahead) if direction > 0 else max(ahead))
-
-    def _reset_look(self) -> None:
-        self.look = self.look.afresh()
-
-    def _open_demo(self, name: str) -> None:
-        if name not in self.demos:
-            raise SettingsError(unknown("built-in scene", name, self.demos))
-        own = next((Path(p) for p in self._list_sessions() if Path(p).stem == name), None)
-        if own is not None:
-            session = load_session(own)
-            if (session.scene.source, session.scene.demo) == ("demo", name):
-                self.workspace.open(session, own)
-                self._reset_look()
-                self.message = f"Opened {own} with its settings."
-                return
-        old = self.workspace.tools.session
-        scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
-        hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})
-        update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
-        self.workspace.open(old.model_copy(update=update), None)
-        self._reset_look()
-
-    def _fork_from_pose(self) -> None:
-        T, view = self.look.T_cam_obj_edited, self.view(deep=False)
-        if T is None:
-            raise InputError("no pose is being edited; press Edit pose first")
-        cursor = self.workspace.run.cursor
-        self.workspace.fork(cursor, (), (view.target.instance.instance_id, view.arm, T))
-        self.look = replace(self.look.moved(), focus=view.target.instance.instance_id, arm=view.arm)
-        if self.workspace.run.is_done:
-            self.message = "The edited pose was scored, but no iteration is left for it; go back before you edit."
 
     def _show_branch(self, index: int) -> None:
         work = self.workspace.work
@@ -300,19 +191,6 @@ class Debugger:
             raise SettingsError(
                 f"breakpoints cannot be {dict(changes)}; see the session file's [breakpoints]"
             ) from None
-
-    def _edit_pose(self, on: bool) -> None:
-        if not on:
-            self.look = self.look.unedited()
-            return
-        view = self.view(deep=False)
-        if view.state is None:
-            raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
-        arms = view.state.arms
-        T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
-        edited = tuple(float(x) for x in T.ravel())
-        self.look = self.look.editing(edited, view.arm)
-        self.message = BY_HAND
 
     def _shown_path(self) -> Any:
         shown = self.view(deep=False).shown

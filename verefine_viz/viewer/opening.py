@@ -1,0 +1,73 @@
+"""Carries out the commands that open something: a frame, a scene, a session, a recording, or a run from its start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.places import at_home
+from verefine_viz.session.files import load_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.side_commands import OpenRecording
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.debugger import Debugger
+
+
+class Opening:
+    """What the debugger can open.
+
+    Args:
+        debugger: whose workspace it is opened in.
+        sessions: lists the session files at hand.
+    """
+
+    def __init__(self, debugger: Debugger, sessions: Callable[[], tuple[str, ...]]) -> None:
+        self._debugger, self._list_sessions = debugger, sessions
+
+    def do(self, command: Command) -> bool:
+        """Carries out a command that opens something; False where it does not."""
+        debugger, workspace = self._debugger, self._debugger.workspace
+        match command:
+            case c.OpenAt(_, iteration):
+                debugger.browsing.enter(command)
+                run = workspace.run
+                run.seek(min(max(iteration, 0), run.length))
+                debugger.running.goal = iteration if iteration > run.length and not run.is_done else None
+                debugger.look = debugger.browsing.look(debugger.look.afresh(), command)
+                return True
+            case c.Restart(changes):
+                workspace.restart(changes)
+            case c.OpenFrame(frame):
+                workspace.open_frame(frame)
+            case c.OpenDemo(name):
+                self._open_demo(name)
+            case OpenRecording(path):
+                workspace.open_recording(at_home(path))
+            case c.OpenSession(path):
+                workspace.open(load_session(at_home(path)), at_home(path))
+            case _:
+                return False
+        debugger.look = debugger.look.afresh()
+        return True
+
+    def _open_demo(self, name: str) -> None:
+        """A built-in scene: with the settings of the session file of its name, or else with the open ones."""
+        demos, workspace = self._debugger.demos, self._debugger.workspace
+        if name not in demos:
+            raise SettingsError(unknown("built-in scene", name, demos))
+        own = next((Path(p) for p in self._list_sessions() if Path(p).stem == name), None)
+        if own is not None:
+            session = load_session(own)
+            if (session.scene.source, session.scene.demo) == ("demo", name):
+                workspace.open(session, own)
+                self._debugger.message = f"Opened {own} with its settings."
+                return
+        old = workspace.tools.session
+        scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
+        hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})
+        update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
+        workspace.open(old.model_copy(update=update), None)

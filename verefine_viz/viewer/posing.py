@@ -1,0 +1,74 @@
+"""Carries out the commands that move a pose by hand, and go on from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.command import Command
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.debugger import Debugger
+
+BY_HAND = (
+    "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
+    "pose as it was."
+)
+
+
+class Posing:
+    """The pose that the debugger's person moves by hand."""
+
+    def __init__(self, debugger: Debugger) -> None:
+        self._debugger = debugger
+
+    def do(self, command: Command) -> bool:
+        """Carries out a command about the edited pose; False where it is about something else."""
+        match command:
+            case c.EditPose(on):
+                self._edit(on)
+            case c.DragPose(T_cam_obj):
+                self._drag(T_cam_obj)
+            case c.ForkFromPose():
+                self._fork()
+            case _:
+                return False
+        return True
+
+    def _edit(self, on: bool) -> None:
+        debugger = self._debugger
+        if not on:
+            debugger.look = debugger.look.unedited()
+            return
+        view = debugger.view(deep=False)
+        if view.state is None:
+            raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
+        arms = view.state.arms
+        T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
+        edited = tuple(float(x) for x in T.ravel())
+        debugger.look = debugger.look.editing(edited, view.arm)
+        debugger.message = BY_HAND
+
+    def _drag(self, T_cam_obj: c.Pose) -> None:
+        debugger = self._debugger
+        if debugger.look.edited is None:
+            raise InputError("no pose is being edited; press Edit pose first")
+        T = as_rigid(np.reshape(T_cam_obj, (4, 4)) if len(T_cam_obj) == 16 else T_cam_obj, "edited pose")
+        debugger.look = replace(debugger.look, edited=tuple(float(x) for x in T.ravel()))
+        debugger.message = BY_HAND
+
+    def _fork(self) -> None:
+        debugger = self._debugger
+        T, view = debugger.look.T_cam_obj_edited, debugger.view(deep=False)
+        if T is None:
+            raise InputError("no pose is being edited; press Edit pose first")
+        run, instance_id = debugger.workspace.run, view.target.instance.instance_id
+        debugger.workspace.fork(run.cursor, (), (instance_id, view.arm, T))
+        debugger.look = replace(debugger.look.moved(), focus=instance_id, arm=view.arm)
+        if debugger.workspace.run.is_done:
+            debugger.message = "The edited pose was scored, but no iteration is left for it; go back before you edit."
