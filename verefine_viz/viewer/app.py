@@ -23,7 +23,7 @@ from verefine_viz.viewer.real_parts import real_parts
 from verefine_viz.viewer.refusal import Unconfirmed, told
 from verefine_viz.viewer.requests import STOP, Requests
 from verefine_viz.viewer.server import Server
-from verefine_viz.viewer.workspace import Tools
+from verefine_viz.viewer.tools import Tools
 
 _LOG = logging.getLogger(__name__)
 REFRESH_S = 0.12

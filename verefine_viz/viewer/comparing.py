@@ -18,10 +18,12 @@ from verefine_viz.session.trace import Trace, trace_of
 from verefine_viz.session.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.branch import Branch, FrameWork
+from verefine_viz.viewer.changes import nested
 from verefine_viz.viewer.command import Changes, Command
 from verefine_viz.viewer.look import Look
 from verefine_viz.viewer.sides import Sides
-from verefine_viz.viewer.workspace import Branch, FrameWork, Tools
+from verefine_viz.viewer.tools import Tools
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
@@ -256,11 +258,7 @@ class Comparing:
         between = settings_between(old, session)
         if old.edits or old.changes or any(name.partition(".")[0] not in _CHEAP for name, _, _ in between):
             return self._debugger.workspace.tools_of(session)
-        nested: dict[str, dict[str, Any]] = {}
-        for name, _, value in between:
-            section, _, key = name.partition(".")
-            nested.setdefault(section, {})[key] = value
-        return tools.changed(nested)
+        return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 
     def _recorded_branch(self, path: Path) -> Branch:
         from verefine_viz.recording.reader import read_recording

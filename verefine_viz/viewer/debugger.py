@@ -27,9 +27,10 @@ from verefine_viz.viewer.opening import Opening
 from verefine_viz.viewer.posing import Posing
 from verefine_viz.viewer.reordering import as_restart
 from verefine_viz.viewer.running import Running
+from verefine_viz.viewer.tools import Tools
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import view_of
-from verefine_viz.viewer.workspace import Tools, Workspace
+from verefine_viz.viewer.workspace import Workspace
 
 Keeper = Callable[["Debugger", c.Command], Kept]
 

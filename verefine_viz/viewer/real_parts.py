@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, cast
 
 from verefine_viz.core.settings import Session
-from verefine_viz.viewer.workspace import Tools
+from verefine_viz.viewer.tools import Tools
 
 
 def real_parts(

@@ -16,9 +16,9 @@ from verefine_viz.session.alignment import Moment, Timeline
 from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, name_of, outcomes
 from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
+from verefine_viz.viewer.branch import Branch
 from verefine_viz.viewer.judge import Judge, together
 from verefine_viz.viewer.side_commands import SidePose
-from verefine_viz.viewer.workspace import Branch
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.comparing import Compared, Comparing

@@ -14,6 +14,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer.answer import OF_ITERATION, answered, is_answer, is_of_best_scene
+from verefine_viz.viewer.branch import Branch
 from verefine_viz.viewer.judge import Judge
 from verefine_viz.viewer.later import known_physics, others_of, work_out
 from verefine_viz.viewer.look import Look
@@ -24,7 +25,6 @@ from verefine_viz.viewer.scene_sides import frame_score, scene_sides, scene_targ
 from verefine_viz.viewer.scene_words import ALONE
 from verefine_viz.viewer.side_view import sides_view
 from verefine_viz.viewer.view import BranchSummary, Judged, Progress, Side, View
-from verefine_viz.viewer.workspace import Branch
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger

@@ -1,88 +1,25 @@
-"""What is open: a session, its frames, and on each frame a tree of runs."""
+"""What is open: a session, its frames, and on each frame its runs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.protocols import Verifier, Watcher
 from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
 from verefine_viz.session.engine import Run
-from verefine_viz.session.files import changed
-from verefine_viz.viewer.commands import Changes
+from verefine_viz.viewer.branch import Branch, FrameWork
+from verefine_viz.viewer.changes import in_order, merged, nested
+from verefine_viz.viewer.command import Changes
 from verefine_viz.viewer.judge import Judge
-from verefine_viz.viewer.marks import Mark, marks_of
-from verefine_viz.viewer.sides import Sides
+from verefine_viz.viewer.tools import Tools
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
-
-
-class Tools(Protocol):
-    """What the viewer needs of a toolbox; ``session.toolbox.Toolbox`` is the real one."""
-
-    session: Session
-
-    @property
-    def frames(self) -> tuple[str, ...]: ...
-    @property
-    def verifier(self) -> Verifier: ...
-    @property
-    def method(self) -> Any: ...
-    def problem(self, frame: str) -> Problem: ...
-    def changed(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
-    def restarted(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
-    def ordered(self, problem: Problem) -> Problem: ...
-    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run: ...
-
-
-@dataclass
-class Branch:
-    """One run on a frame, and the settings it ended up with."""
-
-    name: str
-    run: Run
-    tools: Tools
-    start: Session
-    """The settings it began with."""
-    changes: tuple[Change, ...]
-    """Settings changed on the way, as a session file keeps them."""
-    judges: tuple[tuple[int, Judge], ...]
-    """(k, judge): from iteration k + 1 on it judges, where settings of the score changed on the way."""
-    recording: Path | None = None
-    """The file that it was read from; None = it was computed here."""
-    _marks: list[tuple[Mark, ...]] = field(default_factory=list)
-
-    @cached_property
-    def settings(self) -> Session:
-        """Those that it ends up with: a session that was read may change them on the way."""
-        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
-
-    @property
-    def judge(self) -> Judge:
-        """Judges by the settings of the iteration that is looked at."""
-        return self.judge_of(self.run.cursor)
-
-    def judge_of(self, index: int) -> Judge:
-        """Judges by the settings of an iteration; of the first where ``index`` is 0."""
-        return next(judge for k, judge in reversed(self.judges) if k < max(index, 1))
-
-    def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
-        """All marks of the history, or those of one object."""
-        for iteration in self.run.iterations[len(self._marks) :]:
-            target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
-            before = self.judge.errors(target, iteration.stages[0].T_cam_obj)
-            after = self.judge.errors(target, iteration.accepted_stage.T_cam_obj)
-            growth = after.add_s_mm - before.add_s_mm if before and after else None
-            self._marks.append(marks_of(iteration, growth))
-        pairs = zip(self.run.iterations, self._marks, strict=False)
-        return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,25 +29,6 @@ class Saved:
     session: Session
     branch: Branch | None = None
     """Which it was written of; None = the session was read from there."""
-
-
-@dataclass
-class FrameWork:
-    """A frame with its runs."""
-
-    branches: list[Branch]
-    index: int = 0
-    sides: Sides | None = None
-    """The comparison of the open branch with another; None = it is looked at alone."""
-
-    @property
-    def branch(self) -> Branch:
-        return self.branches[self.index]
-
-    @property
-    def problem(self) -> Problem:
-        """What the open branch solves; others of the frame may have other first poses, or another order."""
-        return self.branch.run.problem
 
 
 class Workspace:
@@ -188,25 +106,27 @@ class Workspace:
         )
 
     def restart(self, changes: Changes) -> None:
-        """Back to before iteration 1, with the settings of the open branch, changed if any; other branches go.
+        """Back to before iteration 1, with the settings that the open branch ends up with, changed if any.
 
-        New first poses (``hypotheses.*``) open the session anew, without poses moved and settings changed on the way.
+        Other branches, poses moved by hand and settings changed on the way go. New first poses (``hypotheses.*``) open
+        the session anew.
         """
-        old = self.branch.tools
+        old, ended = self.branch.tools, [change.settings for change in in_order(self.branch.changes)]
         pool = nested(changes).pop("hypotheses", None)
         if pool:
             rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
-            tools = old.restarted(nested(rest)) if rest else old
+            tools = old.restarted(merged((*ended, nested(rest))))
             try:
                 hypotheses = HypothesesSettings.model_validate(tools.session.hypotheses.model_dump() | pool)
             except ValueError:
                 raise SettingsError(f"hypotheses cannot be {pool}; see the session file's [hypotheses]") from None
-            update = {"hypotheses": hypotheses, "edits": (), "changes": (), "breakpoints": self.breakpoints}
+            update = {"hypotheses": hypotheses, "breakpoints": self.breakpoints}
             files = self.files
             self.open(tools.session.model_copy(update=update), self.path, self.frame)
             self.files = files
             return
-        tools = old.restarted(nested(changes)) if changes else old
+        same = not changes and not old.session.edits and not old.session.changes
+        tools = old if same else old.restarted(merged((*ended, nested(changes))))
         problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
         work = self._begin(tools, problem)
         if tools is not self.tools:  # The other frames were run with other settings.
@@ -291,44 +211,12 @@ class Workspace:
         return Judge(tools, self._plausibility, self._overlap)
 
 
-def in_order(changes: Sequence[Change]) -> list[Change]:
-    """The earliest first."""
-    return sorted(changes, key=lambda change: change.after_iteration)
-
-
-def nested(changes: Changes) -> dict[str, dict[str, Any]]:
-    """(("method.exploration", 0.2),) as {"method": {"exploration": 0.2}}."""
-    out: dict[str, dict[str, Any]] = {}
-    for name, value in changes:
-        section, _, key = name.partition(".")
-        out.setdefault(section, {})[key] = value
-    return out
-
-
-def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
-    """Several nested changes as one; later ones win."""
-    out: dict[str, dict[str, Any]] = {}
-    for part in parts:
-        for section, values in part.items():
-            out.setdefault(section, {}).update(values)
-    return out
-
-
 def preparing(problem: Problem, session: Session) -> str:
     """What is done before iteration 1, in words."""
     names = sorted({problem.models[i.obj_id].name for i in problem.instances})
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     parts = "convex parts for physics and " if session.physics.enabled else ""
     return f"Preparing: {parts}meshes to score of {shown}. Done once per model, up to half a minute; then it is kept."
-
-
-def current_values(session: Session, names: Sequence[str]) -> Mapping[str, Any]:
-    """The values of settings by dotted name."""
-    found = {}
-    for name in names:
-        section, _, key = name.partition(".")
-        found[name] = getattr(getattr(session, section), key)
-    return found
 
 
 def _name(cursor: int, changes: Changes, edit: tuple[int, int, Float] | None) -> str:

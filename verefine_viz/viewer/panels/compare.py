@@ -9,13 +9,13 @@ import viser
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.markup import hinted, link, sentence, text
 from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Chart, Line, Send, by_person, compact
-from verefine_viz.viewer.workspace import current_values
 
 MOVES: dict[str, s.Command] = {
     "◀": s.StepMoment(-1),

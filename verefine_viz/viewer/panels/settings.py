@@ -9,9 +9,9 @@ import viser
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person, compact, unlabelled
-from verefine_viz.viewer.workspace import current_values
 
 ROW_PX = 19
 """So that all settings fit into the panel."""

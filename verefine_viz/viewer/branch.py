@@ -1,0 +1,79 @@
+"""One run on a frame, and the runs that a frame has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import Change, Session
+from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
+from verefine_viz.viewer.changes import in_order, merged
+from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.marks import Mark, marks_of
+from verefine_viz.viewer.sides import Sides
+from verefine_viz.viewer.tools import Tools
+
+
+@dataclass
+class Branch:
+    """One run on a frame, and the settings it ended up with."""
+
+    name: str
+    run: Run
+    tools: Tools
+    start: Session
+    """The settings it began with."""
+    changes: tuple[Change, ...]
+    """Settings changed on the way, as a session file keeps them."""
+    judges: tuple[tuple[int, Judge], ...]
+    """(k, judge): from iteration k + 1 on it judges, where settings of the score changed on the way."""
+    recording: Path | None = None
+    """The file that it was read from; None = it was computed here."""
+    _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+
+    @cached_property
+    def settings(self) -> Session:
+        """Those that it ends up with: a session that was read may change them on the way."""
+        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
+
+    @property
+    def judge(self) -> Judge:
+        """Judges by the settings of the iteration that is looked at."""
+        return self.judge_of(self.run.cursor)
+
+    def judge_of(self, index: int) -> Judge:
+        """Judges by the settings of an iteration; of the first where ``index`` is 0."""
+        return next(judge for k, judge in reversed(self.judges) if k < max(index, 1))
+
+    def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
+        """All marks of the history, or those of one object."""
+        for iteration in self.run.iterations[len(self._marks) :]:
+            target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
+            before = self.judge.errors(target, iteration.stages[0].T_cam_obj)
+            after = self.judge.errors(target, iteration.accepted_stage.T_cam_obj)
+            growth = after.add_s_mm - before.add_s_mm if before and after else None
+            self._marks.append(marks_of(iteration, growth))
+        pairs = zip(self.run.iterations, self._marks, strict=False)
+        return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
+
+
+@dataclass
+class FrameWork:
+    """A frame with its runs."""
+
+    branches: list[Branch]
+    index: int = 0
+    sides: Sides | None = None
+    """The comparison of the open branch with another; None = it is looked at alone."""
+
+    @property
+    def branch(self) -> Branch:
+        return self.branches[self.index]
+
+    @property
+    def problem(self) -> Problem:
+        """What the open branch solves; others of the frame may have other first poses, or another order."""
+        return self.branch.run.problem
