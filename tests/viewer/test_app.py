@@ -20,6 +20,7 @@ from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.layout import KEYS
 
@@ -103,7 +104,7 @@ def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
     for command in (c.Step(), c.SelectArm(2), c.RunUntil("end"), c.Seek(1), c.Fork((("method.exploration", 1.0),))):
         app.send(command)
     app.wait_until_idle()
-    again = Debugger(SESSION, None, FakeTools).carry_out(c.from_json(c.to_json(x)) for x in app.debugger.log)
+    again = Debugger(SESSION, None, FakeTools).carry_out(from_json(to_json(x)) for x in app.debugger.log)
     assert again.look == app.debugger.look
     assert first_difference(again.workspace.run.iterations, app.debugger.workspace.run.iterations) is None
 

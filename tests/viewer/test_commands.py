@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import order_commands, side_commands
+from verefine_viz.viewer.command_lines import from_json, to_json
 
 ANY_VALUE = st.one_of(st.booleans(), st.integers(-9, 9), st.floats(allow_nan=False, allow_infinity=False), st.text())
 
@@ -44,9 +45,9 @@ def any_command(draw: st.DrawFn) -> c.Command:
 
 @given(any_command())
 def test_json_and_back_is_the_same_command(command: c.Command) -> None:
-    line = c.to_json(command)
+    line = to_json(command)
     assert "\n" not in line
-    assert c.from_json(line) == command
+    assert from_json(line) == command
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_json_and_back_is_the_same_command(command: c.Command) -> None:
 )
 def test_anything_else_is_refused_in_one_line(line: str, said: str) -> None:
     with pytest.raises(InputError, match="command") as error:
-        c.from_json(line)
+        from_json(line)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -75,4 +76,4 @@ def test_every_command_is_registered() -> None:
     named = {**vars(c), **vars(side_commands), **vars(order_commands)}.values()
     defined = {x for x in named if isinstance(x, type) and issubclass(x, c.Command) and x is not c.Command}
     assert set(c.COMMANDS.values()) == defined
-    assert all(json.loads(c.to_json(cls()))["command"] == name for name, cls in c.COMMANDS.items() if name == "Step")
+    assert all(json.loads(to_json(cls()))["command"] == name for name, cls in c.COMMANDS.items() if name == "Step")

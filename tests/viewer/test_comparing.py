@@ -19,6 +19,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.compare import computing
 
@@ -154,7 +155,7 @@ def test_the_log_repeats_the_comparison_bit_for_bit(moves: list[tuple[c.Command,
             first.tick()
         first.view(deep=False)
     first.apply(c.Pause())
-    second = debugger().carry_out(c.from_json(c.to_json(x)) for x in first.log)
+    second = debugger().carry_out(from_json(to_json(x)) for x in first.log)
     same(first, second)
     first.view()
 

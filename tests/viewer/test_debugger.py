@@ -21,6 +21,7 @@ from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.session import opened
 
@@ -66,8 +67,8 @@ def drive(target: Debugger, commands: list[c.Command]) -> None:
 def test_the_log_repeats_the_session_bit_for_bit(commands: list[c.Command]) -> None:
     first = debugger()
     drive(first, commands)
-    lines = [c.to_json(x) for x in first.log]
-    second = debugger().carry_out(c.from_json(line) for line in lines)
+    lines = [to_json(x) for x in first.log]
+    second = debugger().carry_out(from_json(line) for line in lines)
     same(first, second)
     first.view()
 

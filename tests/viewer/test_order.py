@@ -24,6 +24,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.dependency_picture import Node, picture, short
 from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
@@ -104,7 +105,7 @@ def test_what_was_done_can_be_repeated(debugger: Debugger) -> None:
     debugger.carry_out(
         [c.Step(), CutDependency(0, 1), MoveInOrder(ids[2], -1), c.RunUntil("end"), c.Seek(1), MoveInOrder(ids[0], 1)]
     )
-    again = Debugger(SESSION, None, ThreeBoxes).carry_out(c.from_json(c.to_json(x)) for x in debugger.log)
+    again = Debugger(SESSION, None, ThreeBoxes).carry_out(from_json(to_json(x)) for x in debugger.log)
     assert again.workspace.session == debugger.workspace.session
     assert (
         first_difference(again.workspace.work.problem.dependencies, debugger.workspace.work.problem.dependencies)
@@ -185,7 +186,7 @@ def test_the_picture_names_every_object_and_labels_every_edge() -> None:
     assert {t for t in said if "carries" in t or "hides" in t} == {"carries 64%", "hides 22 mm", "carries ⟲"}
     titles = ["".join(e.itertext()) for e in root.iter("title")]
     assert "cereal carries can: 64% of its footprint, 2 mm above" in titles
-    commands = [c.from_json(e.attrib["data-cmd"]) for e in root.iter() if "data-cmd" in e.attrib]
+    commands = [from_json(e.attrib["data-cmd"]) for e in root.iter() if "data-cmd" in e.attrib]
     assert [x.instance_id for x in commands if isinstance(x, c.Focus)] == [3, 1, 2, 4]
     moves = [(x.instance_id, x.by) for x in commands if isinstance(x, MoveInOrder)]
     assert len(moves) == 6  # no way up from the first, nor down from the last
@@ -239,7 +240,7 @@ def app(tmp_path: Path) -> Iterator[App]:
 def test_links_of_the_panel_change_the_order(app: App) -> None:
     ids = order(app.debugger)
     with client(app.url) as browser:
-        browser.set(app.page.layout.link, c.to_json(MoveInOrder(ids[0], 1)) + " 1")
+        browser.set(app.page.layout.link, to_json(MoveInOrder(ids[0], 1)) + " 1")
         until(app, lambda: order(app.debugger)[0] == ids[1])
     assert "It was given by hand." in order_html(app.debugger.view(deep=False))
     assert app.debugger.message == ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from verefine_viz.viewer.command import Command
-from verefine_viz.viewer.commands import to_json
+from verefine_viz.viewer.command_lines import to_json
 from verefine_viz.viewer.markup import text
 
 # A chosen command is handed to the block's handler of clicks, and taken away again: a plain click sends nothing.

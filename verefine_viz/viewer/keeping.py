@@ -15,6 +15,7 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.command_lines import to_json
 from verefine_viz.viewer.downloads import Kept, downloaded
 from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.scene_page import scene_page
@@ -66,7 +67,7 @@ class Keeping:
                 page = scene_page(self._server.scene.as_html(dark_mode=True), debugger.view())
                 return written(folder / f"{stem}.html", page)
             case "commands":
-                return written(folder / f"{stem}_commands.jsonl", "".join(f"{c.to_json(x)}\n" for x in debugger.log))
+                return written(folder / f"{stem}_commands.jsonl", "".join(f"{to_json(x)}\n" for x in debugger.log))
             case "maps":
                 path = free(folder / f"{stem}_maps.png")
                 sheet = maps_sheet(debugger.view())

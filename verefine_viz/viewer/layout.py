@@ -9,6 +9,7 @@ import viser
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer.command_lines import from_json
 from verefine_viz.viewer.downloads import asked_by
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
@@ -156,7 +157,7 @@ class Layout:
         def received(value: str) -> None:
             line, _, _ = value.rpartition(" ")
             try:
-                handler(c.from_json(line))
+                handler(from_json(line))
             except InputError as error:
                 _LOG.warning("a link was refused: %s", error)
 

@@ -12,7 +12,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 from verefine_viz.core.palette import RGB
-from verefine_viz.viewer.commands import Command, to_json
+from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.command_lines import to_json
 
 LINK_LABEL = "page link"
 """Label of the hidden text field."""
