@@ -6,8 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import load_session
@@ -41,3 +45,46 @@ def test_it_is_shown_as_it_was_saved(tmp_path: Path) -> None:
     assert shown.session.method.name == "vf_depth"
     assert stem_of(read) == stem_of(saved) == "two_0_2_vf_depth"
     assert read.workspace.session == load_session(tmp_path / "forked.toml")
+
+
+def read(tmp_path: Path) -> Debugger:
+    """A session that was saved with a pose moved before iteration 2 and another weight after it."""
+    server: Any = None
+    debugger = Debugger(
+        Session(method=MethodSettings(exploration=0.1)), None, FakeTools, keep=Keeping(server, tmp_path)
+    )
+    T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
+    debugger.carry_out([c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.Step()])
+    debugger.carry_out([c.Fork((("method.exploration", 0.4),)), c.SaveSession("changed")])
+    saved = load_session(tmp_path / "changed.toml")
+    assert (len(saved.edits), len(saved.changes), saved.method.exploration) == (1, 1, 0.1)
+    return Debugger(saved, tmp_path / "changed.toml", FakeTools)
+
+
+@pytest.mark.parametrize("changes", [(), (("method.exploration", 5.0),), (("hypotheses.max_per_object", 3),)])
+def test_a_restart_begins_with_the_settings_that_are_shown_and_keeps_to_them(
+    tmp_path: Path, changes: c.Changes
+) -> None:
+    debugger = read(tmp_path)
+    shown = debugger.view().session.method.exploration
+    assert shown == 0.4
+    debugger.carry_out([c.Restart(changes)])
+    expected = dict(changes).get("method.exploration", shown)
+    session = debugger.workspace.session
+    assert (session.edits, session.changes, session.method.exploration) == ((), (), expected)
+    assert debugger.view().session.method.exploration == expected
+    plain = Debugger(Session(method=MethodSettings(exploration=expected)), None, FakeTools)
+    for one in (debugger, plain):
+        one.carry_out([c.RunUntil("end")])
+    assert [i.arm for i in debugger.workspace.run.iterations] == [i.arm for i in plain.workspace.run.iterations]
+
+
+def test_a_fork_of_it_is_restarted_without_what_changed_on_the_way(tmp_path: Path) -> None:
+    debugger = read(tmp_path).carry_out([c.RunTo(1), c.Fork((("method.exploration", 5.0),), 0), c.Restart()])
+    session = debugger.workspace.session
+    assert (session.edits, session.changes, session.method.exploration) == ((), (), 5.0)
+
+
+def test_opened_again_it_repeats_what_changed_on_the_way(tmp_path: Path) -> None:
+    debugger = read(tmp_path).carry_out([c.Restart(), c.OpenSession(str(tmp_path / "changed.toml"))])
+    assert debugger.workspace.session == load_session(tmp_path / "changed.toml")

@@ -43,7 +43,8 @@ class FakeTools:
         return type(self)(changed(self.session, settings))
 
     def restarted(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
-        return type(self)(changed(self.session, settings, AT_ITS_START))
+        session = changed(self.session, settings, AT_ITS_START)
+        return type(self)(session.model_copy(update={"edits": (), "changes": ()}))
 
     def ordered(self, problem: Problem) -> Problem:
         return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))

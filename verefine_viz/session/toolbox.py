@@ -139,8 +139,11 @@ class Toolbox:
         return self._sharing(changed(self.session, settings))
 
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
-        """The same for what can change at the start of a run."""
-        return self._sharing(changed(self.session, settings, AT_ITS_START))
+        """The same for what can change at the start of a run, which goes its own way: without poses moved by hand and
+        settings changed on the way.
+        """
+        session = changed(self.session, settings, AT_ITS_START)
+        return self._sharing(session.model_copy(update={"edits": (), "changes": ()}))
 
     def _sharing(self, session: Session) -> Toolbox:
         other = Toolbox(session, self._tell)
