@@ -12,6 +12,8 @@ from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 from verefine_viz.session.trace import Trace, trace_of
 
+METHODS = ("refine", "pir", "sir", "rir", "even", "expl")
+
 
 def run_of(name: str = "rir", n_instances: int = 1, problem: Problem | None = None, **fields: object) -> Run:
     """A run that is not yet stepped."""

@@ -13,7 +13,8 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, StageName
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
-from verefine_viz.session.comparison import Differences, Effort, Outcome, effort_of, name_of, outcomes
+from verefine_viz.session.comparison import Differences, name_of
+from verefine_viz.session.outcomes import Effort, Outcome, effort_of, outcomes
 from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
 from verefine_viz.viewer.branch import Branch

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.palette import SIDE_COLORS
-from verefine_viz.session.comparison import Answer, Difference, Effort, Outcome, tally
+from verefine_viz.session.comparison import Difference
+from verefine_viz.session.outcomes import Answer, Effort, Outcome, tally
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
