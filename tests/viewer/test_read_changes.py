@@ -88,3 +88,14 @@ def test_a_fork_of_it_is_restarted_without_what_changed_on_the_way(tmp_path: Pat
 def test_opened_again_it_repeats_what_changed_on_the_way(tmp_path: Path) -> None:
     debugger = read(tmp_path).carry_out([c.Restart(), c.OpenSession(str(tmp_path / "changed.toml"))])
     assert debugger.workspace.session == load_session(tmp_path / "changed.toml")
+
+
+def test_the_page_says_what_a_restart_does_not_repeat(tmp_path: Path) -> None:
+    debugger = read(tmp_path).carry_out([c.RunUntil("end"), c.Restart()])
+    assert debugger.message == (
+        "The settings changed on the way now hold from iteration 1 on. 1 pose moved by hand is not moved again. "
+        f"To repeat them open {tmp_path / 'changed.toml'}."
+    )
+    assert debugger.carry_out([c.Step(), c.Restart()]).message == ""
+    from_the_start = [c.Step(), c.Fork((("method.exploration", 5.0),), 0), c.Restart()]
+    assert debugger.carry_out(from_the_start).message == ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.places import at_home
+from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command import Command
@@ -40,7 +41,9 @@ class Opening:
                 debugger.look = debugger.browsing.look(debugger.look.afresh(), command)
                 return True
             case c.Restart(changes):
+                before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
                 workspace.restart(changes)
+                debugger.message = not_repeated(before, saved[-1] if saved else None)
             case c.OpenFrame(frame):
                 workspace.open_frame(frame)
             case c.OpenDemo(name):
@@ -71,3 +74,21 @@ class Opening:
         hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})
         update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
         workspace.open(old.model_copy(update=update), None)
+
+
+def not_repeated(before: Session, path: Path | None) -> str:
+    """What a restart leaves behind of a run, in words; "" = nothing.
+
+    Args:
+        before: what a session file would have to say to repeat the run.
+        path: a file of the open session that has poses moved or settings changed on the way; None = there is none.
+    """
+    said = []
+    if any(change.after_iteration > 0 for change in before.changes):
+        said.append("The settings changed on the way now hold from iteration 1 on.")
+    if before.edits:
+        n = len(before.edits)
+        said.append(f"{n} pose{'s' if n > 1 else ''} moved by hand {'are' if n > 1 else 'is'} not moved again.")
+    if said and path is not None:
+        said.append(f"To repeat them open {path}.")
+    return " ".join(said)

@@ -30,6 +30,11 @@ class Saved:
     branch: Branch | None = None
     """Which it was written of; None = the session was read from there."""
 
+    @property
+    def repeats(self) -> bool:
+        """Whether a run of it moves poses or changes settings on the way."""
+        return bool(self.session.edits or self.session.changes)
+
 
 class Workspace:
     """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.

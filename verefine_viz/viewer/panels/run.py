@@ -29,7 +29,7 @@ RUNS: dict[str, c.Command] = {
 
 KEYS_LINE = (
     '<p class="legend dim">Keys: Step N, Stage M, Back B, Run and Pause Space. To event: to the next mark on the '
-    "timeline. All of them: Ctrl+K.</p>"
+    "timeline. Restart: from the beginning, with what Settings shows. All of them: Ctrl+K.</p>"
 )
 ANSWER = (
     "What the run hands on for each object: of all poses on the way the best one, or the last one where the method "

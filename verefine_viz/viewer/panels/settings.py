@@ -24,7 +24,8 @@ class SettingsPanel:
         # First, so that it is in sight however many settings there are.
         self.apply = gui.add_button_group(
             "Apply", ["Restart with these", "Fork here"],
-            hint="Fork: keeps the iterations up to the cursor and goes on as a new branch",
+            hint="Restart: from before iteration 1 with these settings, without poses moved by hand. "
+            "Fork: keeps the iterations up to the cursor and goes on as a new branch",
         )  # fmt: skip
         self._fields: dict[str, Any] = {
             "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
