@@ -1,32 +1,26 @@
-"""Carries out the commands of a comparison: finds B, computes it beside the page, moves both along one timeline."""
+"""Carries out the commands of a comparison: computes B beside the page, moves both along one timeline."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.places import at_home
-from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import Session
 from verefine_viz.session.alignment import Timeline, aligned
 from verefine_viz.session.comparison import Differences, differences
 from verefine_viz.session.engine import Run
 from verefine_viz.session.trace import Trace, trace_of
-from verefine_viz.session.variants import parsed, settings_between, variant
+from verefine_viz.session.variants import parsed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.branch import Branch, FrameWork
-from verefine_viz.viewer.changes import nested
-from verefine_viz.viewer.command import Changes, Command
+from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.look import Look
+from verefine_viz.viewer.other_run import branch_read, branch_with
 from verefine_viz.viewer.sides import Sides
-from verefine_viz.viewer.tools import Tools
 
 if TYPE_CHECKING:
-    from verefine_viz.recording.reader import Recorded
     from verefine_viz.viewer.debugger import Debugger
 
 _B_GOES_ON = (
@@ -36,8 +30,6 @@ _B_GOES_ON = (
     | s.SeekMoment | s.StepMoment | s.SeekDifference | s.ShowSide | s.ShowSidePoses
 )  # fmt: skip
 """What does not disturb B while it is computed."""
-_CHEAP = {"method", "icp", "score", "physics"}
-"""Sections that can change while everything else of the tools is shared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,12 +140,12 @@ class Comparing:
         """Carries out a command about a comparison; False where it is about something else."""
         match command:
             case s.CompareRun(changes, more, run):
-                self._put_beside(self._new_branch((*changes, *parsed(more))))
+                self._put_beside(branch_with(self._debugger.workspace, (*changes, *parsed(more))))
                 self._goal = (self._work.branches[-1], None) if run else None
             case s.CompareBranch(index):
                 self._compare_branch(index)
             case s.CompareRecording(path):
-                self._put_beside(self._recorded_branch(at_home(path)))
+                self._put_beside(branch_read(self._debugger.workspace, at_home(path)))
             case s.RunB(length):
                 self._need()
                 branch = self.branch_b()
@@ -239,68 +231,9 @@ class Comparing:
         self._work.sides = replace(sides, poses="kept")
         self._seek(first.place)
 
-    # Where B comes from
-
-    def _new_branch(self, changes: Changes) -> Branch:
-        space = self._debugger.workspace
-        base = self._work.branch
-        session = variant(base.tools.session, changes)
-        tools = self._tools(base.tools, session)
-        same_start = not {n.partition(".")[0] for n, _, _ in settings_between(base.tools.session, session)} & {
-            "hypotheses", "dependency", "ppf", "pcs",
-        }  # fmt: skip
-        problem = base.run.problem if same_start else _matching(tools.problem(space.frame), base.run.problem)
-        return space.new_branch(_named(changes), tools, problem)
-
-    def _tools(self, tools: Tools, session: Session) -> Tools:
-        """Tools of ``session``; what it has in common with ``tools`` is shared where that is safe."""
-        old = tools.session
-        between = settings_between(old, session)
-        if old.edits or old.changes or any(name.partition(".")[0] not in _CHEAP for name, _, _ in between):
-            return self._debugger.workspace.tools_of(session)
-        return tools.changed(nested(tuple((name, value) for name, _, value in between)))
-
-    def _recorded_branch(self, path: Path) -> Branch:
-        from verefine_viz.recording.reader import read_recording
-
-        space, recorded = self._debugger.workspace, read_recording(path)
-        base = self._work.branch
-        _check_same_frame(recorded, base.tools.session, space.frame)
-        tools = space.tools_of(recorded.session)
-        return space.recorded_branch(recorded, tools, tools.problem(recorded.frame))
-
 
 def as_done(command: Command) -> tuple[Command, ...]:
     """What the log says of a command: how far B was computed is noted when it stops."""
     if isinstance(command, s.CompareRun):
         return (replace(command, run=False),)
     return () if isinstance(command, s.RunB | s.PauseB) else (command,)
-
-
-def _check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
-    """Two runs can be compared only where they look at the same picture.
-
-    Raises:
-        InputError: the recording is of another frame.
-    """
-    theirs, ours = _place_of(recorded.session, recorded.frame), _place_of(session, frame)
-    if theirs != ours:
-        raise InputError(f"{recorded.path} shows {theirs}, A shows {ours}; two runs are compared on the same frame")
-
-
-def _place_of(session: Session, frame: str) -> str:
-    scene = session.scene
-    where = f"{Path(scene.dataset).name} {scene.split}" if scene.source == "bop" else f"{scene.demo}, seed {scene.seed}"
-    return f"frame {frame} of {where}"
-
-
-def _matching(problem: Problem, like: Problem) -> Problem:
-    """The instances that the other run solves too."""
-    here = {i.instance_id for i in problem.instances}
-    return problem.only([i.instance_id for i in like.instances if i.instance_id in here])
-
-
-def _named(changes: Sequence[tuple[str, Any]]) -> str:
-    short = [name.rpartition(".")[2] if name != "method.name" else "method" for name, _ in changes]
-    what = ", ".join(f"{name} = {value}" for name, (_, value) in zip(short, changes, strict=True))
-    return f"B: {what or 'same settings'}"
