@@ -1,0 +1,67 @@
+"""What the tests of sizes compare: the objects of a frame, and what is said about them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.demo import demo_problem
+from verefine_viz.scenes.size_fit import Verdict, size_verdict, witnesses
+from verefine_viz.scenes.write_bop import write_bop
+
+Objects = list[tuple[ObjectModel, Float, Mask]]
+Depth = NDArray[np.floating]
+
+
+@cache
+def scene(name: str = "clutter", frame: str = "0/0") -> Problem:
+    """A built-in scene; "clutter" are six objects on a table, of which some hide others, seen by a noisy sensor."""
+    return demo_problem(name, SceneSettings(), HypothesesSettings(), frame)
+
+
+def objects(problem: Problem) -> Objects:
+    return [(problem.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in problem.instances if i.T_cam_obj_gt is not None]
+
+
+def verdict(of: Objects, camera: Camera, depth_m: Depth) -> Verdict:
+    together = np.any([mask for _, _, mask in of], axis=0)
+    return size_verdict(witnesses(of, camera, depth_m.astype(np.float32), together))
+
+
+def with_focal(camera: Camera, factor: float) -> Camera:
+    return Camera(camera.K * np.array([[factor, 1, 1], [1, factor, 1], [1, 1, 1]]), camera.width, camera.height)
+
+
+def of_problem(problem: Problem, focal: float = 1.0) -> Verdict:
+    observation = problem.observation
+    return verdict(objects(problem), with_focal(observation.camera, focal), observation.depth_m)
+
+
+def fitting(said: Verdict) -> float:
+    """The factor that a verdict advises."""
+    found = re.search(r"about ([0-9.]+) times as much would fit", said.advice)
+    assert found is not None
+    return float(found[1])
+
+
+def written(folder: Path, problems: Sequence[Problem], focal: float) -> Path:
+    """A BOP folder whose cam_K has another focal length."""
+    write_bop(folder, problems)
+    path = folder / "test" / "000000" / "scene_camera.json"
+    content = json.loads(path.read_text())
+    for entry in content.values():
+        entry["cam_K"][0] *= focal
+        entry["cam_K"][4] *= focal
+    path.write_text(json.dumps(content))
+    return folder
