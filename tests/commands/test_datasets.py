@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from PIL import Image
 
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
+from tests.scenes.sizes import scene, written
 from verefine_viz.commands.dataset_catalogue import CATALOGUE
 from verefine_viz.commands.dataset_check import Parts, check_split, splits_of, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
@@ -81,6 +84,28 @@ def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
 
     made.edit("scene_camera.json", scaled)
     assert f"measured depth is {factor:.3g}" in advice(made)["registration"]
+
+
+@pytest.mark.parametrize(("focal", "instances"), [(0.88, range(6)), (1.15, range(6)), (0.75, [3])])
+def test_a_wrong_focal_length_is_found_and_not_taken_for_displaced_depth(
+    tmp_path: Path, focal: float, instances: Sequence[int]
+) -> None:
+    frames = [scene("clutter", f"0/{k}").only(instances) for k in range(2)]
+    found = {f.name: f.advice for f in check_split(written(tmp_path / "clutter", frames, focal), "test").findings}
+    off = "too small" if focal < 1 else "too large"
+    assert found["sizes"].startswith(f"fx and fy of cam_K look {off}, about ")
+    assert float(found["sizes"].split("about ")[1].split()[0]) == pytest.approx(1 / focal, rel=0.02)
+    assert "displaced" not in found["registration"]
+
+
+@pytest.mark.parametrize("kinds", [("mask_visib", "mask"), ("mask",), ()])
+def test_sizes_are_compared_with_the_masks_that_are_there(tmp_path: Path, kinds: Sequence[str]) -> None:
+    root = written(tmp_path / "clutter", [scene()], 0.85)
+    for kind in ("mask_visib", "mask"):
+        if kind not in kinds:
+            shutil.rmtree(root / "test" / "000000" / kind)
+    named = [f for f in check_split(root, "test").findings if f.name == "sizes"]
+    assert [f.found.split(" than ")[0] for f in named] == ["objects appear 18% larger"] * (kinds != ())
 
 
 def test_true_poses_in_metres_are_found(made: Made) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.commands.registration_check import registration
+from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
@@ -86,7 +87,8 @@ def check_split(folder: Path, split: str) -> Parts:
     _check_masks(dataset, sampled, parts)
     _check_scoring(dataset, parts)
     if parts.ground_truth and parts.depth and parts.models:
-        for found, advice in registration(dataset, sampled):
+        is_in_place = _check_sizes(dataset, sampled, parts)
+        for found, advice in registration(dataset, sampled, is_in_place):
             parts.add("registration", found, advice)
     return parts
 
@@ -196,6 +198,16 @@ def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
         found = f"known for {parts.with_camera_pose} of {parts.frames} frames"
         few = parts.with_camera_pose < parts.frames
         parts.add("camera poses", found + ": scene.gravity world works for these only, plane for all" * few)
+
+
+def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> bool:
+    """Whether masks lie where true poses say, as far as they tell."""
+    kinds: list[MaskFolder] = [kind for kind in ("mask_visib", "mask") if kind in parts.masks]
+    if not kinds:
+        return True
+    verdict = object_sizes(dataset, sampled, kinds[0])
+    parts.add("sizes", verdict.found, verdict.advice)
+    return verdict.cause in (None, "depth", "masks")
 
 
 def _check_scoring(dataset: BopDataset, parts: Parts) -> None:

@@ -35,10 +35,13 @@ class _Frame:
     placed: tuple[Placed, ...]
 
 
-def registration(dataset: BopDataset, sampled: Sequence[tuple[int, int]]) -> Iterator[tuple[str, str]]:
+def registration(
+    dataset: BopDataset, sampled: Sequence[tuple[int, int]], is_in_place: bool
+) -> Iterator[tuple[str, str]]:
     """What was found, and what to do about it (empty = nothing): once, or never where no object is in any image.
 
-    Where depth does not lie where the true poses say, whether it does when displaced or rescaled.
+    Where depth does not lie where the true poses say, whether it does when displaced or rescaled. Displaced depth is
+    none of a wrong cam_K, which displaces the drawn models: masks must lie over these (``is_in_place``).
     """
     frames = list(_frames(dataset, sampled))
     times = _times_as_far(frames)
@@ -52,10 +55,10 @@ def registration(dataset: BopDataset, sampled: Sequence[tuple[int, int]]) -> Ite
         return
     pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := _drawn(frame)).any()]
     if pairs:
-        yield _agreement(pairs)
+        yield _agreement(pairs, is_in_place)
 
 
-def _agreement(pairs: Sequence[tuple[Float, Float]]) -> tuple[str, str]:
+def _agreement(pairs: Sequence[tuple[Float, Float]], is_in_place: bool) -> tuple[str, str]:
     """What is to be said about frames' measured and rendered depth (H, W) [m]."""
     sampled_pixels = [(seen, *_some_pixels(drawn)) for seen, drawn in pairs]
     shares = {(dx, dy): _share_near(sampled_pixels, dx, dy) for dx in SHIFTS_PX for dy in SHIFTS_PX}
@@ -66,7 +69,7 @@ def _agreement(pairs: Sequence[tuple[Float, Float]]) -> tuple[str, str]:
     found = f"{here:.0%} of the objects' pixels lie within {NEAR_M * 1e3:.0f} mm of their true pose"
     if not 0.5 < ratio < 2:
         advice = f"measured depth is {ratio:.3g} times the true one: check depth_scale, and that poses are in mm"
-    elif shares[best] > here + GAIN:
+    elif is_in_place and shares[best] > here + GAIN:
         advice = (
             f"{shares[best]:.0%} do if depth is displaced by {best[0]} px in x and {best[1]} px in y: "
             "depth is not registered to colour; warp it into the colour camera first"
