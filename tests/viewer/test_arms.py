@@ -11,11 +11,11 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arms_legend
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.panels.bandit import score_lines
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.timeline import strip
 from verefine_viz.viewer.tables import arms_table
-from verefine_viz.viewer.words import headline
 
 NAMES = ("cosypose", "<b>posecnn", "cosypose")
 

@@ -17,13 +17,13 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.markup import text, with_hints
 from verefine_viz.viewer.panels.objects import legend, objects_html
 from verefine_viz.viewer.scene_tables import passes_table
 from verefine_viz.viewer.scene_words import TERMS, scene_sentence
 from verefine_viz.viewer.standing import LIGHTS
 from verefine_viz.viewer.tables import event_lines
-from verefine_viz.viewer.words import headline
 
 
 class Together(FakeTools):

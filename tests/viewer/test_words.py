@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
-from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
@@ -17,6 +15,7 @@ from verefine_viz.viewer import tables, words
 from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.panels.bandit import pull_lines
 from verefine_viz.viewer.panels.physics import plane_warning
@@ -37,137 +36,11 @@ def off(rotation_deg: float, translation_mm: float, relative: float) -> PoseErro
     return PoseErrors(rotation_deg, translation_mm, relative * 100, relative * 100, relative * 100, relative)
 
 
-def test_before_the_first_iteration_it_says_what_to_press() -> None:
-    said = words.headline(after())
-    assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
-    assert "nearest to ground truth is 4.0° and" in said
-    assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
-
-
-def test_an_iteration_is_told_in_the_order_it_happened() -> None:
-    said = words.headline(after(c.Step()))
-    parts = [
-        "Iteration 1, box, hypothesis ",
-        " of 3 (best UCB: ",
-        "Simulation ",
-        "and scored ",
-        "; then ICP ",
-        " kept.",
-    ]
-    places = [said.index(p) for p in parts]
-    assert places == sorted(places)
-
-
-@pytest.mark.parametrize(
-    ("current", "simulated", "refined", "said"),
-    [
-        (0.5, 0.9204, 0.9197, ("0.9204; ", "0.9197. ")),
-        (0.5, 0.62, 0.74, ("0.62; ", "0.74. ")),
-        (0.5, 0.92, 0.92, ("0.92; ", "0.92. ")),
-        (0.74001, 0.62, 0.74, ("0.62; ", "0.74. ")),
-        (0.752, 0.62, 0.74, ("0.620; ", "0.740. ", "less than before (0.752)")),
-    ],
-)
-def test_scores_are_told_with_the_digits_it_takes(
-    current: float, simulated: float, refined: float, said: tuple[str, ...]
-) -> None:
-    view = after(c.Step())
-    assert view.shown is not None
-    scores = {"current": current, "simulated": simulated, "refined": refined}
-    stages = tuple(
-        s if s.score is None else replace(s, score=replace(s.score, score=scores[s.name])) for s in view.shown.stages
-    )
-    view = replace(view, shown=replace(view.shown, stages=stages, accepted="refined"))
-    for part in said:
-        assert part in words.headline(view)
-
-
-def test_what_nobody_judged_is_called_so() -> None:
-    said = words.headline(after(c.Step(), name="pir"))
-    assert said.endswith(f"Refined kept: PIR keeps it {words.UNJUDGED}.")
-    assert words.UNJUDGED not in words.headline(after(c.Step(), name="sir"))
-    assert words.UNJUDGED not in words.headline(after(c.Step(), name="refine")), "there was nothing to choose from"
-
-
-def test_the_end_names_the_answer_and_its_error() -> None:
-    said = words.headline(after(c.RunUntil("end")))
-    assert "Run finished: best " in said
-    assert said.endswith("mm off.")
-
-
-def with_best_scores(view: View, scores: list[float]) -> View:
-    """The view at the end of a run in which the hypotheses came to these scores."""
-    assert view.state is not None
-    arms = tuple(
-        replace(arm, entries=tuple(replace(e, score=replace(e.score, score=s)) for e in arm.entries))
-        for arm, s in zip(view.state.arms, scores, strict=True)
-    )
-    own = view.scene.object(view.target.instance.instance_id)
-    assert own.answer is not None
-    j = int(np.argmax(scores))
-    answer = replace(own.answer, arm=j, score=replace(own.answer.score, score=scores[j]))
-    scene = replace(view.scene, objects=(replace(own, answer=answer),))
-    return replace(view, state=replace(view.state, arms=arms), scene=scene)
-
-
-@pytest.mark.parametrize(
-    ("scores", "said"),
-    [
-        ([0.41, 0.95, 0.32], ", 0.54 ahead of hypothesis 1"),
-        ([0.9, 0.9507, 0.95], ", 0.0007 ahead of hypothesis 3"),
-        ([0.95, 0.9, 0.95], ", level with hypothesis 3"),
-    ],
-)
-@pytest.mark.parametrize("name", ["rir", "even", "expl", "vf_breadth"])
-def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[float], said: str) -> None:
-    told = words.headline(with_best_scores(after(c.RunUntil("end"), name=name), scores))
-    assert f"{said}; " in told
-
-
-@pytest.mark.parametrize("name", ["pir", "sir", "vf_depth"])
-def test_no_runner_up_where_no_other_hypothesis_could_have_won_by_its_score(name: str) -> None:
-    said = words.headline(after(c.RunUntil("end"), name=name))
-    assert "ahead of" not in said
-    assert "level with" not in said
-
-
-def test_stages_are_told_one_by_one() -> None:
-    said = [words.headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
-    assert "stage 1 of 4: current." in said[0]
-    assert "(best UCB: " in said[0]
-    assert "goes on from its current pose, which scores 0." in said[0]
-    assert "stage 2 of 4: simulated. Simulation " in said[1]
-    assert "where the refiner starts" in said[2]
-    assert "stage 4 of 4: refined. ICP " in said[3]
-
-
-@pytest.mark.parametrize(
-    ("axis", "angle_deg", "shift", "said"),
-    [
-        ([1, 0, 0], 6.8, [0, 0, 0], "turned it 6.8° about x"),
-        ([0, 0, -1], 3.0, [0, 0.004, 0], "turned it 3.0° about z and moved it 4.0 mm"),
-        ([1, 1, 1], 10.0, [0, 0, 0], "turned it 10.0°"),
-        ([1, 0, 0], 0.0, [0, 0, 0.012], "moved it 12.0 mm"),
-        ([1, 0, 0], 0.0, [0, 0, 0], "left it where it was"),
-    ],
-)
-def test_movement_in_words(axis: list[float], angle_deg: float, shift: list[float], said: str) -> None:
-    points = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
-    T_to = transform(axis_angle(axis, np.deg2rad(angle_deg)), shift)
-    assert words.movement(np.eye(4), T_to, points) == said
-
-
-def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
-    points = np.array([[1.0, 0, 0]])
-    half_turn = transform(axis_angle([0, 0, 1], np.pi), [2.0, 0, 0])
-    assert words.shift_mm(np.eye(4), half_turn, points) == pytest.approx(0.0, abs=1e-9)
-
-
 def test_physics_off_says_so() -> None:
     session = Session(physics=PhysicsSettings(enabled=False))
     view = Debugger(session, None, FakeTools).carry_out([c.Step()]).view()
     assert words.physics(view) == "Physics is switched off in the settings: nothing was simulated."
-    assert "ICP" in words.headline(view)
+    assert "ICP" in headline(view)
 
 
 def test_methods_without_a_bandit_say_so() -> None:

@@ -7,10 +7,10 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.markup import Row, swatch, table, text
+from verefine_viz.viewer.pose_words import shift_mm, turn
 from verefine_viz.viewer.scales import other_scale_note
 from verefine_viz.viewer.tables import number
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.words import shift_mm, turn
 
 
 def arm_history(view: View, most: int = 12) -> str:

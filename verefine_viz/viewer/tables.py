@@ -25,10 +25,10 @@ from verefine_viz.viewer.plays import (
     what_the_mean_is_of,
     what_the_time_holds,
 )
+from verefine_viz.viewer.pose_words import shift_mm, turn
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import Judged, View
-from verefine_viz.viewer.words import shift_mm, turn
 
 CLASS_MEANING = {
     "explained": "rendered and observed depth agree within τ",

@@ -8,11 +8,12 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
+from verefine_viz.viewer.headline import HINTS, headline
 from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
-from verefine_viz.viewer.words import HINTS, headline, remaining
+from verefine_viz.viewer.words import remaining
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),

@@ -1,0 +1,117 @@
+"""What the page says of the iteration, the stage or the answer at the cursor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_words import after
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.headline import UNJUDGED, headline
+from verefine_viz.viewer.view import View
+
+
+def test_before_the_first_iteration_it_says_what_to_press() -> None:
+    said = headline(after())
+    assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
+    assert "nearest to ground truth is 4.0° and" in said
+    assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
+
+
+def test_an_iteration_is_told_in_the_order_it_happened() -> None:
+    said = headline(after(c.Step()))
+    parts = [
+        "Iteration 1, box, hypothesis ",
+        " of 3 (best UCB: ",
+        "Simulation ",
+        "and scored ",
+        "; then ICP ",
+        " kept.",
+    ]
+    places = [said.index(p) for p in parts]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize(
+    ("current", "simulated", "refined", "said"),
+    [
+        (0.5, 0.9204, 0.9197, ("0.9204; ", "0.9197. ")),
+        (0.5, 0.62, 0.74, ("0.62; ", "0.74. ")),
+        (0.5, 0.92, 0.92, ("0.92; ", "0.92. ")),
+        (0.74001, 0.62, 0.74, ("0.62; ", "0.74. ")),
+        (0.752, 0.62, 0.74, ("0.620; ", "0.740. ", "less than before (0.752)")),
+    ],
+)
+def test_scores_are_told_with_the_digits_it_takes(
+    current: float, simulated: float, refined: float, said: tuple[str, ...]
+) -> None:
+    view = after(c.Step())
+    assert view.shown is not None
+    scores = {"current": current, "simulated": simulated, "refined": refined}
+    stages = tuple(
+        s if s.score is None else replace(s, score=replace(s.score, score=scores[s.name])) for s in view.shown.stages
+    )
+    view = replace(view, shown=replace(view.shown, stages=stages, accepted="refined"))
+    for part in said:
+        assert part in headline(view)
+
+
+def test_what_nobody_judged_is_called_so() -> None:
+    said = headline(after(c.Step(), name="pir"))
+    assert said.endswith(f"Refined kept: PIR keeps it {UNJUDGED}.")
+    assert UNJUDGED not in headline(after(c.Step(), name="sir"))
+    assert UNJUDGED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
+
+
+def test_the_end_names_the_answer_and_its_error() -> None:
+    said = headline(after(c.RunUntil("end")))
+    assert "Run finished: best " in said
+    assert said.endswith("mm off.")
+
+
+def with_best_scores(view: View, scores: list[float]) -> View:
+    """The view at the end of a run in which the hypotheses came to these scores."""
+    assert view.state is not None
+    arms = tuple(
+        replace(arm, entries=tuple(replace(e, score=replace(e.score, score=s)) for e in arm.entries))
+        for arm, s in zip(view.state.arms, scores, strict=True)
+    )
+    own = view.scene.object(view.target.instance.instance_id)
+    assert own.answer is not None
+    j = int(np.argmax(scores))
+    answer = replace(own.answer, arm=j, score=replace(own.answer.score, score=scores[j]))
+    scene = replace(view.scene, objects=(replace(own, answer=answer),))
+    return replace(view, state=replace(view.state, arms=arms), scene=scene)
+
+
+@pytest.mark.parametrize(
+    ("scores", "said"),
+    [
+        ([0.41, 0.95, 0.32], ", 0.54 ahead of hypothesis 1"),
+        ([0.9, 0.9507, 0.95], ", 0.0007 ahead of hypothesis 3"),
+        ([0.95, 0.9, 0.95], ", level with hypothesis 3"),
+    ],
+)
+@pytest.mark.parametrize("name", ["rir", "even", "expl", "vf_breadth"])
+def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[float], said: str) -> None:
+    told = headline(with_best_scores(after(c.RunUntil("end"), name=name), scores))
+    assert f"{said}; " in told
+
+
+@pytest.mark.parametrize("name", ["pir", "sir", "vf_depth"])
+def test_no_runner_up_where_no_other_hypothesis_could_have_won_by_its_score(name: str) -> None:
+    said = headline(after(c.RunUntil("end"), name=name))
+    assert "ahead of" not in said
+    assert "level with" not in said
+
+
+def test_stages_are_told_one_by_one() -> None:
+    said = [headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
+    assert "stage 1 of 4: current." in said[0]
+    assert "(best UCB: " in said[0]
+    assert "goes on from its current pose, which scores 0." in said[0]
+    assert "stage 2 of 4: simulated. Simulation " in said[1]
+    assert "where the refiner starts" in said[2]
+    assert "stage 4 of 4: refined. ICP " in said[3]

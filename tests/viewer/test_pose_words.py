@@ -1,0 +1,31 @@
+"""What lies between two poses, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.viewer.pose_words import movement, shift_mm
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle_deg", "shift", "said"),
+    [
+        ([1, 0, 0], 6.8, [0, 0, 0], "turned it 6.8° about x"),
+        ([0, 0, -1], 3.0, [0, 0.004, 0], "turned it 3.0° about z and moved it 4.0 mm"),
+        ([1, 1, 1], 10.0, [0, 0, 0], "turned it 10.0°"),
+        ([1, 0, 0], 0.0, [0, 0, 0.012], "moved it 12.0 mm"),
+        ([1, 0, 0], 0.0, [0, 0, 0], "left it where it was"),
+    ],
+)
+def test_movement_in_words(axis: list[float], angle_deg: float, shift: list[float], said: str) -> None:
+    points = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
+    T_to = transform(axis_angle(axis, np.deg2rad(angle_deg)), shift)
+    assert movement(np.eye(4), T_to, points) == said
+
+
+def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
+    points = np.array([[1.0, 0, 0]])
+    half_turn = transform(axis_angle([0, 0, 1], np.pi), [2.0, 0, 0])
+    assert shift_mm(np.eye(4), half_turn, points) == pytest.approx(0.0, abs=1e-9)

@@ -1,0 +1,187 @@
+"""What happened at the cursor, in one or two sentences. Pure text, no markup: who shows it escapes it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from verefine_viz.core.digits import telling_digits
+from verefine_viz.core.records import Best, Iteration, Stage
+from verefine_viz.viewer.arms import arm_name
+from verefine_viz.viewer.marks import FALL
+from verefine_viz.viewer.plays import BEST_OF_ALL
+from verefine_viz.viewer.pose_words import errors_in_words, movement
+from verefine_viz.viewer.scene_words import (
+    TERMS,
+    found_by,
+    method_name,
+    pass_closed,
+    place_in_run,
+    refiner_name,
+    scene_outcome,
+    tree_sentence,
+)
+from verefine_viz.viewer.view import View
+
+UNJUDGED = "without judging"
+HINTS = TERMS | {
+    UNJUDGED: "As the paper defines it (Sec. III-A): the next iteration goes on from what this one ended with, "
+    "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose."
+}
+"""What the headline's words mean."""
+_NO_LEAD = 1e-6
+
+
+def headline(view: View) -> str:
+    """What happened at the cursor, in one or two sentences."""
+    if view.cursor == 0:
+        return _ready(view)
+    if view.is_answer:
+        return _outcome(view)
+    if view.shown is None:
+        return f"{view.name} has had no iteration yet."
+    # At the end of a run the last iteration is asked for by its last stage.
+    whole = view.progress.done == view.progress.total and view.look.stage == view.shown.stages[-1].name
+    if view.look.stage is not None and view.is_current and not whole:
+        return _stage_sentence(view, view.shown)
+    if view.shown.tree is not None:
+        said = tree_sentence(view.problem, view.shown, view.shown.tree)
+    else:
+        said = _iteration_sentence(view, view.shown)
+    if view.scene.closes_pass is not None and view.is_current:
+        said += f" {pass_closed(view.scene.closes_pass)}"
+    if not view.is_current:
+        said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"
+    return said
+
+
+def _ready(view: View) -> str:
+    if view.state is None:
+        return (
+            f"{view.name} has no hypothesis, so there is nothing to refine: "
+            "name a results file that holds it, or choose another object."
+        )
+    best = view.state.best
+    n = view.n_arms
+    n_objects = len(view.scene.objects)
+    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "")
+    start += f"{view.name} has {n} hypothes{'i' if n == 1 else 'e'}s; "
+    start += f"hypothesis {best.arm + 1} scores best with {best.score.score:.2f}"
+    known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
+    if known:
+        start += f", the nearest to ground truth is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
+    return f"{start}. Press Step (N) for one iteration, Run (Space) for all."
+
+
+def chosen_because(iteration: Iteration, n_arms: int) -> str:
+    """As in: hypothesis 2 of 5 (best UCB: 0.71 + 0.09)."""
+    who = f"hypothesis {iteration.arm + 1} of {n_arms}"
+    choice = iteration.choice
+    if choice is None:
+        return who
+    mean, bonus = choice.mean[iteration.arm], choice.exploration[iteration.arm]
+    if bonus > 0:
+        return f"{who} (best UCB: {mean:.2f} + {bonus:.2f})"
+    return f"{who} ({choice.reason.partition(': ')[2] or choice.reason})"
+
+
+def _iteration_sentence(view: View, iteration: Iteration) -> str:
+    place = place_in_run(view.scene, iteration)
+    place = f"{place}, " if place else ""
+    head = f"Iteration {iteration.index}, {place}{view.name}, {chosen_because(iteration, view.n_arms)}."
+    parts = []
+    for before, stage in pairwise(iteration.stages):
+        if stage.name != "mixed":
+            parts.append(_what_it_did(view, iteration, before, stage))
+    body = "; ".join(parts)
+    kept = iteration.accepted
+    end = f"{kept.capitalize()} kept" if kept != "current" else "Neither was better: current pose kept"
+    before = iteration.stages[0].score
+    if before is not None and _fell(iteration):
+        end += f", although it scores less than before ({before.score:.{_digits(iteration)}f})"
+    if _is_unjudged(iteration):
+        end += f": {method_name(view.session.method.name)} keeps it {UNJUDGED}"
+    return f"{head} {body[:1].upper()}{body[1:]}. {end}."
+
+
+def _is_unjudged(iteration: Iteration) -> bool:
+    """Whether there were two poses to choose from, and nobody chose."""
+    both = iteration.stage("simulated") is not None and iteration.stage("refined") is not None
+    return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)
+
+
+def _what_it_did(view: View, iteration: Iteration, before: Stage, stage: Stage) -> str:
+    points = view.target.model.points
+    who = {"simulated": "simulation", "refined": "then " + refiner_name(view.session.method.refiner)}.get(
+        stage.name, f"the {stage.name} stage"
+    )
+    if stage.name == "simulated" and iteration.path is None:
+        return "there was no simulation"
+    if stage.name == "refined" and before.name == "current":
+        who = refiner_name(view.session.method.refiner)
+    done = movement(before.T_cam_obj, stage.T_cam_obj, points)
+    scored = f" and scored {stage.score.score:.{_digits(iteration)}f}" if stage.score is not None else ""
+    return f"{who} {done}{scored}" if " and " not in done else f"{who} {done.replace(' and ', ', ')}{scored}"
+
+
+def _fell(iteration: Iteration) -> bool:
+    """Whether the kept pose scores so much less than the one before that it is said."""
+    before, after = iteration.stages[0].score, iteration.accepted_stage.score
+    return before is not None and after is not None and before.score - after.score >= FALL
+
+
+def _digits(iteration: Iteration) -> int:
+    """Decimals that tell the scores apart that are said of an iteration."""
+    told = iteration.stages if _fell(iteration) else iteration.stages[1:]
+    scores = sorted(stage.score.score for stage in told if stage.score is not None)
+    return telling_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
+
+
+def _stage_sentence(view: View, iteration: Iteration) -> str:
+    names = [s.name for s in iteration.stages]
+    k = names.index(view.look.stage) if view.look.stage in names else len(names) - 1
+    stage = iteration.stages[k]
+    head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
+    if k == 0:
+        scored = f", which scores {stage.score.score:.{_digits(iteration)}f}" if stage.score else ""
+        who = chosen_because(iteration, view.n_arms)
+        return f"{head} {who[:1].upper()}{who[1:]} goes on from its current pose{scored}."
+    if stage.name == "mixed":
+        return f"{head} The simulated rotation with the translation from before: where the refiner starts."
+    did = _what_it_did(view, iteration, iteration.stages[k - 1], stage).removeprefix("then ")
+    return f"{head} {did[:1].upper()}{did[1:]}."
+
+
+def _outcome(view: View) -> str:
+    if len(view.scene.objects) == 1:
+        return f"Run finished: {_answer(view)}"
+    said = scene_outcome(view.scene) + found_by(view)
+    if view.look.focus is None:
+        return said
+    return f"{said} {view.name[:1].upper()}{view.name[1:]}: {_answer(view)}"
+
+
+def _answer(view: View) -> str:
+    """The answer of the object in focus."""
+    if view.state is None:
+        return "no hypothesis, so no pose."
+    best = view.scene.object(view.target.instance.instance_id).answer
+    assert best is not None
+    where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
+    shown = view.poses["best"]
+    said = f"{shown.label} {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{_ahead(view, best)}"
+    errors = shown.errors
+    return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
+
+
+def _ahead(view: View, best: Best) -> str:
+    """As in: , 0.013 ahead of hypothesis 2. Empty where no other hypothesis could have been the answer."""
+    if view.state is None or view.session.method.name not in BEST_OF_ALL:
+        return ""
+    highest = {j: max(e.score.score for e in arm.entries) for j, arm in enumerate(view.state.arms) if j != best.arm}
+    if not highest:
+        return ""
+    rival = max(highest, key=highest.__getitem__)
+    lead = best.score.score - highest[rival]
+    if lead < _NO_LEAD:
+        return f", level with hypothesis {rival + 1}"
+    return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}"
