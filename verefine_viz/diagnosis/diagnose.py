@@ -8,9 +8,10 @@ first confirmed one is the main cause, and only re-runs that are needed until th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from time import perf_counter
 
-from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.case import ALONE, Case, Lab
 from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
@@ -20,6 +21,7 @@ from verefine_viz.diagnosis.of_scene import SCENE_TESTS, neighbour
 from verefine_viz.diagnosis.of_score import score
 from verefine_viz.diagnosis.of_search import SEARCH_TESTS, no_hypothesis
 from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.scenes.size_fit import size_notes
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.session.trace import Trace, trace_of
@@ -60,7 +62,14 @@ def diagnose(
             continue
         case = Case(trace, lab, target, T_true, frame, threshold, answer, _placed(trace, target, answer))
         found.append(_diagnosed(case, every_cause))
-    return tuple(found)
+    doubt = _doubt(trace.problem) if found else ""
+    return tuple(replace(one, sentence=one.sentence + doubt) for one in found)
+
+
+def _doubt(problem: Problem) -> str:
+    """What is off with all objects of the frame, and may be behind every cause: a wrong camera changes all of them."""
+    notes = size_notes(problem.instances, problem.models, problem.observation)
+    return "".join(f" Look at the data first: {note}." for note in notes)
 
 
 def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
