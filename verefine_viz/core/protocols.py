@@ -144,7 +144,10 @@ class Method(Protocol[S]):
         ...
 
     def edit(self, state: S, instance_id: int, arm: int, T_cam_obj: Float) -> S:
-        """The same state with the arm's current pose replaced by one that a person chose."""
+        """The same state with the arm's current pose replaced by one that a person chose.
+
+        That arm is worked on next, or as soon as the method's order allows; without budget it is only scored.
+        """
         ...
 
     @property

@@ -40,6 +40,12 @@ class Arm:
     def current(self) -> Entry:
         return self.entries[-1]
 
+    @property
+    def own_entries(self) -> tuple[Entry, ...]:
+        """Those that its plays and its mean are about: from the initial pose on, or from the last one moved by hand."""
+        moved = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
+        return self.entries[moved:]
+
     def moved(self, entry: Entry) -> Arm:
         """After one more iteration that kept ``entry``; its reward is still to come."""
         return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
@@ -65,6 +71,10 @@ class ObjectState:
     n_done: int = 0
     """Iterations spent on this object."""
     last_arm: int | None = None
+    by_hand: tuple[int, ...] = ()
+    """Arms that a person moved and that were not played since, the latest first: they are played before all others."""
+    was_ahead: bool = False
+    """Whether its latest iteration came before its turn among the objects, for an arm moved by hand."""
 
     @property
     def plays(self) -> list[float]:
@@ -79,16 +89,19 @@ class ObjectState:
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
         """One iteration further, spent on arm ``j``."""
         arms = (*self.arms[:j], arm, *self.arms[j + 1 :])
-        return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j)
+        left = tuple(k for k in self.by_hand if k != j)
+        return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j, left)
 
     def rewarded(self, j: int, reward: float, discount: float = 1.0) -> ObjectState:
         """After arm ``j`` was played for ``reward``; what was played before counts ``discount`` times as much."""
         kept = [arm.discounted(discount) for arm in self.arms] if discount != 1.0 else list(self.arms)
         kept[j] = kept[j].rewarded(reward)
-        return ObjectState(self.target, self.initial, tuple(kept), self.best, self.n_done, self.last_arm)
+        return ObjectState(
+            self.target, self.initial, tuple(kept), self.best, self.n_done, self.last_arm, self.by_hand, self.was_ahead
+        )
 
     def with_edited(self, j: int, T_cam_obj: Float, score: PoseScore, iteration: int) -> ObjectState:
-        """The arm's current pose replaced by one a person chose; costs no play.
+        """The arm's current pose replaced by one a person chose; the arm begins anew there, and is to be played next.
 
         Raises:
             ShapeError: there is no such arm, or the pose is not rigid.
@@ -96,5 +109,8 @@ class ObjectState:
         if not 0 <= j < len(self.arms):
             raise ShapeError(f"there is no hypothesis {j + 1}; this object has {len(self.arms)}")
         entry = Entry(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
-        arm = replace(self.arms[j], entries=(*self.arms[j].entries, entry))
-        return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]))
+        # What the arm had earned says nothing about a pose that did not come from it: this is a new hypothesis in its
+        # place, and begins as every hypothesis does, with its score as the first play (METHODS 1.4).
+        arm = Arm((*self.arms[j].entries, entry), 1.0, score.score, self.arms[j].n_iterations)
+        waiting = (j, *(k for k in self.by_hand if k != j))
+        return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]), by_hand=waiting)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -41,19 +41,27 @@ class Ucb:
 
 @dataclass(frozen=True)
 class Turns:
-    """Every arm in turn (EVEN, paper Sec. IV-C)."""
+    """Every arm in turn (EVEN, paper Sec. IV-C): the one with the fewest iterations, the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
-        return _fixed_choice(state, state.n_done % len(state.arms), "in turn")
+        spent = [arm.n_iterations for arm in state.arms]
+        return _fixed_choice(state, spent.index(min(spent)), "in turn")
 
 
 @dataclass(frozen=True)
 class BestInitial:
-    """Always the arm whose initial pose scored best (EXPL, paper Sec. IV-C); the first on ties."""
+    """Always the arm whose first pose scored best (EXPL, paper Sec. IV-C); the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
-        j = int(np.argmax(state.initial.score))
-        return _fixed_choice(state, j, f"its initial pose scored best, {state.initial.score[j]:.2f}")
+        first = [arm.own_entries[0] for arm in state.arms]
+        j = int(np.argmax([entry.score.score for entry in first]))
+        which = "pose by hand" if first[j].stage == "edited" else "initial pose"
+        return _fixed_choice(state, j, f"its {which} scored best, {first[j].score.score:.2f}")
+
+
+def before_all_others(choice: Choice, j: int) -> Choice:
+    """Arm ``j``, which a person moved, instead of what was chosen; the numbers stay as they were."""
+    return replace(choice, arm=j, reason=f"hypothesis {j + 1}: it was moved by hand and is played first")
 
 
 def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:

@@ -14,7 +14,7 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
-from verefine_viz.methods.bandit import Policy
+from verefine_viz.methods.bandit import Policy, before_all_others
 from verefine_viz.methods.chain import Chain
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.judging import Judging
@@ -72,6 +72,8 @@ class ObjectMethod:
     ) -> tuple[ObjectState, Iteration, float]:
         """One iteration like :meth:`step` whose reward, the third value, is left to the caller to give."""
         choice = self.policy.choose(state) if self.policy else None
+        if choice is not None and state.by_hand:
+            choice = before_all_others(choice, state.by_hand[0])
         j = choice.arm if choice else 0
         arm = state.arms[j]
         k = arm.n_iterations + 1
@@ -106,16 +108,18 @@ class ObjectMethod:
     def judged_anew(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
         """The same with all its poses judged by this method, among ``fixed`` objects.
 
-        The mean of a hypothesis becomes that of its first pose and of those that its iterations kept.
+        The mean of a hypothesis becomes that of its first pose, or the one that a person put in its place, and of
+        those that its iterations kept since.
         """
         hypotheses = state.target.instance.hypotheses
         initial = self._score(state.target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
         arms: list[Arm] = []
-        for j, arm in enumerate(state.arms):
+        for arm in state.arms:
             scores = self._score(state.target, np.array([e.T_cam_obj for e in arm.entries]), fixed)
             entries = tuple(replace(e, score=scores[k]) for k, e in enumerate(arm.entries))
-            kept = [e.score.score for e in entries[1:] if e.stage != "edited"]
-            arms.append(replace(arm, entries=entries, mean=float(np.mean([initial.score[j], *kept]))))
+            judged = replace(arm, entries=entries)
+            mean = float(np.mean([e.score.score for e in judged.own_entries]))
+            arms.append(replace(judged, mean=mean))
         first = self._first(arms)
         best = _best(arms[first].entries[0], first)
         for j, arm in enumerate(arms):
@@ -126,10 +130,14 @@ class ObjectMethod:
     def edit(
         self, state: ObjectState, arm: int, T_cam_obj: Float, index: int, fixed: Sequence[Placed] = ()
     ) -> ObjectState:
-        """The same state with the current pose of ``arm`` replaced, scored, and counted for the answer."""
+        """The same state with the current pose of ``arm`` replaced, scored, and counted for the answer.
+
+        It is the next to be played, unless the object has used its budget.
+        """
         score = self._score(state.target, np.asarray(T_cam_obj, dtype=np.float64)[None], fixed)[0]
         edited = state.with_edited(arm, T_cam_obj, score, index)
-        return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm))
+        waiting = () if self.is_done(state) else edited.by_hand
+        return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm), by_hand=waiting)
 
     def _score(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed]) -> Scores:
         return self.verifier.score(target, Ts_cam_obj, self._may_hide(fixed))
@@ -139,7 +147,7 @@ class ObjectMethod:
 
     def _first(self, arms: Sequence[Arm]) -> int:
         """The arm whose initial pose is the answer before the first iteration."""
-        return int(np.argmax([arm.mean for arm in arms])) if self.answer_is_best_scored else 0
+        return int(np.argmax([arm.entries[0].score.score for arm in arms])) if self.answer_is_best_scored else 0
 
     def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (METHODS 1.3)."""

@@ -67,9 +67,11 @@ class PerObject:
             raise InputError("the run is over: every object has used its budget")
         fixed, before = self._fixed(state, i), state.objects[i]
         assert before is not None
-        if fixed and before.n_done == 0:
+        if fixed and (before.n_done == 0 or before.was_ahead):
             before = self.method.judged_anew(before, fixed)
         after, iteration = self.method.step(before, state.n_done + 1, fixed)
+        if i != self._turns(state)[0]:  # The objects before it may move yet: then it is judged among them again.
+            after = replace(after, was_ahead=True)
         return state.with_object(i, after, state.n_done + 1), iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
@@ -110,9 +112,12 @@ class PerObject:
         """What stands in the scene while the i-th instance is worked on."""
         return ()
 
+    def _turns(self, state: FrameState) -> list[int]:
+        """The instances whose budget is not used, in the order to solve them."""
+        return [i for i in self._order(state.problem) if (o := state.objects[i]) and not self.method.is_done(o)]
+
     def _next(self, state: FrameState) -> int | None:
-        for i in self._order(state.problem):
-            o = state.objects[i]
-            if o and not self.method.is_done(o):
-                return i
-        return None
+        """The first in turn; one with a pose that was moved by hand goes ahead for an iteration."""
+        turns = self._turns(state)
+        moved = [i for i in turns if (o := state.objects[i]) and o.by_hand]
+        return next(iter((*moved, *turns)), None)

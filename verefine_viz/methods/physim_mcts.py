@@ -129,6 +129,8 @@ class PhysimMcts:
             replace(s, tree=s.tree.with_candidate(s.members.index(i), arm, pose, lcp)) if s and i in s.members else s
             for s in state.searches
         ]
+        if any(s and i in s.members and self._is_over(s) for s in searches):
+            edited = replace(edited, by_hand=())
         return replace(state.with_object(i, edited), searches=tuple(searches))
 
     @property
@@ -166,8 +168,10 @@ class PhysimMcts:
         return ObjectState(target, initial, arms, best)
 
     def _next(self, state: SearchState) -> int | None:
-        """The first cluster with budget left."""
-        return next((k for k, s in enumerate(state.searches) if s and not self._is_over(s)), None)
+        """The first cluster with budget left; one with a pose that was moved by hand goes ahead."""
+        left = [(k, s) for k, s in enumerate(state.searches) if s and not self._is_over(s)]
+        moved = [k for k, s in left if any((o := state.objects[i]) and o.by_hand for i in s.members)]
+        return next(iter((*moved, *(k for k, _ in left))), None)
 
     def _budget(self, search: Search) -> int:
         return self.settings.expansions * len(search.members)

@@ -80,7 +80,7 @@ class SceneSearch:
             index: of the iteration, over the whole run.
         """
         tree = search.tree
-        selection = tree.select(self.exploration_px)
+        selection = tree.select(self.exploration_px, _moved_by_hand(objects, search))
         above = [tree.nodes[n] for n in selection.branch[1:]]
         level, arm = len(above), selection.arm
         o = objects[search.members[level]]
@@ -89,7 +89,7 @@ class SceneSearch:
         new = self._place(problem, search, level, arm, fixed)
 
         began = perf_counter()
-        rest = self._completed(problem, search, (*fixed, new.placed))
+        rest = self._completed(problem, objects, search, (*fixed, new.placed))
         scene = (*fixed, new.placed, *(p.placed for p in rest))
         cost_px = float(self.renderer.unexplained_px(problem.observation, scene))
         branch = (*selection.branch, len(tree.nodes))
@@ -150,12 +150,16 @@ class SceneSearch:
             draft = Draft((aligned, settled[0]), ("simulated",), settled[1])
         return Placing(_placed(problem, i, draft.stages[-1].T_cam_obj), arm, draft)
 
-    def _completed(self, problem: Problem, search: Search, scene: Sequence[Placed]) -> list[Placing]:
-        """The roll-out: the other objects, each from its hypothesis with the largest LCP."""
+    def _completed(
+        self, problem: Problem, objects: Sequence[ObjectState | None], search: Search, scene: Sequence[Placed]
+    ) -> list[Placing]:
+        """The roll-out: the other objects, each from its hypothesis with the largest LCP, or one moved by hand."""
         rest: list[Placing] = []
         for level in range(len(scene), len(search.members)):
             so_far = (*scene, *(p.placed for p in rest))
-            rest.append(self._place(problem, search, level, search.tree.favourite(level), so_far))
+            o = objects[search.members[level]]
+            arm = o.by_hand[0] if o and o.by_hand else search.tree.favourite(level)
+            rest.append(self._place(problem, search, level, arm, so_far))
         return rest
 
     def _answers(
@@ -171,6 +175,12 @@ class SceneSearch:
     def _judged(self, o: ObjectState, stages: tuple[Stage, ...], fixed: Sequence[Placed]) -> tuple[Stage, ...]:
         scores = self.verifier.score(o.target, np.array([s.T_cam_obj for s in stages]), fixed)
         return tuple(replace(s, score=scores[j]) for j, s in enumerate(stages))
+
+
+def _moved_by_hand(objects: Sequence[ObjectState | None], search: Search) -> tuple[int, int] | None:
+    """(level, arm) of the first hypothesis that a person moved and that was not placed since."""
+    waiting = ((level, objects[i]) for level, i in enumerate(search.members))
+    return next(((level, o.by_hand[0]) for level, o in waiting if o and o.by_hand), None)
 
 
 def _placed(problem: Problem, i: int, T_cam_obj: Float | None) -> Placed:

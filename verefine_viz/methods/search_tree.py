@@ -104,28 +104,37 @@ class SearchTree:
         pool = self.pools[level]
         return max(range(len(pool)) if among is None else among, key=lambda arm: (pool[arm].lcp, -arm))
 
-    def select(self, exploration_px: float) -> Selection:
+    def select(self, exploration_px: float, moved: tuple[int, int] | None = None) -> Selection:
         """The next expansion of a tree that is not complete.
 
         A node with an untried candidate gets it, the largest LCP first; else the search goes on to the child with the
         lowest q/n − α·sqrt(2 ln N / n), q/n the mean cost, N and n the visits of the node and of the child. Children
         below which nothing is left to expand are passed over: the published search may visit their leaves again and
         again, which tells it nothing new.
+
+        Args:
+            exploration_px: α.
+            moved: (level, arm) of a candidate that a person moved and that was not placed since. It goes before all
+                others: the search takes the shortest way to a node that it can be placed below.
         """
         branch, choices = [0], []
         while True:
             node = self.nodes[branch[-1]]
+            if moved is not None and node.level == moved[0]:
+                why = f"hypothesis {moved[1] + 1}: it was moved by hand and is placed first"
+                return Selection(tuple(branch), moved[1], (*choices, why))
+            towards = [] if moved is None else self._deepest(node.children, moved[0])
             untried = self.untried(branch[-1])
-            if untried:
+            if untried and not towards:
                 arm = self.favourite(node.level, untried)
                 share = self.pools[node.level][arm].lcp
                 left = "the last one untried" if len(untried) == 1 else f"largest overlap of {len(untried)} untried"
                 return Selection(tuple(branch), arm, (*choices, f"hypothesis {arm + 1}: {100 * share:.0f} %, {left}"))
-            open_children = [c for c in node.children if not self.nodes[c].is_closed]
-            bounds = [self._bound_px(node, c, exploration_px) for c in open_children]
+            children = towards or [c for c in node.children if not self.nodes[c].is_closed]
+            bounds = [self._bound_px(node, c, exploration_px) for c in children]
             k = bounds.index(min(bounds))
-            choices.append(self._why(node, open_children, bounds, k))
-            branch.append(open_children[k])
+            choices.append(self._why(node, children, bounds, k))
+            branch.append(children[k])
 
     def expanded(self, parent: int, arm: int, T_cam_obj: Float) -> SearchTree:
         """With one more node, not visited yet."""
@@ -154,6 +163,19 @@ class SearchTree:
         for k in reversed(range(len(self.nodes))):  # children come after their parents
             tree = tree._with({k: replace(tree.nodes[k], is_closed=tree._closes(k))})
         return tree
+
+    def _deepest(self, children: tuple[int, ...], level: int) -> list[int]:
+        """Those below which the tree comes nearest to ``level``."""
+        depths = [self._depth(c, level) for c in children]
+        return [c for c, depth in zip(children, depths, strict=True) if depth == max(depths)]
+
+    def _depth(self, k: int, level: int) -> int:
+        node = self.nodes[k]
+        return (
+            node.level
+            if node.level == level
+            else max((self._depth(c, level) for c in node.children), default=node.level)
+        )
 
     def _closes(self, k: int) -> bool:
         return not self.untried(k) and all(self.nodes[c].is_closed for c in self.nodes[k].children)

@@ -111,6 +111,9 @@ class VfDepth(PerObject):
             slot = scene.members.index(i)
             combination = (*scene.incumbent[:slot], chosen, *scene.incumbent[slot + 1 :])
             score = float(self._judge(edited, scene.members, [combination], self._carried(edited, k)).score[0])
+            if self.prior == "scene":  # As for every first play, else its mean is on another scale than the rewards.
+                arms = (*o.arms[:arm], replace(o.arms[arm], mean=score), *o.arms[arm + 1 :])
+                edited = edited.with_object(i, replace(o, arms=arms))
             if score > scene.incumbent_score:
                 scene = replace(scene, incumbent=combination, incumbent_score=score)
             return edited.with_scene(k, scene)
@@ -253,6 +256,10 @@ class VfDepth(PerObject):
 
     def _order(self, problem: Problem) -> Sequence[int]:
         return [i for cluster in clusters_of(problem) for i in cluster]
+
+    def _next(self, state: FrameState) -> int | None:
+        """The first in turn, also where a pose was moved by hand: a pass needs its order."""
+        return next(iter(self._turns(state)), None)
 
     def _cluster(self, state: DepthState) -> int | None:
         """The first cluster with an object whose budget is not used."""

@@ -211,7 +211,7 @@ class Run:
         Args:
             k: the iteration after which the runs part.
             method: takes over after ``k``; None = the same.
-            edit: (instance_id, hypothesis index, T_cam_obj (4, 4)); that hypothesis goes on from this pose.
+            edit: (instance_id, hypothesis index, T_cam_obj (4, 4)); it goes on there, before others.
             watchers: of the new run; they see the shared iterations first.
 
         Raises:
