@@ -11,6 +11,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.colormaps import Image, class_image, difference_scale
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 
@@ -108,3 +109,9 @@ def clicked_pixel(
 def _pixel(camera: Camera, point_cam: Float) -> tuple[int, int] | None:
     u, v = np.round(camera.project(point_cam)).astype(int)
     return (int(u), int(v)) if 0 <= u < camera.width and 0 <= v < camera.height else None
+
+
+def measured_points(problem: Problem) -> Float:
+    """All objects' observed points (n, 3), in the camera frame; a point ahead where nothing was measured."""
+    clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
+    return np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 1.0]])
