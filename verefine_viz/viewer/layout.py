@@ -29,6 +29,7 @@ from verefine_viz.viewer.panels.score_error import ScoreErrorPanel
 from verefine_viz.viewer.panels.session import SessionPanel
 from verefine_viz.viewer.panels.settings import SettingsPanel
 from verefine_viz.viewer.panels.timeline import TimelinePanel
+from verefine_viz.viewer.small_window import small_window
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Send, by_person
 
@@ -91,6 +92,7 @@ class Layout:
     def __init__(self, server: viser.ViserServer, send: Send, batch: Gallery | None = None) -> None:
         gui = server.gui
         set_theme(gui)
+        gui.add_html(small_window(RIGHT_PX))
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)

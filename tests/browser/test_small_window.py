@@ -1,0 +1,25 @@
+"""A window that is too small for the panels says so and what to do; the usual one does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.browser.conftest import SESSIONS, Look
+from verefine_viz.viewer.small_window import SAID
+
+pytestmark = pytest.mark.browser
+
+
+def test_a_zoomed_page_says_what_to_do_and_keeps_its_right_column_free(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    said = screen.page.get_by_text(SAID)
+    assert not said.is_visible()
+    screen.page.set_viewport_size({"width": 1024, "height": 640})  # 1280 × 800 at 125 %
+    said.wait_for()
+    screen.page.wait_for_timeout(500)
+    column = screen.page.locator("[data-dock-region=right]").first.bounding_box()
+    assert column is not None
+    for window in screen.page.locator("[data-floating-window]:visible").all():
+        box = window.bounding_box()
+        assert box is not None
+        assert box["x"] + box["width"] <= column["x"] + 1
