@@ -100,3 +100,10 @@ def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() 
     assert view.sides.frame_scores[0] == view.frame_score.score
     assert f">{view.frame_score.score:.3f} → " in outcome_table(view.sides)
     assert f">{view.frame_score.score:.2f}</span>" in objects_html(view)
+
+
+def test_a_name_does_not_say_twice_on_which_side_it_is() -> None:
+    d = debugger().carry_out([TWO, c.RunTo(2), s.CompareRun(), s.RunB()])
+    assert (sides(d).name_a, sides(d).name_b) == ("first run", "same settings")
+    d.carry_out([s.SwapSides()])
+    assert (sides(d).name_a, sides(d).name_b) == ("same settings", "first run")

@@ -38,6 +38,6 @@ def arms_legend(target: Target) -> str:
     every = "" if have_names(target) or len(target.instance.hypotheses) < 2 else "all "
     return " ".join(
         f'<span style="white-space:nowrap">{" ".join(f"{swatch(arm_color(j))}{j + 1}" for j in group)} '
-        f'<span class="cut" style="max-width:170px" title="{text(source)}">{every}{text(source)}</span></span>'
+        f'<span class="cut" style="max-width:290px" title="{text(source)}">{every}{text(source)}</span></span>'
         for source, group in groups
     )

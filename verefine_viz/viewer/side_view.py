@@ -181,7 +181,8 @@ def names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tu
             key = name.rpartition(".")[2]
             pairs.append((f"{key} = {_short(one)}", f"{key} = {_short(other)}"))
     if not pairs:
-        return a.name, b.name if b.name != a.name else f"{b.name} (2)"
+        name_a, name_b = (side.name.removeprefix("B: ") for side in (a, b))  # Which side it is on is said anyway.
+        return name_a, name_b if name_b != name_a else f"{name_b} (2)"
     one, other = (", ".join(side) for side in zip(*pairs, strict=True))
     files = [side.recording.name if side.recording else "" for side in (a, b)]
     return tuple(f"{n}, {file}" if file else n for n, file in zip((one, other), files, strict=True))  # type: ignore[return-value]

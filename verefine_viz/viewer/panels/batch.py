@@ -23,7 +23,7 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block
 
 STYLE = """<style>
-.vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px}
+.vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px;margin-bottom:6px}
 .vz.batch{padding-bottom:0}
 .vz.batch .card{margin-bottom:-5px}
 .vz select{display:block;width:100%;font:inherit;font-size:12px;color:inherit;background:#2e2e2e;
@@ -109,7 +109,9 @@ def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
     if not entries:
         return f"{said}. None passes all filters: choose others."
     n = sum(entry.can_be_opened for entry in entries)
-    return f"{said}. Click one of {n}, or press J, K." if n else f"{said}. None of those below can be opened."
+    if not n:
+        return f"{said}. None of those below can be opened."
+    return f"{said}. {f'Click one of {n}' if n > 1 else 'One can be opened: click it'}, or press J, K."
 
 
 def choices(gallery: Gallery, order: Order, only: Mapping[str, str]) -> str:
