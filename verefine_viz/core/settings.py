@@ -127,7 +127,8 @@ class ScoreSettings(Settings):
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
     simplify_mm: NonNegative = 0.2
-    """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle."""
+    """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
+    scores of real frames by up to 0.001, and takes two thirds of the time."""
 
 
 class PhysicsSettings(Settings):
