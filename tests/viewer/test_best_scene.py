@@ -9,7 +9,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.panels.maps import maps_html
-from verefine_viz.viewer.tables import errors_table, score_table
+from verefine_viz.viewer.score_tables import score_table
+from verefine_viz.viewer.tables import errors_table
 from verefine_viz.viewer.view import View
 
 

@@ -12,7 +12,7 @@ from verefine_viz.viewer.markup import swatch, text
 from verefine_viz.viewer.panels.layers import HINTS
 from verefine_viz.viewer.scene_now import ObjectNow
 from verefine_viz.viewer.scene_words import method_name
-from verefine_viz.viewer.tables import CLASS_MEANING
+from verefine_viz.viewer.score_tables import CLASS_MEANING
 from verefine_viz.viewer.view import View
 
 ANSWER = "what the run hands on, solid"

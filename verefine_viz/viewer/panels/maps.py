@@ -12,7 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_image, scale_of
 from verefine_viz.viewer.markup import carries, swatch, text
 from verefine_viz.viewer.pair_words import score_digits
-from verefine_viz.viewer.tables import CLASS_MEANING
+from verefine_viz.viewer.score_tables import CLASS_MEANING
 from verefine_viz.viewer.view import Side, View
 from verefine_viz.viewer.widgets import Block, Send
 

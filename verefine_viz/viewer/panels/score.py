@@ -13,7 +13,7 @@ from verefine_viz.viewer.markup import hinted, text
 from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.scene_tables import passes_table
 from verefine_viz.viewer.scene_words import TERMS, scene_sentence
-from verefine_viz.viewer.tables import probe_table, score_table
+from verefine_viz.viewer.score_tables import probe_table, score_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
