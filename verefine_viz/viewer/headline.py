@@ -79,7 +79,8 @@ def chosen_because(iteration: Iteration, n_arms: int) -> str:
     if choice is None:
         return who
     mean, bonus = choice.mean[iteration.arm], choice.exploration[iteration.arm]
-    if bonus > 0:
+    moved = any(event.kind == "edited" for event in iteration.events)  # Then it was not the bound that decided.
+    if bonus > 0 and not moved:
         return f"{who} (best UCB: {mean:.2f} + {bonus:.2f})"
     return f"{who} ({choice.reason.partition(': ')[2] or choice.reason})"
 

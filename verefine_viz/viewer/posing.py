@@ -11,6 +11,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.view import View
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
@@ -19,6 +20,9 @@ BY_HAND = (
     "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
     "pose as it was."
 )
+
+WITH_PASSES = ("vf_depth", "physim_mcts")
+"""Methods in which an object may have to wait for others before it is placed."""
 
 
 class Posing:
@@ -70,5 +74,17 @@ class Posing:
         run, instance_id = debugger.workspace.run, view.target.instance.instance_id
         debugger.workspace.fork(run.cursor, (), (instance_id, view.arm, T))
         debugger.look = replace(debugger.look.moved(), focus=instance_id, arm=view.arm)
-        if debugger.workspace.run.is_done:
-            debugger.message = "The edited pose was scored, but no iteration is left for it; go back before you edit."
+        debugger.message = continued(debugger.view(deep=False))
+
+
+def continued(view: View) -> str:
+    """What becomes of the pose that was just put there, hypothesis ``view.arm`` of the object in focus."""
+    label = view.scene.object(view.target.instance.instance_id).label
+    if not view.state.by_hand:
+        return f"The edited pose was scored, but no iteration is left for {label}; go back before you edit."
+    who = f"Hypothesis {view.arm + 1}" + (f" of {label}" if len(view.scene.objects) > 1 else "")
+    score = view.state.arms[view.arm].current.score.score
+    when = "next"
+    if view.session.method.name in WITH_PASSES and len(view.scene.objects) > 1:
+        when = f"as soon as {label} is next in turn"
+    return f"{who} goes on from where you put it, with a score of {score:.3f}. Step or Run: it is refined {when}."

@@ -1,0 +1,50 @@
+"""What the page says when a person goes on from a pose moved by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.headline import headline
+from verefine_viz.viewer.plays import what_n_counts
+from verefine_viz.viewer.words import chosen
+
+FAR = c.DragPose(tuple(float(x) for x in transform(np.eye(3), [0.05, 0.08, 0.7]).ravel()))
+"""Scores less than every hypothesis."""
+
+
+def debugger(method: str = "rir", frame: str = "0/1") -> Debugger:
+    session = Session(title="boxes", method=MethodSettings(name=method, iterations=2, exploration=0.1))
+    return Debugger(session, None, FakeTools).carry_out([c.OpenFrame(frame)])
+
+
+@pytest.mark.parametrize("method", ["rir", "even", "expl", "vf_breadth", "vf_depth"])
+def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_taken(method: str) -> None:
+    d = debugger(method).carry_out([c.Step(), c.SelectArm(2), c.EditPose(), FAR, c.ForkFromPose()])
+    assert d.message.startswith("Hypothesis 3 goes on from where you put it, with a score of 0.")
+    assert d.message.endswith("Step or Run: it is refined next.")
+    view = d.carry_out([c.Step()]).view()
+    assert chosen(view) == "Iteration 2 took hypothesis 3: it was moved by hand and is played first."
+    assert "hypothesis 3 of 3 (it was moved by hand and is played first)" in headline(view)
+    assert "a pose moved by hand begins anew at 1" in what_n_counts(view)
+
+
+def test_without_a_moved_pose_nothing_is_said_of_it() -> None:
+    assert "by hand" not in what_n_counts(debugger().carry_out([c.Step()]).view())
+
+
+def test_where_objects_take_turns_it_says_when() -> None:
+    d = debugger("vf_depth", "0/2").carry_out([c.Focus(1), c.EditPose(), FAR, c.ForkFromPose()])
+    assert d.message.startswith("Hypothesis 1 of box #1 goes on from where you put it")
+    assert d.message.endswith("it is refined as soon as box #1 is next in turn.")
+
+
+def test_an_object_without_iterations_left_is_said_although_the_run_goes_on() -> None:
+    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), FAR, c.ForkFromPose()])
+    assert not d.workspace.run.is_done
+    assert d.message == "The edited pose was scored, but no iteration is left for box #0; go back before you edit."
