@@ -9,10 +9,12 @@ import pytest
 from rich.console import Console
 
 from tests.report.runs import row, write_run
+from verefine_viz.batch.command import what_next
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.runner import Outcome
 from verefine_viz.batch.sweep_table import sweep_row, sweep_table
+from verefine_viz.core.settings import SceneSettings
 from verefine_viz.report.comparison import compare
 from verefine_viz.report.frame_recalls import FrameRecalls
 from verefine_viz.report.groups import load_groups
@@ -81,3 +83,9 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
 def test_of_nothing_nothing_is_said() -> None:
     found = sweep_row([[ObjectRow(scene_id=1, im_id=1, status="failed", message="no depth")]])
     assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5
+
+
+def test_only_runs_on_the_same_data_are_said_to_compare() -> None:
+    mug, duck = SceneSettings(source="demo", demo="mug"), SceneSettings(source="demo", demo="duck")
+    assert what_next([mug, mug], Path("out")) == "Compare them: verefine-viz report out"
+    assert what_next([mug, duck], Path("out")) == "Look at them: verefine-viz view out"

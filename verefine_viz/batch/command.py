@@ -17,6 +17,7 @@ from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
+from verefine_viz.core.settings import SceneSettings
 from verefine_viz.diagnosis.words import cause_title
 
 MISSED = {
@@ -47,6 +48,12 @@ def run_jobs(
         return _run_all(jobs, out, place, retry_failed, task, pool)
 
 
+def what_next(scenes: Sequence[SceneSettings], out: Path) -> str:
+    """The command that shows several runs, one of each scene: only runs on the same data compare."""
+    data = {(s.source, s.demo if s.source == "demo" else Path(s.dataset).name, s.split) for s in scenes}
+    return f"Compare them: verefine-viz report {out}" if len(data) == 1 else f"Look at them: verefine-viz view {out}"
+
+
 def _run_all(
     jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None
 ) -> int:
@@ -67,7 +74,7 @@ def _run_all(
     n_failed = sum(outcome.n_failed for _, outcome in outcomes)
     if n_failed:
         console.print(f"{n_failed} frames failed; the same command with --retry-failed tries them again.")
-    console.print(escape(f"Compare them: verefine-viz report {out}"))
+    console.print(escape(what_next([job.session.scene for job in jobs], out)))
     return 1 if n_failed else 0
 
 

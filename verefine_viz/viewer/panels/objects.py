@@ -169,12 +169,10 @@ def legend(view: View) -> str:
         if light in told
     )
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
+    drawn = f"{drawn}, overlaps red" if view.sides is None else "3D: A solid, B as an outline"
     tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
     sinks = '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>' if carried(view) else ""
-    return (
-        f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>{sinks}'
-        f'<p class="legend dim">{drawn}, overlaps red.</p>'
-    )
+    return f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>{sinks}<p class="legend dim">{drawn}.</p>'
 
 
 def _dot(light: str, tip: str = "") -> str:
