@@ -5,10 +5,10 @@ right. But it changes how large objects appear and, by the same factor, how far 
 change the first alone, a wrong depth_scale neither. So all objects together tell what is off, and by how much.
 
 Measured with cam_K multiplied by 0.7 to 1.3, as factors over the one expected then: on eight real frames (YCB-V,
-640x480, masks by annotators) 24 of 28 objects are ``SURE``, with 0.956 to 1.045, medians of frames 0.988 to 1.004, depth
-0.998 to 1.004; on the built-in scenes 34 of 39 objects, with 0.990 to 1.006. So a focal length that is off by 10% is
-noticed in every real frame, by 5% where masks are exact; a small object alone in the middle of the image says so from
-15% on, as masks may be too wide.
+640x480, masks by annotators) 24 of 28 objects are ``SURE``, with 0.956 to 1.045, medians of frames 0.988 to 1.004,
+depth 0.998 to 1.004; on the built-in scenes 34 of 39 objects, with 0.990 to 1.006. So a focal length that is off by 10%
+is noticed in every real frame, by 5% where masks are exact; a small object alone in the middle of the image says so
+from 15% on, as masks may be too wide.
 """
 
 from __future__ import annotations
