@@ -23,9 +23,10 @@ app: $(VENV)/.ready-app
 	@$(BIN)/python app.py $(SESSION) --port $(PORT)
 
 # The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
+# VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	$(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
-	$(BIN)/python -m pytest -m browser
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff format --check .

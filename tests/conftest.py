@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.nothing_skipped import NO_DATA, pytest_runtest_makereport
+
+__all__ = ["pytest_runtest_makereport"]
+
 # A busy machine is no failure; what is tested are laws, not times.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
@@ -18,7 +22,7 @@ def shared_data() -> Path:
     """The folder of real frames beside the checkout."""
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"
     if not folder.is_dir():
-        pytest.skip("no real frames beside the checkout (../shared/data)")
+        pytest.skip(NO_DATA)
     return folder
 
 
