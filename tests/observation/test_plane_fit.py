@@ -39,7 +39,7 @@ def test_finds_a_plane_again_from_one_a_little_beside_it(x: float, y: float, off
 def test_is_the_least_squares_plane_of_the_points_on_it(x: float, y: float, seed: int) -> None:
     """As numpy's singular values have it; what lies off the plane does not count."""
     true = tilted(x, y, 0.8)
-    points = spread(seed, true, 0.001)
+    points = spread(seed, true, 0.0004)
     above = points[:200] + 0.1 * true.normal
     found = fitted(true, np.concatenate([points, above]), TOLERANCE_M)
     centre = points.mean(axis=0)
@@ -47,6 +47,38 @@ def test_is_the_least_squares_plane_of_the_points_on_it(x: float, y: float, seed
     assert abs(float(normal @ found.normal)) > 1 - 1e-12
     np.testing.assert_allclose(found.heights(centre[None]), 0.0, atol=1e-12)
     assert not found.touches(above, TOLERANCE_M).any()
+
+
+@given(tilts, tilts, st.floats(0.006, 0.009), st.integers(0, 99))
+def test_what_lies_flat_on_one_side_of_it_does_not_tilt_it(x: float, y: float, height_m: float, seed: int) -> None:
+    """A cloth, a book, a keyboard: thinner than the tolerance."""
+    true = tilted(x, y, 0.8)
+    points = spread(seed, true, 0.001)
+    side = points @ axis_angle([1, 0, 0], x)[:, 0]
+    on_cloth = np.argsort(side)[:60]
+    points[on_cloth] += height_m * true.normal
+    found = fitted(true, points, TOLERANCE_M)
+    assert np.degrees(np.arccos(min(1.0, found.normal @ true.normal))) < 0.15
+    assert abs(found.heights(-true.offset_m * true.normal[None])[0]) < 0.0005
+
+
+@given(tilts, tilts, st.floats(0.0, 0.007), st.integers(0, 99))
+def test_holds_in_noise(x: float, y: float, noise_m: float, seed: int) -> None:
+    """Also in noise that is wider than what is to be left out."""
+    true = tilted(x, y, 0.8)
+    found = fitted(true, spread(seed, true, noise_m), TOLERANCE_M)
+    assert np.degrees(np.arccos(min(1.0, found.normal @ true.normal))) < 0.6
+    assert abs(found.heights(-true.offset_m * true.normal[None])[0]) < 0.0015
+
+
+def test_points_all_beside_the_plane_leave_it_between_them() -> None:
+    """Where depth comes in steps no point is near."""
+    true = Plane(np.array([0.0, 0.0, -1.0]), 0.8)
+    points = spread(0, true, 0.0)
+    step = 0.004 * true.normal
+    points = np.concatenate([points + step, points - step])
+    found = fitted(true, points, TOLERANCE_M)
+    np.testing.assert_allclose([*found.normal, found.offset_m], [0.0, 0.0, -1.0, 0.8], atol=1e-9)
 
 
 @given(tilts, tilts, st.floats(0.1, 3.0), st.floats(0.1, 10.0))

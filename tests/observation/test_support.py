@@ -190,7 +190,11 @@ def test_a_vector_without_direction(vector: tuple[float, float, float]) -> None:
 def test_true_poses_stand_on_the_plane_of_real_frames(
     shared_data: Path, scene_id: str, im_id: int, stacked: tuple[int, ...]
 ) -> None:
-    """Their annotations reach up to 13 mm below it; ``stacked`` ones stand on another object."""
+    """Their annotations reach up to 13 mm below it; ``stacked`` ones stand on another object.
+
+    The others stand or lie upright in the picture; hence the median over them, as not every mesh's axes are the
+    object's. The frames' own cam_R_w2c is no witness: mug and brick of the first frame lean by 6° and 7° against it.
+    """
     folder = shared_data / "ycbv" / "test" / scene_id
     frame = json.loads((folder / "scene_camera.json").read_text())[str(im_id)]
     depth = np.array(Image.open(folder / "depth" / f"{im_id:06d}.png")).astype(np.float32) * frame["depth_scale"] / 1000
@@ -198,6 +202,7 @@ def test_true_poses_stand_on_the_plane_of_real_frames(
     truths = json.loads((folder / "scene_gt.json").read_text())[str(im_id)]
     masks = [np.array(Image.open(folder / "mask_visib" / f"{im_id:06d}_{i:06d}.png")) > 0 for i in range(len(truths))]
     support = find_support(depth, camera, np.any(masks, axis=0), "plane", None, 0)
+    leans_deg: list[float] = []
     for truth in truths:
         mesh = trimesh.load(shared_data / "ycbv" / "models" / f"obj_{truth['obj_id']:06d}.ply", process=False)
         T = transform(np.array(truth["cam_R_m2c"]).reshape(3, 3), np.array(truth["cam_t_m2c"]) / 1000)
@@ -206,6 +211,5 @@ def test_true_poses_stand_on_the_plane_of_real_frames(
             assert 0.02 < lowest_m < 0.06
         else:
             assert -0.015 < lowest_m < 0.005
-    if "cam_R_w2c" in frame:
-        up = np.array(frame["cam_R_w2c"]).reshape(3, 3)[:, 2]
-        assert np.rad2deg(np.arccos(up_cam(support) @ up)) < 2
+            leans_deg.append(float(np.rad2deg(np.arccos(np.abs(up_cam(support) @ T[:3, :3]).max()))))
+    assert np.median(leans_deg) < 4
