@@ -7,11 +7,12 @@ from dataclasses import replace
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Event, Iteration, Stage
 from verefine_viz.core.settings import BreakpointSettings, MethodSettings
 from verefine_viz.methods.registry import make_method
-from verefine_viz.session.breakpoints import hits
+from verefine_viz.session.breakpoints import UNITS, hits, with_changes
 from verefine_viz.session.engine import Run
 
 PROBLEM = box_problem(2)
@@ -32,15 +33,19 @@ def with_kept(pose=None, score: float | None = None, events: tuple[Event, ...] =
 
 
 CASES = {
-    "score_falls_by": (0.1, with_kept(score=0.0), "the score fell by"),
+    "score_falls_by": (0.1, with_kept(score=0.0), ", more than 0.1"),
     "simulated_rejected": (True, with_kept(events=(Event("kept_refined", "kept"),)), "simulated pose rejected"),
     "refined_rejected": (True, with_kept(events=(Event("kept_simulated", "Refined pose rejected"),)), "rejected"),
-    "jump_mm": (20.0, with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.03])), "jumped by 30.0 mm"),
-    "jump_deg": (20.0, with_kept(transform(axis_angle([1, 0, 0], 0.5), [0, 0, 0])), "turned by 28.6°"),
+    "jump_mm": (
+        20.0,
+        with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.03])),
+        "jumped by 30.0 mm, more than 20 mm",
+    ),
+    "jump_deg": (20.0, with_kept(transform(axis_angle([1, 0, 0], 0.5), [0, 0, 0])), "turned by 28.6°, more than 20°"),
     "arm_switched": (True, with_kept(events=(Event("arm_switched", "Switched"),)), "Switched"),
     "unstable": (True, with_kept(events=(Event("unstable", "turned"),)), "turned"),
     "empty_render": (True, with_kept(events=(Event("empty_render", "renders to nothing"),)), "renders to nothing"),
-    "error_grows_by_mm": (5.0, with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.5])), "error against ground"),
+    "error_grows_by_mm": (5.0, with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.5])), "mm, more than 5 mm"),
 }
 
 
@@ -55,3 +60,36 @@ def test_a_breakpoint_fires_on_its_condition_only(name: str) -> None:
 
 def test_every_breakpoint_is_tested() -> None:
     assert set(CASES) == set(BreakpointSettings.model_fields)
+
+
+def test_a_value_just_above_its_threshold_does_not_read_as_the_threshold() -> None:
+    record = with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.03004]))
+    (reason,) = hits(BreakpointSettings(jump_mm=30.0), PROBLEM, record)
+    assert reason == "the pose jumped by 30.04 mm, more than 30 mm"
+
+
+def test_some_are_changed_and_the_others_stay() -> None:
+    set_before = BreakpointSettings(jump_mm=25.0, unstable=True)
+    changed = with_changes(set_before, (("score_falls_by", 0.5), ("jump_mm", None)))
+    assert changed == BreakpointSettings(score_falls_by=0.5, unstable=True)
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "far"])
+@pytest.mark.parametrize("name", UNITS)
+def test_no_threshold_is_refused_in_one_line(name: str, value: object) -> None:
+    given = f"{value:g}{UNITS[name]}" if isinstance(value, float) else value
+    says = f"the breakpoint {name} cannot be {given}: give a number of at least 0{UNITS[name]}; it stays as it was"
+    with pytest.raises(SettingsError, match=says) as refused:
+        with_changes(BreakpointSettings(), ((name, value),))
+    assert "\n" not in str(refused.value)
+
+
+def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
+    with pytest.raises(SettingsError, match="the breakpoint unstable cannot be 7: give on or off"):
+        with_changes(BreakpointSettings(), (("unstable", 7),))
+    with pytest.raises(SettingsError, match=r"unknown breakpoint 'jump'; available: .*jump_mm"):
+        with_changes(BreakpointSettings(), (("jump", 1.0),))
+
+
+def test_every_threshold_has_a_unit() -> None:
+    assert set(UNITS) == {name for name, value in BreakpointSettings() if value is None}

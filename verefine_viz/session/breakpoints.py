@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable
+from typing import Any
 
+import numpy as np
+from pydantic import ValidationError
+
+from verefine_viz.core.digits import telling_digits
+from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.settings import BreakpointSettings
 from verefine_viz.evaluation.errors import add_s_mm
+
+UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
+"""Breakpoints with a threshold, and its unit as it is written behind the number."""
+
+
+def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]]) -> BreakpointSettings:
+    """``settings`` with some fields replaced; a threshold of None switches its breakpoint off.
+
+    Raises:
+        SettingsError: there is no such breakpoint, or its value is none.
+    """
+    wanted = dict(changes)
+    for name in wanted:
+        if name not in BreakpointSettings.model_fields:
+            raise SettingsError(unknown("breakpoint", name, tuple(BreakpointSettings.model_fields)))
+    try:
+        return BreakpointSettings.model_validate(settings.model_dump() | wanted)
+    except ValidationError as error:
+        name = str(error.errors()[0]["loc"][0])
+        expected = f"a number of at least 0{UNITS[name]}" if name in UNITS else "on or off"
+        value = f"{wanted[name]:g}{UNITS[name]}" if isinstance(wanted[name], float) and name in UNITS else wanted[name]
+        raise SettingsError(f"the breakpoint {name} cannot be {value}: give {expected}; it stays as it was") from None
 
 
 def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -> tuple[str, ...]:
@@ -18,17 +46,17 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
     found: list[str] = []
     fall = _score(current) - _score(kept)
     if settings.score_falls_by is not None and fall > settings.score_falls_by:
-        found.append(f"the score fell by {fall:.3f}")
+        found.append(_over("the score fell by", fall, settings.score_falls_by, "", 3))
     if settings.simulated_rejected and "kept_refined" in kinds:
         found.append(f"simulated pose rejected: {kinds['kept_refined']}")
     if settings.refined_rejected and "kept_simulated" in kinds:
         found.append(kinds["kept_simulated"])
     jump_mm = 1e3 * float(np.linalg.norm(kept.T_cam_obj[:3, 3] - current.T_cam_obj[:3, 3]))
     if settings.jump_mm is not None and jump_mm > settings.jump_mm:
-        found.append(f"the pose jumped by {jump_mm:.1f} mm")
+        found.append(_over("the pose jumped by", jump_mm, settings.jump_mm, " mm"))
     jump_deg = float(np.rad2deg(angle_between(current.T_cam_obj[:3, :3], kept.T_cam_obj[:3, :3])))
     if settings.jump_deg is not None and jump_deg > settings.jump_deg:
-        found.append(f"the pose turned by {jump_deg:.1f}°")
+        found.append(_over("the pose turned by", jump_deg, settings.jump_deg, "°"))
     asked = {
         "arm_switched": settings.arm_switched,
         "unstable": settings.unstable,
@@ -39,8 +67,16 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
     if settings.error_grows_by_mm is not None:
         growth = _error_growth_mm(problem, iteration)
         if growth is not None and growth > settings.error_grows_by_mm:
-            found.append(f"the error against ground truth grew by {growth:.1f} mm")
+            said = "the error against ground truth grew by"
+            found.append(_over(said, growth, settings.error_grows_by_mm, " mm"))
     return tuple(found)
+
+
+def _over(said: str, value: float, limit: float, unit: str, digits: int = 1) -> str:
+    """As in: the pose jumped by 30.0 mm, more than 25 mm."""
+    if round(value, digits) <= limit:  # Else it would read as if it were not more.
+        digits = telling_digits(value - limit)
+    return f"{said} {value:.{digits}f}{unit}, more than {limit:g}{unit}"
 
 
 def _score(stage: Stage) -> float:

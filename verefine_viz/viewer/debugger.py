@@ -10,9 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.settings import BreakpointSettings, Session
+from verefine_viz.core.settings import Session
+from verefine_viz.session.breakpoints import with_changes
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import look as looking
 from verefine_viz.viewer import side_commands as s
@@ -160,7 +161,7 @@ class Debugger:
             case c.ShowBranch(index):
                 self._show_branch(index)
             case c.SetBreakpoints(changes):
-                self._set_breakpoints(changes)
+                self.workspace.breakpoints = with_changes(self.workspace.breakpoints, changes)
             case c.PlayPath():
                 path = self._shown_path()
                 self.look = replace(self.look, path_pose=len(path) - 1, layers=self.look.layers | {"path"})
@@ -183,15 +184,6 @@ class Debugger:
             raise InputError(f"there is no branch {index}; this frame has {len(work.branches)}")
         work.index = index
         self.look = self.look.moved()
-
-    def _set_breakpoints(self, changes: c.Changes) -> None:
-        values = self.workspace.breakpoints.model_dump() | dict(changes)
-        try:
-            self.workspace.breakpoints = BreakpointSettings.model_validate(values)
-        except ValueError:
-            raise SettingsError(
-                f"breakpoints cannot be {dict(changes)}; see the session file's [breakpoints]"
-            ) from None
 
     def _shown_path(self) -> Any:
         shown = self.view(deep=False).shown

@@ -2,48 +2,125 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import viser
 
-from verefine_viz.core.settings import BreakpointSettings
+from verefine_viz.session.breakpoints import UNITS
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
 
-BREAK_IF: dict[str, tuple[str, Any, str]] = {
-    "score_falls_by": ("fell by 0.02", 0.02, "the kept pose scores lower than before by more than this"),
+
+@dataclass(frozen=True)
+class Threshold:
+    """A breakpoint with a number."""
+
+    label: str
+    """What is said in front of the number."""
+    at_first: float
+    """The number that is offered where the session has none."""
+    step: float
+    """Of the arrows beside the number."""
+    meaning: str
+
+
+THRESHOLDS = {
+    "score_falls_by": Threshold("fell by ", 0.02, 0.01, "the kept pose scores lower than the one before by more than"),
+    "jump_mm": Threshold("moved ", 10.0, 1.0, "the kept pose lies further from the one before than"),
+    "jump_deg": Threshold("turned ", 10.0, 1.0, "the kept pose is turned against the one before by more than"),
+    "error_grows_by_mm": Threshold("error +", 2.0, 1.0, "ADD(-S) against ground truth grew by more than"),
+}
+FLAGS = {
     "simulated_rejected": (
         "sim. rejected",
-        True,
         "the refined pose was kept instead of the simulated one: the usual case",
     ),
-    "refined_rejected": ("ref. rejected", True, "the simulated pose was kept instead of the refined one"),
-    "jump_mm": ("moved 10 mm", 10.0, "the kept pose moved further than this [mm]"),
-    "jump_deg": ("turned 10°", 10.0, "the kept pose turned further than this [°]"),
-    "arm_switched": ("arm switched", True, "the bandit chose another hypothesis than before"),
-    "unstable": ("unstable", True, "the simulation turned the object by more than 10°"),
-    "empty_render": ("empty render", True, "a pose rendered to nothing, or its score was not a number"),
-    "error_grows_by_mm": ("error +2 mm", 2.0, "ADD(-S) against ground truth grew by more than this [mm]"),
+    "refined_rejected": ("ref. rejected", "the simulated pose was kept instead of the refined one"),
+    "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
+    "unstable": ("unstable", "physics found that the object would not stand, marked “unstable” on the timeline"),
+    "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
-"""Field: (label that fits on one line, value when it is switched on, meaning)."""
+"""Field: (label that fits on one line, meaning)."""
+WORDS = "A run stops after an iteration in which something ticked here happened. Numbers: by more than this."
+ROW_PX = 25
+NUMBER_FROM_PX = 140
+"""Where the numbers begin: behind the boxes, in the same rows."""
 
 
 class BreakpointsPanel:
-    """A box per reason to stop."""
+    """A box per reason to stop; with a number where it is a matter of how much."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._boxes: dict[str, viser.GuiCheckboxHandle] = {}
-        for name, (label, _, meaning) in BREAK_IF.items():
+        Block(gui).show(sentence(WORDS))
+        self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
+        self.numbers: dict[str, viser.GuiNumberHandle[float]] = {}
+        self._seen: dict[str, float | None] = {}
+        self._typed: dict[str, list[float]] = {name: [] for name in THRESHOLDS}
+        """Numbers that were sent and not yet seen in the settings, the oldest first."""
+        self._send = send
+        for name, threshold in THRESHOLDS.items():
+            self._add_threshold(gui, name, threshold)
+        for name, (label, meaning) in FLAGS.items():
             box = gui.add_checkbox(label, False, hint=f"stop when {meaning}")
-            box.on_update(by_person(lambda on, name=name: send(c.SetBreakpoints(((name, _value(name, on)),)))))
-            self._boxes[name] = box
+            box.on_update(by_person(lambda on, name=name: self._set(name, on)))
+            self.boxes[name] = box
+        rows = "".join(compact(row, ROW_PX) for row in (*self.boxes.values(), *self.numbers.values()))
+        gui.add_html(f"<style>{rows}{''.join(map(_beside_the_box, self.numbers.values()))}</style>")
 
     def show(self, view: View) -> None:
-        """Boxes as the breakpoints are set."""
-        for name, box in self._boxes.items():
-            box.value = getattr(view.session.breakpoints, name) not in (None, False)
+        """Boxes and numbers as the breakpoints are set; the number of one that is off waits to be used again."""
+        for name, box in self.boxes.items():
+            value = getattr(view.session.breakpoints, name)
+            box.value = value not in (None, False)
+            if name in self.numbers and value != self._seen.get(name):
+                self._seen[name] = value
+                self._show_number(name, value)
+
+    def _add_threshold(self, gui: viser.GuiApi, name: str, t: Threshold) -> None:
+        box = gui.add_checkbox("", False, hint=f"stop when {t.meaning} this{_in_words(name)}")
+        number = gui.add_number(f"threshold: {t.label.strip()}", t.at_first, step=t.step)
+        number.precision = 6  # Numbers of a session file are shown as they are.
+        self.boxes[name], self.numbers[name] = box, number
+        self._label(name)
+        box.on_update(by_person(lambda on: self._set(name, number.value if on else None)))
+        number.on_update(by_person(lambda value: self._typed_in(name, value)))
+
+    def _typed_in(self, name: str, value: float) -> None:
+        """Sets the threshold where it is on; else the number only waits."""
+        if value >= 0 and not self.boxes[name].value:
+            self._label(name)
+            return
+        if value >= 0:
+            self._typed[name].append(value)
+        else:  # It will be refused with a word; the number goes back to what holds.
+            seen = self._seen.get(name)
+            self.numbers[name].value = THRESHOLDS[name].at_first if seen is None else seen
+        self._set(name, value)
+
+    def _show_number(self, name: str, value: float | None) -> None:
+        typed = self._typed[name]
+        if value in typed:  # Another one may be typed already, which must not be overwritten.
+            del typed[: typed.index(value) + 1]
+        elif value is not None:
+            typed.clear()
+            self.numbers[name].value = value
+        self._label(name)
+
+    def _label(self, name: str) -> None:
+        self.boxes[name].label = f"{THRESHOLDS[name].label}{self.numbers[name].value:g}{UNITS[name]}"
+
+    def _set(self, name: str, value: Any) -> None:
+        self._send(c.SetBreakpoints(((name, value),)))
 
 
-def _value(name: str, on: bool) -> Any:
-    return BREAK_IF[name][1] if on else BreakpointSettings.model_fields[name].default
+def _in_words(name: str) -> str:
+    return f", in {UNITS[name].strip()}" if UNITS[name] else ""
+
+
+def _beside_the_box(number: viser.GuiNumberHandle[float]) -> str:
+    """A style that moves a number up into the row of the box before it."""
+    row = f'div:has(> .mantine-Flex-root label[for="{number._impl.uuid}"])'
+    return f"{unlabelled(number)}{row}{{margin:-{ROW_PX}px 0 0 {NUMBER_FROM_PX}px}}"

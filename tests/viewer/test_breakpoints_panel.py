@@ -1,0 +1,127 @@
+"""The Breakpoints panel: shows the session's own numbers, and loses none of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewer.client import client, until
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.settings import BreakpointSettings, MethodSettings, Session
+from verefine_viz.session.files import load_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.panels.breakpoints import FLAGS, THRESHOLDS
+
+BREAKPOINTS = BreakpointSettings(jump_mm=25.0, score_falls_by=0.5, unstable=True)
+SESSION = Session(title="boxes", method=MethodSettings(iterations=2), breakpoints=BREAKPOINTS)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[App]:
+    running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
+    running.wait_until_idle()
+    yield running
+    running.stop()
+
+
+def panel(app: App) -> Any:
+    return app.page.layout.breakpoints
+
+
+def breakpoints(app: App) -> BreakpointSettings:
+    return app.debugger.workspace.breakpoints
+
+
+def shown(app: App) -> dict[str, tuple[str, bool]]:
+    return {name: (box.label, box.value) for name, box in panel(app).boxes.items()}
+
+
+def test_every_breakpoint_has_a_box_and_every_threshold_a_number(app: App) -> None:
+    assert {*THRESHOLDS, *FLAGS} == set(BreakpointSettings.model_fields) == set(panel(app).boxes)
+    assert set(THRESHOLDS) == {name for name, value in BreakpointSettings() if value is None} == set(panel(app).numbers)
+
+
+def test_the_sessions_own_numbers_are_shown_with_their_units(app: App) -> None:
+    assert shown(app) == {
+        "score_falls_by": ("fell by 0.5", True),
+        "jump_mm": ("moved 25 mm", True),
+        "jump_deg": ("turned 10°", False),
+        "error_grows_by_mm": ("error +2 mm", False),
+        "simulated_rejected": ("sim. rejected", False),
+        "refined_rejected": ("ref. rejected", False),
+        "arm_switched": ("arm switched", False),
+        "unstable": ("unstable", True),
+        "empty_render": ("empty render", False),
+    }
+    assert panel(app).numbers["jump_mm"].value == 25.0
+    assert breakpoints(app) == BREAKPOINTS, "showing changes nothing"
+
+
+def test_off_and_on_again_keeps_the_number(app: App) -> None:
+    with client(app.url) as browser:
+        browser.set(panel(app).boxes["jump_mm"], False)
+        until(app, lambda: breakpoints(app).jump_mm is None)
+        until(app, lambda: shown(app)["jump_mm"] == ("moved 25 mm", False))
+        browser.set(panel(app).boxes["jump_mm"], True)
+        until(app, lambda: breakpoints(app).jump_mm == 25.0)
+    assert breakpoints(app) == BREAKPOINTS
+
+
+@pytest.mark.parametrize("name", THRESHOLDS)
+def test_a_number_is_set_on_the_page_saved_and_loaded(app: App, tmp_path: Path, name: str) -> None:
+    with client(app.url) as browser:
+        browser.set(panel(app).boxes[name], True)
+        for typed in (3.0, 37.0, 37.5):  # as a person types: not every number on the way may be shown again
+            browser.set(panel(app).numbers[name], typed)
+        until(app, lambda: getattr(breakpoints(app), name) == 37.5)
+        until(app, lambda: "37.5" in shown(app)[name][0])
+    assert panel(app).numbers[name].value == 37.5
+    app.send(c.SaveSession("kept"))
+    app.wait_until_idle()
+    assert load_session(tmp_path / "kept.toml").breakpoints == BREAKPOINTS.model_copy(update={name: 37.5})
+    app.send(c.SetBreakpoints(((name, None),)))
+    app.send(c.OpenSession(str(tmp_path / "kept.toml")))
+    app.wait_until_idle()
+    assert shown(app)[name][1]
+    assert panel(app).numbers[name].value == 37.5
+
+
+def test_a_number_typed_while_it_is_off_waits_to_be_switched_on(app: App) -> None:
+    with client(app.url) as browser:
+        browser.set(panel(app).numbers["jump_deg"], 4.0)
+        until(app, lambda: shown(app)["jump_deg"] == ("turned 4°", False))
+        assert breakpoints(app).jump_deg is None
+        browser.set(panel(app).boxes["jump_deg"], True)
+        until(app, lambda: breakpoints(app).jump_deg == 4.0)
+
+
+def test_a_number_that_is_set_elsewhere_is_shown(app: App) -> None:
+    for value in (7.0, 25.0, 0.125):
+        app.send(c.SetBreakpoints((("jump_mm", value),)))
+        app.wait_until_idle()
+        assert panel(app).numbers["jump_mm"].value == value
+    assert shown(app)["jump_mm"] == ("moved 0.125 mm", True)
+
+
+@pytest.mark.parametrize("name", ["jump_mm", "jump_deg"])
+def test_a_negative_number_is_refused_with_a_word_and_taken_off_the_page(app: App, name: str) -> None:
+    before = panel(app).numbers[name].value
+    with client(app.url) as browser:
+        browser.set(panel(app).numbers[name], -5.0)
+        until(app, lambda: app.debugger.message.startswith(f"the breakpoint {name} cannot be -5"))
+        until(app, lambda: panel(app).numbers[name].value == before)
+    assert app.debugger.refused
+    assert breakpoints(app) == BREAKPOINTS
+
+
+def test_the_run_stops_and_says_the_value(app: App) -> None:
+    with client(app.url) as browser:
+        browser.set(panel(app).numbers["jump_mm"], 0.0)
+        until(app, lambda: breakpoints(app).jump_mm == 0.0)
+        browser.set(app.page.layout.run.runs, "Run")
+        until(app, lambda: "mm, more than 0 mm" in app.debugger.message)
+    assert app.debugger.message.startswith("Breakpoint at iteration 1: the pose jumped by ")
