@@ -14,8 +14,8 @@ ROUNDS = 4
 """Fits at each tolerance, each to the points near the plane before it."""
 NARROWER = (1.0, 0.5, 0.25)
 """Shares of the tolerance, one after another: a keyboard on the table, or its bent edge, lies within the whole one and
-tilts the plane. In five YCB-Video frames of one table a mug's true pose leans by 2.6° against the plane so found, else by
-5.7°."""
+tilts the plane. In five YCB-Video frames of one table a mug's true pose leans by 2.6° against the plane so found, by
+5.7° against that of the whole tolerance."""
 
 
 @dataclass(frozen=True)
