@@ -1,0 +1,84 @@
+"""Breakpoints and what follows a pose moved by hand, in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen, is_seen, saved
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.settings import BreakpointSettings
+from verefine_viz.session.files import load_session
+from verefine_viz.viewer import commands as c
+
+pytestmark = pytest.mark.browser
+
+
+def box(screen: Screen, label: str):  # type: ignore[no-untyped-def]
+    return screen.page.get_by_label(label, exact=True)
+
+
+def number(screen: Screen, of: str):  # type: ignore[no-untyped-def]
+    return screen.page.get_by_label(f"threshold: {of}", exact=True)
+
+
+def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path, chromium: object) -> None:
+    breakpoints = {"jump_mm": 25.0, "score_falls_by": 0.5}
+    screen = look(saved(tmp_path, scene={"demo": "mug"}, breakpoints=breakpoints))
+    screen.tab("Breakpoints")
+    assert box(screen, "moved 25 mm").is_checked()
+    assert box(screen, "fell by 0.5").is_checked()
+    assert [number(screen, of).input_value() for of in ("moved", "fell by", "turned")] == ["25", "0.5", "10"]
+    for row in (screen.page.get_by_text("something ticked here happened"), box(screen, "empty render")):
+        assert is_seen(screen, row)
+    for of in ("fell by", "moved", "turned", "error +"):
+        assert is_seen(screen, number(screen, of))
+    screen.shot("breakpoints")
+    for on in (False, True):
+        box(screen, "moved 25 mm").click(timeout=SLOW_MS)
+        screen.until(lambda on=on: (screen.app.debugger.workspace.breakpoints.jump_mm == 25.0) == on)
+    number(screen, "moved").fill("32.5", timeout=SLOW_MS)
+    screen.until(lambda: screen.app.debugger.workspace.breakpoints.jump_mm == 32.5)
+    number(screen, "fell by").fill("-1", timeout=SLOW_MS)
+    screen.text("the breakpoint score_falls_by cannot be -1: give a number of at least 0")
+    number(screen, "fell by").blur()
+    other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
+    other.tab("Breakpoints")
+    assert box(other, "moved 32.5 mm").is_checked()
+    assert (number(other, "moved").input_value(), number(other, "fell by").input_value()) == ("32.5", "0.5")
+    other.page.close()
+    screen.app.send(c.SaveSession("kept"))
+    screen.app.wait_until_idle(60)
+    kept = load_session(tmp_path / "kept.toml").breakpoints
+    assert kept == BreakpointSettings(jump_mm=32.5, score_falls_by=0.5)
+    box(screen, "moved 32.5 mm").click(timeout=SLOW_MS)
+    screen.until(lambda: screen.app.debugger.workspace.breakpoints.jump_mm is None)
+    screen.app.send(c.OpenSession(str(tmp_path / "kept.toml")))
+    screen.until(lambda: screen.app.debugger.workspace.breakpoints == kept)
+    assert box(screen, "moved 32.5 mm").is_checked()
+
+
+def test_a_pose_put_near_the_truth_is_refined_next_and_wins(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.RunTo(3))
+    screen.app.wait_until_idle(60)
+    truth = screen.app.debugger.view().target.instance.T_cam_obj_gt
+    assert truth is not None
+    put = truth @ transform(axis_angle([0, 1, 0], 0.15), [0.004, 0, 0])
+    screen.app.send(c.SelectArm(0))
+    screen.tab("Physics")
+    screen.click("Edit pose")
+    screen.text("by hand scores")
+    screen.app.send(c.DragPose(tuple(float(x) for x in put.ravel())))
+    screen.text("Hypothesis 1 by hand scores 0.648")
+    screen.click("Continue from here")
+    screen.text("Hypothesis 1 goes on from where you put it, with a score of 0.648. Step or Run: it is refined next")
+    screen.shot("by_hand_continued")
+    screen.click("Step ▶")
+    screen.tab("Bandit")
+    screen.text("Iteration 4 took hypothesis 1: it was moved by hand and is played first")
+    screen.text("a pose moved by hand begins anew at 1")
+    screen.shot("by_hand_bandit")
+    screen.click("Run")
+    screen.text("Run finished: best 0.9., hypothesis 1")
