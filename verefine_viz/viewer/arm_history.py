@@ -35,6 +35,10 @@ def arm_history(view: View, most: int = 12) -> str:
             number(errors.add_s_mm if errors else None, 1),
         ]
         rows.append(Row(cells, visit(view, iteration), marked=iteration.index == view.cursor))
+        if any(event.kind == "edited" for event in iteration.events):
+            score = number(before.score.score if before.score else None, 3)
+            put = ["", f"{swatch(STAGE_COLORS['edited'])}by hand", score, "", "", ""]
+            rows.append(Row(put, c.Seek(iteration.index - 1)))
     if begin:
         rows.append(_left_out(view, f"{begin} earlier", own[begin - 1][0]))
     first = view.state.arms[j].entries[0]
