@@ -40,7 +40,7 @@ FLAGS = {
     ),
     "refined_rejected": ("ref. rejected", "the simulated pose was kept instead of the refined one"),
     "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
-    "unstable": ("unstable", "physics found that the object would not stand, marked “unstable” on the timeline"),
+    "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
 """Field: (label that fits on one line, meaning)."""
