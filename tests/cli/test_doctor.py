@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from verefine_viz import cli
 from verefine_viz.commands import checks
 from verefine_viz.commands.checks import Check
+from verefine_viz.core.problem import Target
+from verefine_viz.core.scores import Scores
+from verefine_viz.rendering.cpu_verifier import CpuVerifier
+from verefine_viz.rendering.gl_info import gl_problem
+from verefine_viz.rendering.gl_verifier import GlVerifier
 
 
 @pytest.mark.parametrize(
     "check", [checks.renderer_self_check, checks.score_self_check, checks.simulator_self_check, checks.packages]
 )
-def test_this_machine_computes_what_is_expected(check: object) -> None:
-    assert callable(check)
+def test_this_machine_computes_what_is_expected(check: Callable[[], Check]) -> None:
     row = checks.run(check)
     assert row.ok, row.found
     assert row.needed
@@ -28,6 +36,23 @@ def test_the_expected_fall_is_the_sum_of_the_substeps() -> None:
         velocity += 9.81 * dt
         fallen += velocity * dt
     assert pytest.approx(1e3 * fallen, abs=0.01) == checks.FALL_MM
+
+
+@pytest.mark.parametrize("wrong", [CpuVerifier, GlVerifier])
+def test_a_renderer_whose_scores_are_a_little_off_fails(wrong: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    if wrong is GlVerifier and (problem := gl_problem()):
+        pytest.skip(problem)
+    score = wrong.score
+
+    def off(verifier: Any, target: Target, Ts_cam_obj: np.ndarray) -> Scores:
+        found = score(verifier, target, Ts_cam_obj)
+        return replace(found, score=found.score * [1, 1.01])
+
+    monkeypatch.setattr(wrong, "score", off)
+    row = checks.run(checks.score_self_check)
+    assert not row.ok
+    assert f"{'CPU' if wrong is CpuVerifier else 'OpenGL'} 1.0000 and 0.7142" in row.found
+    assert "expected 1.0000 and 0.7071" in row.found
 
 
 def rows(monkeypatch: pytest.MonkeyPatch, *made: Check) -> int:
