@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.scenes.sizes import Depth, Objects, fitting, objects, of_problem, scene, verdict, written
+from tests.scenes.sizes import Depth, Objects, fitting, objects, of_problem, scene, verdict
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
@@ -86,17 +86,6 @@ def test_one_object_that_is_off_is_no_sign_of_wrong_data() -> None:
 
 def seen_by(problem: Problem) -> tuple[Camera, Depth]:
     return problem.observation.camera, problem.observation.depth_m
-
-
-@pytest.mark.parametrize(("focal", "noted"), [(1.0, 0), (0.9, 1)])
-def test_a_frame_that_is_loaded_carries_it_as_a_note(tmp_path: Path, focal: float, noted: int) -> None:
-    folder = written(tmp_path / "clutter", [scene()], focal)
-    source = open_scene(SceneSettings(source="bop", dataset=str(folder)), HypothesesSettings())
-    notes = [note for note in source.problem("0/0").notes if "objects appear" in note]
-    assert len(notes) == noted
-    for note in notes:
-        assert note.startswith("objects appear 11% larger than their models in their true poses and lie farther from ")
-        assert note.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size")
 
 
 REAL = ("0/1", "0/2", "0/3", "0/4", "0/5", "49/2365", "50/1", "900/2")

@@ -28,7 +28,6 @@ from verefine_viz.scenes.segments import (
     segments_of_detections,
     segments_of_folder,
 )
-from verefine_viz.scenes.size_fit import size_notes
 
 
 class BopSource:
@@ -98,7 +97,6 @@ class BopSource:
                 *notes,
                 *model_notes,
                 *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
-                *size_notes(instances, models, observation),
                 *pose_notes(self._results, instances, models),
                 *self._instance_notes(instances, models, image),
             ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +70,7 @@ class Workspace:
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
         first = frame if frame is not None else frames[0]
-        work = self._begin(tools, tools.problem(first))
+        work = self._begin(tools, _read(tools, first))
         self.tools, self.path, self.frames = tools, path, frames
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written."""
@@ -82,7 +82,7 @@ class Workspace:
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._works:
-            self._works[frame] = self._begin(self.tools, self.tools.problem(frame))
+            self._works[frame] = self._begin(self.tools, _read(self.tools, frame))
         self.frame = frame
 
     @property
@@ -175,7 +175,7 @@ class Workspace:
         scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
         session = recorded.session.model_copy(update={"scene": scene})
         tools = self._make_tools(session)
-        branch = self.recorded_branch(recorded, tools, tools.problem(recorded.frame))
+        branch = self.recorded_branch(recorded, tools, _read(tools, recorded.frame))
         self.tools, self.path, self.frames = tools, None, (recorded.frame,)
         self.files = {}
         self.breakpoints = session.breakpoints
@@ -214,6 +214,15 @@ class Workspace:
 
     def _judge(self, tools: Tools) -> Judge:
         return Judge(tools, self._plausibility, self._overlap)
+
+
+def _read(tools: Tools, frame: str) -> Problem:
+    """A frame, with a note where its camera or its models do not look right; a batch has no time to look."""
+    from verefine_viz.scenes.size_fit import size_notes  # Loads what draws models.
+
+    problem = tools.problem(frame)
+    notes = size_notes(problem.instances, problem.models, problem.observation)
+    return replace(problem, notes=(*problem.notes, *notes))
 
 
 def preparing(problem: Problem, session: Session) -> str:
