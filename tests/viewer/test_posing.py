@@ -12,6 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.plays import what_n_counts
+from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.words import chosen
 
 FAR = c.DragPose(tuple(float(x) for x in transform(np.eye(3), [0.05, 0.08, 0.7]).ravel()))
@@ -32,6 +33,13 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
     assert chosen(view) == "Iteration 2 took hypothesis 3: it was moved by hand and is played first."
     assert "hypothesis 3 of 3 (it was moved by hand and is played first)" in headline(view)
     assert "a pose moved by hand begins anew at 1" in what_n_counts(view)
+
+
+def test_before_the_first_iteration_the_table_marks_the_moved_hypothesis_as_the_next() -> None:
+    view = debugger().carry_out([c.SelectArm(2), c.EditPose(), FAR, c.ForkFromPose()]).view()
+    assert chosen(view) == "Nothing was chosen yet. Hypothesis 3 was moved by hand: it comes first."
+    assert "</i>3 ◂</td>" in arms_table(view)
+    assert arms_table(view).count("◂</td>") == 1
 
 
 def test_without_a_moved_pose_nothing_is_said_of_it() -> None:

@@ -59,8 +59,12 @@ class BestInitial:
         return _fixed_choice(state, j, f"its {which} scored best, {first[j].score.score:.2f}")
 
 
-def before_all_others(choice: Choice, j: int) -> Choice:
-    """Arm ``j``, which a person moved, instead of what was chosen; the numbers stay as they were."""
+def next_choice(policy: Policy, state: ObjectState) -> Choice:
+    """What the policy chooses; an arm that a person moved goes before all others, and the numbers stay as they are."""
+    choice = policy.choose(state)
+    if not state.by_hand:
+        return choice
+    j = state.by_hand[0]
     return replace(choice, arm=j, reason=f"hypothesis {j + 1}: it was moved by hand and is played first")
 
 

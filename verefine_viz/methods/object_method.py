@@ -14,7 +14,7 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
-from verefine_viz.methods.bandit import Policy, before_all_others
+from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.chain import Chain
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.judging import Judging
@@ -71,9 +71,7 @@ class ObjectMethod:
         self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()
     ) -> tuple[ObjectState, Iteration, float]:
         """One iteration like :meth:`step` whose reward, the third value, is left to the caller to give."""
-        choice = self.policy.choose(state) if self.policy else None
-        if choice is not None and state.by_hand:
-            choice = before_all_others(choice, state.by_hand[0])
+        choice = next_choice(self.policy, state) if self.policy else None
         j = choice.arm if choice else 0
         arm = state.arms[j]
         k = arm.n_iterations + 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from verefine_viz.core.palette import STAGE_COLORS
-from verefine_viz.methods.bandit import Ucb
+from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import the_answer
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
@@ -46,7 +46,7 @@ def arms_table(view: View) -> str:
     shown = view.shown
     choice = shown.choice if shown and shown.choice else None
     if choice is None and shown is None and view.session.method.name in WITH_UCB:
-        choice = Ucb(view.session.method.exploration).choose(state)
+        choice = next_choice(Ucb(view.session.method.exploration), state)
     taken = shown.arm if shown else (choice.arm if choice else None)
     rows = []
     for j, arm in enumerate(state.arms):

@@ -15,6 +15,8 @@ def chosen(view: View) -> str:
         return "There is no hypothesis to choose from."
     shown = view.shown
     if shown is None:
+        if view.state.by_hand:
+            return f"Nothing was chosen yet. Hypothesis {view.state.by_hand[0] + 1} was moved by hand: it comes first."
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
     if shown.choice is None:
         works = f"it works on hypothesis {shown.arm + 1}"
