@@ -15,6 +15,7 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 from verefine_viz.rendering.scene import render_scene
 from verefine_viz.scenes.demo_failures import FAILURES
+from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
@@ -115,6 +116,18 @@ def test_simulation_topples() -> None:
         touching = next(c for c in first.path.contacts if len(c.depths_m))
         spread = np.linalg.svd(touching.points_cam - touching.points_cam.mean(axis=0), compute_uv=False)
         assert spread[1] < 0.01
+
+
+@pytest.mark.parametrize("steps", [3, 20])
+def test_what_topples_is_marked_however_short_the_simulation(steps: int) -> None:
+    played = play("failure_simulation_topples", physics={"steps": steps})
+    for arm in (0, 1):
+        first = next(i for i in played.iterations if i.arm == arm)
+        (text,) = (e.text for e in first.events if e.kind == "unstable")
+        assert text.startswith("Would tip: after step 3 of 3" if steps == 3 else ("Would tip", "Tipped over"))
+        assert "mm outside its support" in text
+        problem = played.toolbox.problem(played.toolbox.frames[0])
+        assert hits(played.toolbox.session.breakpoints, problem, first) == (text,)
 
 
 def test_score_prefers_a_wrong_pose() -> None:

@@ -80,6 +80,16 @@ class Contacts:
         return tuple(parts)
 
 
+@dataclass(frozen=True)
+class Tipping:
+    """That a simulated object does not stand: it touches something, and nothing carries its centre of mass."""
+
+    overhang_m: float
+    """Distance of the centre of mass to what carries the object, seen along gravity [m]."""
+    step: int
+    """1, 2, …: at the end of which step. The last one, or the first that touched where it fell over until the end."""
+
+
 @dataclass(frozen=True, eq=False)
 class SimulatedPath:
     """What physics did to an object, pose by pose."""
@@ -88,6 +98,8 @@ class SimulatedPath:
     """(S + 1, 4, 4): the start, then one pose per step [m]."""
     contacts: tuple[Contacts, ...]
     """One per step, S of them: contacts at the end of the step."""
+    tipping: Tipping | None = None
+    """None: it stands, falls freely, or sinks in too deep to tell."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "Ts_cam_obj", finite(self.Ts_cam_obj, "simulated path", (None, 4, 4)))

@@ -176,7 +176,7 @@ class BreakpointSettings(Settings):
     arm_switched: bool = False
     """The bandit chose another hypothesis than before."""
     unstable: bool = False
-    """The simulation turned the object by more than 10°."""
+    """The object touches something and would tip: its centre of mass is outside its support after the simulation."""
     empty_render: bool = False
     """A pose rendered to nothing, or its score was not a number."""
     error_grows_by_mm: NonNegative | None = None

@@ -6,16 +6,12 @@ import math
 
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.records import Event, Iteration, Stage
+from verefine_viz.core.records import Event, Iteration, SimulatedPath, Stage, Tipping
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.chain import Draft
 
-UNSTABLE_DEG = 10.0
-"""A simulation that turns an object by more than this in its few steps says that the pose was not at rest [deg]."""
-
 STUCK_MM = 1e-6
 """A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""
-
 
 SCORE_STEP = 0.001
 """A smaller rise or fall of the score is not worth a mark [score]."""
@@ -34,10 +30,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         events.append(Event("no_physics", f"No simulation: {note}"))
     if before.last_arm is not None and before.last_arm != iteration.arm:
         events.append(Event("arm_switched", f"Switched from hypothesis {before.last_arm + 1} to {iteration.arm + 1}."))
-    if iteration.path is not None:
-        turned = math.degrees(angle_between(iteration.path.Ts_cam_obj[0, :3, :3], iteration.path.T_cam_obj[:3, :3]))
-        if turned > UNSTABLE_DEG:
-            events.append(Event("unstable", f"The simulation turned the object by {turned:.1f}°: it was not at rest."))
+    if iteration.path is not None and iteration.path.tipping is not None:
+        events.append(_unstable(iteration.path, iteration.path.tipping))
     if refined is not None:
         start = _refiner_start(iteration, refined)
         moved = 1e3 * math.dist(refined.T_cam_obj[:3, 3].tolist(), start.T_cam_obj[:3, 3].tolist())
@@ -60,6 +54,15 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
             Event("new_best", f"New best: {iteration.best.score.score:.3f}, was {before.best.score.score:.3f}.")
         )
     return tuple(events)
+
+
+def _unstable(path: SimulatedPath, tipping: Tipping) -> Event:
+    n_steps = len(path.Ts_cam_obj) - 1
+    turned_deg = math.degrees(angle_between(path.Ts_cam_obj[0, :3, :3], path.T_cam_obj[:3, :3]))
+    said, was = ("Would tip", "is") if tipping.step == n_steps else ("Tipped over", "was")
+    when = f"after step {tipping.step} of {n_steps} of the simulation"
+    outside = f"the centre of mass {was} {1e3 * tipping.overhang_m:.1f} mm outside its support"
+    return Event("unstable", f"{said}: {when} {outside}; all in all it turned by {turned_deg:.1f}°.")
 
 
 def _kept(kept: Stage, simulated: Stage, refined: Stage) -> Event:

@@ -21,20 +21,15 @@ from verefine_viz.physics.colliders import collider
 from verefine_viz.physics.equilibrium import holds
 from verefine_viz.physics.proximity import Surface, nearness
 from verefine_viz.physics.simulator import PLANE_ID, checked_pose
+from verefine_viz.physics.standing import IMPOSSIBLE_M, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
 
 Light = Literal["green", "amber", "red"]
 
-TOUCHING_M = 0.002
-"""Surfaces closer than this touch; less penetration than this is none (METHODS 7: 2 to 5 mm)."""
-IMPOSSIBLE_M = 0.005
-"""More gap or penetration than this cannot be."""
 NEAR_M = TOUCHING_M + IMPOSSIBLE_M
 """Neighbours further away than this are not looked at."""
 BARELY_M = 0.003
 """A smaller margin of the centre of mass is worth a look."""
-UPWARDS = 0.3
-"""Contacts whose normal has a smaller upward part do not carry [-]."""
 MOST_CONTACTS = 60
 """Contacts with neighbours that enter the equilibrium; more change nothing."""
 

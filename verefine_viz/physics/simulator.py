@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import RIGID_TOLERANCE, as_rigid, transform
+from verefine_viz.core.geometry import RIGID_TOLERANCE, apply, as_rigid, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
@@ -21,6 +22,7 @@ from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
+from verefine_viz.physics.standing import Motion, Touch
 from verefine_viz.physics.world import BodyKey, PlacedBody, World
 
 FARTHEST_M = 100.0
@@ -36,6 +38,7 @@ class _Ground:
 
     support: Support
     T_cam_world: Float
+    normal_world: Float
     plane_quat_xyzw: tuple[float, float, float, float]
 
 
@@ -53,6 +56,7 @@ class BulletSimulator:
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
+        self._hulls: dict[str, Float] = {}
         self._ground: _Ground | None = None
         """Of the last call; it is mostly that of the next one as well."""
 
@@ -87,28 +91,49 @@ class BulletSimulator:
         self._world.place(bodies, ground.plane_quat_xyzw)
 
         world, body = self._world, bodies[0].body
-        poses: list[tuple[Sequence[float], Sequence[float]]] = []
+        poses: list[tuple[Sequence[float], Sequence[float]]] = [(bodies[0].position, bodies[0].quat_xyzw)]
+        near: list[tuple[tuple, ...]] = []
         touched: list[tuple] = []
         ends: list[int] = []
         for _ in range(n_steps):
             world.step()
             poses.append(world.pose(body))
+            near.append(world.contacts(body))
             # What is near but does not touch is left out.
-            touched += [p for p in world.contacts(body) if p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0]
+            touched += [p for p in near[-1] if p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0]
             ends.append(len(touched))
 
-        Ts = np.empty((n_steps + 1, 4, 4))
+        solid, Ts_world_com = self.collider(moving.model), _transforms(poses)
+        Ts = ground.T_cam_world @ Ts_world_com @ solid.T_com_obj
         Ts[0] = T_cam_obj
-        if n_steps:
-            Ts[1:] = ground.T_cam_world @ _transforms(poses) @ self.collider(moving.model).T_com_obj
         Ts.flags.writeable = False
-        return SimulatedPath(Ts, self._contacts(touched, ids, ground.T_cam_world).split(ends))
+        tipping = None
+        if touched and self._settings.gravity_m_s2 > 0:  # Without gravity nothing tips over.
+            standing = Motion(
+                Ts_world_com,
+                lambda step: self._touches(near[step - 1], poses[step][0], ids),
+                self._hull_com(moving.model),
+                ground.normal_world,
+                self._settings.step_s,
+            )
+            tipping = standing.tipping()
+        return SimulatedPath(Ts, self._contacts(touched, ids, ground.T_cam_world).split(ends), tipping)
+
+    def _hull_com(self, model: ObjectModel) -> Float:
+        """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame [m]."""
+        found = self._hulls.get(model.mesh_hash)
+        if found is None:
+            solid = model.vertices[np.unique(model.faces)]
+            corners = solid[ConvexHull(solid).vertices]
+            found = self._hulls[model.mesh_hash] = apply(self.collider(model).T_com_obj, corners)
+        return found
 
     def _under(self, support: Support) -> _Ground:
         if self._ground is None or self._ground.support is not support:
             R_cam_world = support.T_world_cam[:3, :3].T
             T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
-            self._ground = _Ground(support, T_cam_world, _plane_quat_xyzw(support.normal_world))
+            normal = support.normal_world / np.linalg.norm(support.normal_world)
+            self._ground = _Ground(support, T_cam_world, normal, _plane_quat_xyzw(support.normal_world))
         return self._ground
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
@@ -131,6 +156,18 @@ class BulletSimulator:
             bodies.append(PlacedBody(body, T_world_com[:3, 3].tolist(), _quat_xyzw(T_world_com), key.moves))
             ids[body] = placed.instance_id
         return bodies, ids
+
+    def _touches(self, near: Sequence[tuple], com: Sequence[float], ids: dict[int, int]) -> list[Touch]:
+        """What Bullet knows to be near after a step, seen from the centre of mass."""
+        x, y, _ = com
+        margin_m, found = self._settings.margin_m, []
+        for p in near:
+            is_plane, (px, py, _) = ids[p[_OTHER]] == PLANE_ID, p[_POINT]
+            gap_m = p[_DISTANCE] + (margin_m if is_plane else 2 * margin_m)
+            found.append(
+                Touch((px - x, py - y), p[_NORMAL][2], gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane)
+            )
+        return found
 
     def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
         """Bullet's contact points as records."""

@@ -12,7 +12,7 @@ import numpy as np
 import ormsgpack
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
+from verefine_viz.core.records import Contacts, Iteration, SimulatedPath, Tipping
 
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 
@@ -56,7 +56,8 @@ def as_recorded(iteration: Iteration) -> Iteration:
 
 
 def _kept(path: SimulatedPath) -> dict[str, Any]:
-    return {"Ts_cam_obj": path.Ts_cam_obj.astype(np.float32), "contacts": path.contacts[-1:]}
+    Ts = path.Ts_cam_obj.astype(np.float32)
+    return {"Ts_cam_obj": Ts, "contacts": path.contacts[-1:], "tipping": path.tipping}
 
 
 @cache
@@ -78,7 +79,9 @@ def _array(values: Any, kind: Any) -> np.ndarray:
 def _path(values: Mapping[str, Any], _: Any) -> SimulatedPath:
     """With contacts for every step, as a run has them."""
     poses, last = values["Ts_cam_obj"], [_contacts(contacts, Contacts) for contacts in values["contacts"]]
-    return SimulatedPath(np.array(poses), (NO_CONTACTS,) * (len(poses) - 1 - len(last)) + tuple(last))
+    contacts = (NO_CONTACTS,) * (len(poses) - 1 - len(last)) + tuple(last)
+    tipping = values.get("tipping")
+    return SimulatedPath(np.array(poses), contacts, None if tipping is None else Tipping(**tipping))
 
 
 def _contacts(values: Mapping[str, Any], _: Any) -> Contacts:

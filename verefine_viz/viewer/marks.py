@@ -33,8 +33,9 @@ class Meaning:
 MEANINGS: tuple[Meaning, ...] = (
     Meaning(
         "trouble",
-        "The score fell, the simulation turned the object by more than 10°, a pose rendered to nothing, the refiner "
-        "found nothing to hold on to, or the error against ground truth grew although the score did not fall.",
+        "The score fell, the object would tip where the simulation leaves it, a pose rendered to nothing or its score "
+        "is not a number, the refiner found nothing to hold on to, or the error against ground truth grew although the "
+        "score did not fall.",
         RED,
         frozenset({"score_fell", "unstable", "empty_render", "nan_score", "refiner_stuck", "error_grew"}),
     ),
