@@ -18,7 +18,7 @@ from verefine_viz.viewer.app import App
 
 SHOTS = Path(__file__).parent / "shots"
 TAKES_SHOTS = bool(os.environ.get("SHOTS"))
-"""Whether pictures are kept for a person to look at; nothing is asserted about them, and each takes seconds."""
+"""Whether pictures of every test are kept for a person to look at, not of the real frame alone; each takes seconds."""
 QUERY = "" if TAKES_SHOTS else "?fixedDpr=0.5"
 """Without pictures 3D is drawn at half the width and height: the time of software WebGL goes with the pixels."""
 SIZE = {"width": 1280, "height": 800}
@@ -129,11 +129,29 @@ class Screen:
     def shot(self, name: str) -> None:
         """Keeps what is on the screen, where a person wants to look at it: ``SHOTS=1 pytest -m browser``."""
         self.app.wait_until_idle(60)
-        if not TAKES_SHOTS:
-            return
+        if TAKES_SHOTS:
+            self.picture(name)
+
+    def picture(self, name: str) -> Path:
+        """Keeps what is on the screen in any case."""
+        self.app.wait_until_idle(60)
         self.page.wait_for_timeout(700)  # the last pictures reach the canvas
         SHOTS.mkdir(exist_ok=True)
-        self.page.screenshot(path=str(SHOTS / f"{name}.png"), timeout=SLOW_MS)
+        path = SHOTS / f"{name}.png"
+        self.page.screenshot(path=str(path), timeout=SLOW_MS)
+        return path
+
+    def table(self, *headers: str) -> list[list[str]]:
+        """The cells below the headers of the first table on the screen whose header row has these."""
+        self.app.wait_until_idle(60)
+        tables = """() => [...document.querySelectorAll('.vz table')].filter(t => t.offsetParent)
+            .map(t => [...t.rows].map(r => [...r.cells].map(c => c.innerText.trim())))"""
+        for _ in range(SLOW_MS // 100):
+            for first, *rows in self.page.evaluate(tables):
+                if set(headers) <= set(first):
+                    return rows
+            self.page.wait_for_timeout(100)
+        raise AssertionError(f"no table with {headers} is shown")
 
 
 Show = Callable[[Callable[[int], App]], Screen]

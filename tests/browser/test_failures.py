@@ -1,8 +1,6 @@
-"""Each failure of the page's table, in at most the clicks that it allows, and the real frame."""
+"""Each failure of the page's table, in at most the clicks that it allows."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 
@@ -94,19 +92,3 @@ def test_wrong_plane(look: Look) -> None:
     run_to_end(screen)
     screen.text("The support plane explains only")
     screen.shot("failure_wrong_plane")
-
-
-@pytest.mark.data
-def test_real_frame(look: Look, real_session: Path) -> None:
-    screen = look(real_session)
-    screen.shot("real_0_ready")
-    screen.click("Step ▶")
-    screen.at(1)
-    screen.shot("real_1_stepped")
-    run_to_end(screen)
-    for tab in ("Score", "Bandit", "Physics", "Errors", "Session"):
-        screen.tab(tab)
-        screen.shot(f"real_panel_{tab.lower()}")
-    screen.key("c")
-    screen.key("c")
-    screen.shot("real_classes")
