@@ -64,8 +64,14 @@ def test_keys_and_palette(look: Look) -> None:
     length = screen.app.debugger.workspace.run.length
     screen.key("Home")
     screen.at(0)
+    run = screen.app.debugger.workspace.run
     screen.key("PageDown")
-    screen.until(lambda: screen.app.debugger.workspace.run.cursor > 0)
+    screen.until(lambda: run.cursor > 0)
+    first = run.cursor
+    screen.key("PageDown")
+    screen.until(lambda: run.cursor > first)
+    screen.key("PageUp")
+    screen.at(first)
     screen.key("End")
     screen.at(length)
     screen.key("g")
