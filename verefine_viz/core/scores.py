@@ -35,6 +35,8 @@ class PoseScore:
     """Pixels on which the model appears; 0 means an empty render."""
     counts: tuple[int, int, int, int, int]
     """Pixels of each of ``PIXEL_CLASSES``."""
+    undefined: bool = False
+    """Whether the verifier gave something that is not a number; ``score`` is 0 then."""
 
     @property
     def shares(self) -> dict[str, float]:
@@ -57,10 +59,15 @@ class Scores:
     n_rendered: NDArray[np.int64]
     counts: NDArray[np.int64]
     """(N, 5) in the order of ``PIXEL_CLASSES``."""
+    undefined: NDArray[np.bool_] | None = None
+    """(N,) which scores were not a number (NaN, infinite) and are 0 instead; None where all were. Found out here."""
 
     def __post_init__(self) -> None:
-        # A score that is not a number is worth nothing (METHODS 1.8 #6); the cause shows as an event.
-        score = self.score if np.isfinite(self.score).all() else np.nan_to_num(self.score, nan=0.0)
+        score, defined = self.score, np.isfinite(self.score)
+        if not defined.all():
+            # Worth nothing (METHODS 1.8 #6), and an event of the iteration.
+            score = np.where(defined, score, 0.0)
+            object.__setattr__(self, "undefined", frozen(~defined, "undefined scores", (None,), np.bool_))
         object.__setattr__(self, "score", frozen(score, "score", (None,)))
 
     def __len__(self) -> int:
@@ -75,6 +82,7 @@ class Scores:
             int(self.n_pixels[i]),
             int(self.n_rendered[i]),
             (int(c[0]), int(c[1]), int(c[2]), int(c[3]), int(c[4])),
+            self.undefined is not None and bool(self.undefined[i]),
         )
 
 

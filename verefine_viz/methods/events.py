@@ -39,6 +39,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         if moved < STUCK_MM and turned < STUCK_MM:
             events.append(Event("refiner_stuck", "The refiner did not move: no correspondence within its gate."))
     for stage in iteration.stages:
+        if stage.score is not None and stage.score.undefined:
+            events.append(Event("nan_score", f"The score of the {stage.name} pose is not a number: it counts as 0."))
         if stage.score is not None and stage.score.n_rendered == 0:
             events.append(Event("empty_render", f"The {stage.name} pose renders to nothing: outside of the image."))
     if len(draft.candidates) > 1 and simulated is not None and refined is not None:
