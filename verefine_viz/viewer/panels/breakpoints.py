@@ -75,9 +75,13 @@ class BreakpointsPanel:
         for name, box in self.boxes.items():
             value = getattr(view.session.breakpoints, name)
             box.value = value not in (None, False)
-            if name in self.numbers and value != self._seen.get(name):
+            if name not in self.numbers:
+                continue
+            if value != self._seen.get(name):
                 self._seen[name] = value
                 self._show_number(name, value)
+            elif self._typed[name][-1:] == [value]:  # Back at what it was: nothing more is on its way.
+                self._typed[name].clear()
 
     def _add_threshold(self, gui: viser.GuiApi, name: str, t: Threshold) -> None:
         box = gui.add_checkbox("", False, hint=f"stop when {t.meaning} this{_in_words(name)}")
@@ -85,8 +89,14 @@ class BreakpointsPanel:
         number.precision = 6  # Numbers of a session file are shown as they are.
         self.boxes[name], self.numbers[name] = box, number
         self._label(name)
-        box.on_update(by_person(lambda on: self._set(name, number.value if on else None)))
+        box.on_update(by_person(lambda on: self._switched(name, on)))
         number.on_update(by_person(lambda value: self._typed_in(name, value)))
+
+    def _switched(self, name: str, on: bool) -> None:
+        number = self.numbers[name].value
+        if on:
+            self._typed[name].append(number)
+        self._set(name, number if on else None)
 
     def _typed_in(self, name: str, value: float) -> None:
         """Sets the threshold where it is on; else the number only waits."""
