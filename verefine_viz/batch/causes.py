@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from verefine_viz.batch.rows import FrameResult
-from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.diagnose import data_doubts, diagnose
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
 
 def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
-    """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and whose true pose is known."""
+    """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and whose true pose is known.
+
+    Where the data of such a frame do not fit together, a note says so.
+    """
+    notes = result.notes
     try:
         found: dict[int | None, tuple[str, str]] = {
             d.instance_id: (str(d.cause), d.sentence) for d in diagnose(run, toolbox)
         }
+        if found:
+            notes += data_doubts(run.problem)
     except Exception as error:
         # The answers are there all the same.
         why = f"no diagnosis: {type(error).__name__}: {error}"
@@ -22,4 +28,4 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
     for row in result.objects:
         cause, sentence = found.get(row.instance_id, ("", ""))
         rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
-    return result.model_copy(update={"objects": tuple(rows)})
+    return result.model_copy(update={"objects": tuple(rows), "notes": notes})

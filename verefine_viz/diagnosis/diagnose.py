@@ -62,14 +62,13 @@ def diagnose(
             continue
         case = Case(trace, lab, target, T_true, frame, threshold, answer, _placed(trace, target, answer))
         found.append(_diagnosed(case, every_cause))
-    doubt = _doubt(trace.problem) if found else ""
+    doubt = "".join(f" Look at the data first: {note}." for note in data_doubts(trace.problem)) if found else ""
     return tuple(replace(one, sentence=one.sentence + doubt) for one in found)
 
 
-def _doubt(problem: Problem) -> str:
+def data_doubts(problem: Problem) -> tuple[str, ...]:
     """What is off with all objects of the frame, and may be behind every cause: a wrong camera changes all of them."""
-    notes = size_notes(problem.instances, problem.models, problem.observation)
-    return "".join(f" Look at the data first: {note}." for note in notes)
+    return size_notes(problem.instances, problem.models, problem.observation)
 
 
 def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
