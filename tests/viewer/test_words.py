@@ -186,3 +186,15 @@ def test_names_from_data_are_text_everywhere() -> None:
     html = arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + tables.where(view)
     assert "<script>" not in html
     assert html.count("&lt;script&gt;") >= 4
+
+
+def test_errors_say_where_initial_and_best_are_of_two_hypotheses() -> None:
+    view = after(*[c.Step()] * 4)
+    assert view.state is not None
+    best = view.state.best.arm
+    other = next(arm for arm in range(view.n_arms) if arm != best)
+    own, another = replace(view, arm=best), replace(view, arm=other)
+    assert "Initial is" not in words.truth(own)
+    assert f"Initial is where hypothesis {other + 1} began; the best pose is of hypothesis {best + 1}." in words.truth(
+        another
+    )

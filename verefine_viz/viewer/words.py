@@ -69,6 +69,10 @@ def truth(view: View) -> str:
         f"The {what} so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."
     )
+    if view.state is not None and view.state.best.arm != view.arm:
+        said += (
+            f" Initial is where hypothesis {view.arm + 1} began; the {what} is of hypothesis {view.state.best.arm + 1}."
+        )
     if view.look.judged_truth:
         relation = ">" if best.score.score > view.truth.score.score else "≤"
         said += f" Scored: {best.label} {best.score.score:.3f} {relation} ground truth {view.truth.score.score:.3f}."
