@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from verefine_viz.batch.rows import FrameResult
-from verefine_viz.diagnosis.diagnose import data_doubts, diagnose
+from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
@@ -15,11 +15,10 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
     """
     notes = result.notes
     try:
-        found: dict[int | None, tuple[str, str]] = {
-            d.instance_id: (str(d.cause), d.sentence) for d in diagnose(run, toolbox)
-        }
-        if found:
-            notes += data_doubts(run.problem)
+        diagnoses = diagnose(run, toolbox)
+        found: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
+        # Those of the frame stand in each.
+        notes += diagnoses[0].doubts if diagnoses else ()
     except Exception as error:
         # The answers are there all the same.
         why = f"no diagnosis: {type(error).__name__}: {error}"

@@ -76,3 +76,5 @@ class Diagnosis:
     """Runs of the method on this instance that it took to find out."""
     ms: float = field(default=0.0, metadata=TIMING)
     """Time it took [ms]."""
+    doubts: tuple[str, ...] = ()
+    """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from time import perf_counter
 
-from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.case import ALONE, Case, Lab
 from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
@@ -62,13 +62,13 @@ def diagnose(
             continue
         case = Case(trace, lab, target, T_true, frame, threshold, answer, _placed(trace, target, answer))
         found.append(_diagnosed(case, every_cause))
-    doubt = "".join(f" Look at the data first: {note}." for note in data_doubts(trace.problem)) if found else ""
-    return tuple(replace(one, sentence=one.sentence + doubt) for one in found)
-
-
-def data_doubts(problem: Problem) -> tuple[str, ...]:
-    """What is off with all objects of the frame, and may be behind every cause: a wrong camera changes all of them."""
-    return size_notes(problem.instances, problem.models, problem.observation)
+    if not found:
+        return ()
+    # A wrong camera changes all objects.
+    problem = trace.problem
+    doubts = size_notes(problem.instances, problem.models, problem.observation)
+    told = "".join(f" Look at the data first: {doubt}." for doubt in doubts)
+    return tuple(replace(one, sentence=one.sentence + told, doubts=doubts) for one in found)
 
 
 def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
