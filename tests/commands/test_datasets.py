@@ -17,7 +17,8 @@ from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from tests.scenes.sizes import scene, written
 from verefine_viz.commands.dataset_catalogue import CATALOGUE
-from verefine_viz.commands.dataset_check import Parts, check_split, splits_of, what_can_be_run
+from verefine_viz.commands.dataset_check import check_split, splits_of
+from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 
@@ -135,6 +136,34 @@ def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
     lacking = what_can_be_run(parts)
     assert [words for _, words in lacking][:3] == ["masks, scene_gt.json", "masks", "masks, scene_gt.json"]
     assert "detections JSON" in advice(made)["masks"]
+
+
+def test_masks_of_which_nobody_knows_the_object_cannot_be_solved(made: Made) -> None:
+    (made.scene / "scene_gt.json").unlink()
+    assert "which object is where" in missing(check_split(made.root, "test"))["view"]
+    assert advice(made)["ground truth"].startswith("nothing says which object is where: add scene_gt.json")
+    assert Datasets("check", str(made.root)).run([]) == 1
+    (made.root / "detections_boxes.json").write_text("[]")
+    assert missing(check_split(made.root, "test"))["view"] == ""
+    assert "ground truth" not in advice(made)
+
+
+def test_a_part_of_the_frames_of_the_targets_is_a_note_and_none_of_them_a_fault(
+    made: Made, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def wanted(*images: int) -> None:
+        entries = [{"scene_id": 7, "im_id": im_id, "obj_id": 5, "inst_count": 1} for im_id in images]
+        (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
+
+    wanted(1, 5, 6)
+    found = {f.name: f.found for f in check_split(made.root, "test").findings}
+    assert found["targets"] == "1 of its 3 frames are here; the others, such as 7/5, are left out"
+    assert advice(made) == {}
+    assert missing(check_split(made.root, "test"))["evaluate:"].startswith("2 of the 3 images of test_targets_bop19")
+    assert Datasets("check", str(made.root)).run([]) == 0
+    wanted(5, 6)
+    assert advice(made)["targets"].startswith("none of them is here, such as 7/5: ")
+    assert Datasets("check", str(made.root)).run([]) == 1
 
 
 def test_without_models_the_rest_is_not_looked_at(made: Made) -> None:

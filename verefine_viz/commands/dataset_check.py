@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
+from verefine_viz.commands.dataset_parts import Parts
 from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
@@ -19,41 +19,11 @@ from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.jsonfile import read_json
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
-
-
-@dataclass
-class Finding:
-    """One row: what was looked at, what was found, and what to do about it."""
-
-    name: str
-    found: str
-    advice: str = ""
-    """Empty where nothing needs to be done."""
-
-
-@dataclass
-class Parts:
-    """What a split has; decides what can be run on it."""
-
-    models: bool = False
-    depth: bool = False
-    masks: tuple[str, ...] = ()
-    """Of mask_visib, mask, and detections files."""
-    ground_truth: bool = False
-    scoring: str = ""
-    """What BOP scores lack besides ground truth and depth; empty = nothing."""
-    frames: int = 0
-    with_camera_pose: int = 0
-    """Frames whose camera pose is known, and with it which way is up."""
-    findings: list[Finding] = field(default_factory=list)
-
-    def add(self, name: str, found: str, advice: str = "") -> None:
-        """Adds a row."""
-        self.findings.append(Finding(name, found, advice))
 
 
 def splits_of(folder: Path) -> tuple[str, ...]:
@@ -91,30 +61,6 @@ def check_split(folder: Path, split: str) -> Parts:
         for found, advice in registration(dataset, sampled, is_in_place):
             parts.add("registration", found, advice)
     return parts
-
-
-def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
-    """Pairs of something that can be done and what is missing for it ("" = nothing)."""
-    basics = [
-        word for word, there in (("models", parts.models), ("depth", parts.depth), ("masks", parts.masks)) if not there
-    ]
-    truth = [] if parts.ground_truth else ["scene_gt.json"]
-    scored = [word for word in basics if word != "masks"]
-    some = 0 < parts.with_camera_pose < parts.frames
-    how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
-    return [
-        ("view and batch from ground truth, disturbed (hypotheses.source perturb)", ", ".join([*basics, *truth])),
-        ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join(basics)),
-        ("study: errors against ground truth", ", ".join([*basics, *truth])),
-        (
-            "evaluate: BOP scores of a results file",
-            ", ".join([*scored, *truth, *([parts.scoring] * (parts.scoring != ""))]),
-        ),
-        (
-            f"gravity from the camera's pose, if the data set's z is up (scene.gravity world){how_many}",
-            "" if parts.with_camera_pose else "cam_R_w2c",
-        ),
-    ]
 
 
 def _check_models(dataset: BopDataset, parts: Parts) -> None:
@@ -163,12 +109,21 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     except VerefineError as error:
         parts.add("targets", "damaged", str(error))
         return frames
-    if targets is not None:
+    if targets:
         known = set(frames)
-        missing = [ids for ids in targets if ids not in known]
-        more = f"{len(missing)} of its frames are not on the disk, such as {missing[0]}" if missing else ""
-        parts.add("targets", f"{len(targets)} frames", more)
+        parts.add("targets", *_present([ids for ids in targets if ids in known], [*targets.keys() - known]))
     return frames
+
+
+def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]]) -> tuple[str, str]:
+    """Of the frames of a targets file, how many can be run; that a part of a data set has not all is no fault."""
+    n = len(there) + len(missing)
+    if not missing:
+        return f"{n} frames", ""
+    such = f"such as {frame_name(min(missing))}"
+    if there:
+        return f"{len(there)} of its {n} frames are here; the others, {such}, are left out", ""
+    return f"{n} frames", f"none of them is here, {such}: the targets belong to other images; all images here are run"
 
 
 def _check_images(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
@@ -219,6 +174,10 @@ def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
             models.diameter_mm(obj_id)
         if parts.ground_truth:
             truth = BopTruth(dataset)
+            missing = [image for image in targets.counts if not dataset.has(*image)]
+            if missing:
+                which = f"{len(missing)} of the {len(targets.counts)} images of {targets.name}"
+                raise InputError(f"{which}, such as {frame_name(missing[0])} (name a list of those here by --targets)")
             for image in targets.counts:
                 truth.image(*image, with_depth=False)
     except VerefineError as error:
@@ -230,7 +189,8 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     kinds: list[MaskFolder] = [
         kind for kind in get_args(MaskFolder) if scenes and all((s / kind).is_dir() for s in scenes)
     ]
-    parts.masks = (*kinds, *dataset.detection_files())
+    detections = dataset.detection_files()
+    parts.masks, parts.detections = (*kinds, *detections), bool(detections)
     none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
     parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join(_first_of(faults)))
@@ -262,6 +222,11 @@ def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence
     n_with = sum(bool(mine) for mine in truths.values())
     parts.ground_truth = n_with > 0
     faults = [t.fault for mine in truths.values() for t in mine if t.fault][:3]
+    if parts.masks and not parts.names_objects:
+        faults.append(
+            "nothing says which object is where: add scene_gt.json to the scenes, or a detections JSON (its name "
+            f"holds “detect”) to {dataset.folder}"
+        )
     strangers = sorted({t.obj_id for mine in truths.values() for t in mine} - set(dataset.models.ids))
     if strangers:
         faults.append(f"there is no model of object {', '.join(map(str, strangers))}; its instances are left out")

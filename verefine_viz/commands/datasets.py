@@ -18,7 +18,8 @@ class Datasets:
 
     action: Annotated[Literal["list", "check", "fetch"], tyro.conf.Positional] = "list"
     """list: what there is and how to get it. check: which parts a folder has, what can be run, what is wrong; the
-    exit code is 1 where a part needs a look, else 0. fetch: download from the BOP hub."""
+    exit code is 1 where a part needs a look (it is damaged, wrong, or nothing can be solved without it), else 0: that a
+    copy holds only some frames of its targets file is a note. fetch: download from the BOP hub."""
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[DIR|NAME]")] = ""
     """check: the data set's folder. fetch: the data set's name."""
     folder: Path = Path("datasets")
@@ -64,7 +65,8 @@ def _check(folder: Path) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from verefine_viz.commands.dataset_check import check_split, splits_of, what_can_be_run
+    from verefine_viz.commands.dataset_check import check_split, splits_of
+    from verefine_viz.commands.dataset_parts import what_can_be_run
 
     console = Console(highlight=False)
     looks: list[str] = []

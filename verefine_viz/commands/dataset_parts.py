@@ -1,0 +1,67 @@
+"""What a split of a data set has, and what can be run on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Finding:
+    """One row: what was looked at, what was found, and what to do about it."""
+
+    name: str
+    found: str
+    advice: str = ""
+    """Empty where nothing needs to be done."""
+
+
+@dataclass
+class Parts:
+    """What a split has; decides what can be run on it."""
+
+    models: bool = False
+    depth: bool = False
+    masks: tuple[str, ...] = ()
+    """Of mask_visib, mask, and detections files."""
+    detections: bool = False
+    """Whether some of the masks are detections, which say themselves which object they are of."""
+    ground_truth: bool = False
+    scoring: str = ""
+    """What BOP scores lack besides ground truth and depth; empty = nothing."""
+    frames: int = 0
+    with_camera_pose: int = 0
+    """Frames whose camera pose is known, and with it which way is up."""
+    findings: list[Finding] = field(default_factory=list)
+
+    def add(self, name: str, found: str, advice: str = "") -> None:
+        """Adds a row."""
+        self.findings.append(Finding(name, found, advice))
+
+    @property
+    def names_objects(self) -> bool:
+        """Whether anything says which object each mask is of."""
+        return self.ground_truth or self.detections
+
+
+def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
+    """Pairs of something that can be done and what is missing for it ("" = nothing)."""
+    scored = [word for word, there in (("models", parts.models), ("depth", parts.depth)) if not there]
+    basics = [*scored, *([] if parts.masks else ["masks"])]
+    truth = [] if parts.ground_truth else ["scene_gt.json"]
+    unnamed = "what says which object is where: scene_gt.json, or a detections JSON"
+    named = [unnamed] if parts.masks and not parts.names_objects else []
+    some = 0 < parts.with_camera_pose < parts.frames
+    how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
+    return [
+        ("view and batch from ground truth, disturbed (hypotheses.source perturb)", ", ".join([*basics, *truth])),
+        ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join([*basics, *named])),
+        ("study: errors against ground truth", ", ".join([*basics, *truth])),
+        (
+            "evaluate: BOP scores of a results file",
+            ", ".join([*scored, *truth, *([parts.scoring] * (parts.scoring != ""))]),
+        ),
+        (
+            f"gravity from the camera's pose, if the data set's z is up (scene.gravity world){how_many}",
+            "" if parts.with_camera_pose else "cam_R_w2c",
+        ),
+    ]
