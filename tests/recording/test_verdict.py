@@ -19,9 +19,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording import recorder
 from verefine_viz.recording.entry import Entry
-from verefine_viz.recording.reader import Recorded
+from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.unfinished import part_path
 from verefine_viz.recording.verdict import verdict, verify
+from verefine_viz.recording.viewer_process import free_port
 from verefine_viz.session.engine import Run
 
 
@@ -152,6 +153,23 @@ def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path_factory: pytest.
         found = verdict(folder / "cut.rrd", again)
         assert found.ends_early
         assert found.in_words.startswith("ended early")
+
+
+@pytest.mark.parametrize("is_live", [False, True])
+def test_a_recording_that_was_cut_where_a_message_ends_is_said_to_end_early(tmp_path: Path, is_live: bool) -> None:
+    s, problem = session(maps=False, iterations=3), box_problem(3, 2)
+    writer = recorder.Recorder(tmp_path / "run.rrd", s, problem, live_port=free_port() if is_live else None, block=3)
+    new_run(s, problem, (writer,)).finish()
+    content = (tmp_path / "run.rrd").read_bytes()
+    ends = [end for end in ends_of_messages(content) if end < 0.98 * len(content)]
+    n_read = set()
+    for end in ends[len(ends) // 4 :: 9]:
+        (tmp_path / "cut.rrd").write_bytes(content[:end])
+        recorded = read_recording(tmp_path / "cut.rrd")
+        assert not recorded.is_complete
+        n_read.add(len(recorded.entries))
+    assert len(n_read) > 3
+    assert verdict(tmp_path / "cut.rrd", again).in_words.startswith("ended early, after 18 of 18 iterations")
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,8 +20,8 @@ from verefine_viz.recording.entities import APPLICATION
 HEAD = b"RRF2"
 _HEAD_SIZE = 12
 _MESSAGE = struct.Struct("<QQ")
-_END, _BEGIN, _CHUNK = 0, 1, 2
-"""Kinds of messages; the end is the footer."""
+_END, _BEGIN, _CHUNK, _USE = 0, 1, 2, 3
+"""Kinds of messages; the end is the footer, and the last one puts a blueprint into use."""
 _LZ4, _ARROW_IPC = 2, 1
 
 
@@ -88,8 +88,13 @@ def messages(content: bytes) -> bytes:
 
 
 def is_cut(path: Path) -> bool:
-    """Whether an .rrd file ends in the middle of a message, where rerun may take what is left for all of it."""
+    """Whether the end of an .rrd file that was finished is missing.
+
+    A finished one ends with rerun's footer, or as ``RrdFile.close`` leaves it: with messages of a blueprint, one of
+    which puts it into use. Rerun takes what is left of a file for all of it.
+    """
     size, at = path.stat().st_size, _HEAD_SIZE
+    is_in_use = is_blueprint = False
     with path.open("rb") as file:
         while at + _MESSAGE.size <= size:
             file.seek(at)
@@ -98,9 +103,19 @@ def is_cut(path: Path) -> bool:
             if kind == _END:
                 # What follows the footer says where it begins.
                 return at > size
-    return at != size
+            is_in_use |= kind == _USE
+            is_blueprint = _is_blueprint(file.read(min(length, _STORE_SIZE)))
+    return at != size or not (is_in_use and is_blueprint)
 
 
+def _is_blueprint(begin: bytes) -> bool:
+    """Whether a message, of which this is the beginning, belongs to a blueprint (see ``Store``)."""
+    after_size = next((k + 1 for k, byte in enumerate(begin[1:], 1) if byte < 128), len(begin))
+    return begin[after_size : after_size + 2] == b"\x08\x02"
+
+
+_STORE_SIZE = 16
+"""More than the first bytes of a message, up to the kind of its store."""
 _CHUNK_ID = struct.Struct("<BBBQBQBB")
 _NO_ID = "0" * 32
 
