@@ -149,6 +149,13 @@ def test_a_file_cut_in_a_message_gives_what_is_whole(tmp_path: Path) -> None:
     assert n_read[-1] > 0
 
 
+def test_a_short_recording_with_maps_keeps_what_lies_before_a_cut(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd", block=200)
+    content = (tmp_path / "run.rrd").read_bytes()
+    (tmp_path / "cut.rrd").write_bytes(content[: len(content) // 2])
+    assert 10 <= len(read_recording(tmp_path / "cut.rrd").entries) < run.length
+
+
 def test_a_cut_journal_gives_its_whole_entries(tmp_path: Path) -> None:
     killed_run(tmp_path / "run.rrd", 5, maps=False)
     journal = journal_path(tmp_path / "run.rrd")

@@ -36,6 +36,8 @@ SCHEMA = 3
 """Of the recording; a reader refuses others. 3: iterations as msgpack."""
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
+BLOCK_WITH_MAPS = 10
+"""The same where score maps are recorded, which are large: a file that is cut later keeps what lies before the cut."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
 
@@ -63,14 +65,15 @@ class Recorder:
             problem: the frame.
             verifier_of: what judged iteration k, to make its score maps; None = no maps, whatever the session says.
             live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
-            block: iterations drawn together; with a live viewer every iteration is drawn at once.
+            block: iterations drawn together, with score maps at most 10; with a live viewer every iteration is drawn
+                at once.
         """
         self._path = path
         self._session = session
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
         self._live_port = live_port
-        self._block = 1 if live_port is not None else block
+        self._block = min(block, 1 if live_port is not None else BLOCK_WITH_MAPS if self._verifier_of else block)
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
         self._pending: list[Entry] = []
         self._maps: tuple[int, Verifier, Maps] | None = None
