@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from verefine_viz.core.problem import Hypothesis, Placed, Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.refiner_settings import TricpSettings
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.methods.events import PHYSICS_FALL
 from verefine_viz.methods.overlap import overlaps
 from verefine_viz.methods.physim_mcts import (
     REFINED_BEST,
@@ -116,6 +118,21 @@ def test_what_lies_below_the_better_first_object_is_searched_first() -> None:
     assert sorted(first.values()) == [0, 1, 2, 3]
     assert below[:4] == [2] * 4  # the true pose; nothing is left to try below it then
     assert 2 not in below[4:]
+
+
+def test_that_physics_moves_an_object_far_is_no_event_of_a_search() -> None:
+    problem = toy()
+    s = MctsSettings(expansions=5)
+    run = Run(make_physim_mcts(s, FakeSimulator(), Identity(), FakeVerifier(), GapRenderer(problem), 60), problem)
+    run.finish()
+    falls = [
+        before.score.score - after.score.score
+        for it in run.iterations
+        for before, after in pairwise(it.stages)
+        if after.name == "simulated" and before.score is not None and after.score is not None
+    ]
+    assert max(falls) > PHYSICS_FALL
+    assert not any(event.kind == "physics_worse" for it in run.iterations for event in it.events)
 
 
 # Every run ------------------------------------------------------------------------------------------------------------

@@ -10,9 +10,9 @@ from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Event, Iteration, Stage
-from verefine_viz.core.settings import BreakpointSettings, MethodSettings
+from verefine_viz.core.settings import BreakpointSettings, MethodSettings, ThresholdSettings
 from verefine_viz.methods.registry import make_method
-from verefine_viz.session.breakpoints import UNITS, hits, with_changes
+from verefine_viz.session.breakpoints import LABELS, MOST, UNITS, hits, is_number, number_of, with_changes
 from verefine_viz.session.engine import Run
 
 PROBLEM = box_problem(2)
@@ -44,6 +44,7 @@ CASES = {
     "jump_deg": (20.0, with_kept(transform(axis_angle([1, 0, 0], 0.5), [0, 0, 0])), "turned by 28.6°, more than 20°"),
     "arm_switched": (True, with_kept(events=(Event("arm_switched", "Switched"),)), "Switched"),
     "unstable": (True, with_kept(events=(Event("unstable", "turned"),)), "turned"),
+    "physics_worse": (True, with_kept(events=(Event("physics_worse", "made it worse"),)), "made it worse"),
     "empty_render": (True, with_kept(events=(Event("empty_render", "renders to nothing"),)), "renders to nothing"),
     "error_grows_by_mm": (5.0, with_kept(transform(axis_angle([1, 0, 0], 0.0), [0, 0, 0.5])), "mm, more than 5 mm"),
 }
@@ -59,7 +60,7 @@ def test_a_breakpoint_fires_on_its_condition_only(name: str) -> None:
 
 
 def test_every_breakpoint_is_tested() -> None:
-    assert set(CASES) == set(BreakpointSettings.model_fields)
+    assert set(CASES) == set(BreakpointSettings.model_fields) - {"waiting"}
 
 
 def test_a_value_just_above_its_threshold_does_not_read_as_the_threshold() -> None:
@@ -71,17 +72,38 @@ def test_a_value_just_above_its_threshold_does_not_read_as_the_threshold() -> No
 def test_some_are_changed_and_the_others_stay() -> None:
     set_before = BreakpointSettings(jump_mm=25.0, unstable=True)
     changed = with_changes(set_before, (("score_falls_by", 0.5), ("jump_mm", None)))
-    assert changed == BreakpointSettings(score_falls_by=0.5, unstable=True)
+    assert changed == BreakpointSettings(score_falls_by=0.5, unstable=True, waiting=ThresholdSettings(jump_mm=25.0))
 
 
-@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "far"])
+def test_the_number_of_a_breakpoint_that_is_off_waits() -> None:
+    off = with_changes(BreakpointSettings(jump_mm=25.0), (("jump_mm", None), ("waiting.jump_deg", 4.0)))
+    assert (off.jump_mm, off.jump_deg) == (None, None)
+    assert [number_of(off, name) for name in UNITS] == [None, 25.0, 4.0, None]
+    assert with_changes(off, (("jump_mm", None),)) == off
+    on = with_changes(off, (("jump_mm", 7.0),))
+    assert (on.jump_mm, on.waiting.jump_mm, number_of(on, "jump_mm")) == (7.0, None, 7.0)
+    assert with_changes(off, (("waiting.jump_mm", 3.0),)).waiting.jump_mm == 3.0
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), 99999999.0, "far"])
+@pytest.mark.parametrize("where", ["", "waiting."])
 @pytest.mark.parametrize("name", UNITS)
-def test_no_threshold_is_refused_in_one_line(name: str, value: object) -> None:
-    given = f"{value:g}{UNITS[name]}" if isinstance(value, float) else value
-    says = f"the breakpoint {name} cannot be {given}: give a number of at least 0{UNITS[name]}; it stays as it was"
-    with pytest.raises(SettingsError, match=says) as refused:
-        with_changes(BreakpointSettings(), ((name, value),))
-    assert "\n" not in str(refused.value)
+def test_no_threshold_is_refused_in_one_line(name: str, where: str, value: object) -> None:
+    given = f"{value:.10g}{UNITS[name]}" if isinstance(value, float) else value
+    says = f"“{LABELS[name]}” cannot be {given}: give a number from 0 to {MOST[name]}{UNITS[name]}; it stays as it was"
+    with pytest.raises(SettingsError) as refused:
+        with_changes(BreakpointSettings(), ((where + name, value),))
+    assert str(refused.value) == says
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_the_largest_number_is_taken(name: str) -> None:
+    most = float(MOST[name])
+    assert is_number(name, most)
+    assert not is_number(name, most * 1.001)
+    assert getattr(with_changes(BreakpointSettings(), ((name, most),)), name) == most
+    with pytest.raises(SettingsError):
+        with_changes(BreakpointSettings(), ((name, most * 1.001),))
 
 
 def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
@@ -89,6 +111,8 @@ def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
         with_changes(BreakpointSettings(), (("unstable", 7),))
     with pytest.raises(SettingsError, match=r"unknown breakpoint 'jump'; available: .*jump_mm"):
         with_changes(BreakpointSettings(), (("jump", 1.0),))
+    with pytest.raises(SettingsError, match=r"unknown breakpoint 'waiting.unstable'"):
+        with_changes(BreakpointSettings(), (("waiting.unstable", 1.0),))
 
 
 def test_every_threshold_has_a_unit() -> None:

@@ -102,6 +102,16 @@ def standing(tmp_path: Path) -> Run:
     return finished(problem=leaning(0), simulator=BulletSimulator(PhysicsSettings(), tmp_path))
 
 
+def held_too_high(tmp_path: Path) -> Run:
+    """The box where it is, on a plane that was taken for 30 mm higher than the table is."""
+    problem = with_first_pose(transform(np.eye(3), [0, 0.12 - BOX_M[1] / 2, 0.6]))
+    support = problem.observation.support
+    assert support is not None
+    higher = replace(support, T_world_cam=transform(np.eye(3), [0, 0, -0.03]) @ support.T_world_cam)
+    problem = replace(problem, observation=replace(problem.observation, support=higher))
+    return finished(problem=problem, simulator=BulletSimulator(PhysicsSettings(), tmp_path))
+
+
 def out_of_view(tmp_path: Path) -> Run:
     aside = with_first_pose(transform(np.eye(3), [5.0, 0, 0.6]))
     return finished(problem=aside, verifier=CpuVerifier(ScoreSettings(), tmp_path), refiner=Moves(np.eye(4)))
@@ -121,6 +131,7 @@ EVENTS: dict[str, Made] = {
     "new_best": lambda _: finished(),
     "arm_switched": lambda _: finished(name="rir", exploration=5.0),
     "unstable": toppling,
+    "physics_worse": held_too_high,
     "empty_render": out_of_view,
     "nan_score": not_a_number,
     "refiner_stuck": lambda _: finished(refiner=Moves(np.eye(4))),
@@ -137,6 +148,7 @@ BREAKPOINTS: dict[str, tuple[float | bool, Made]] = {
     "jump_deg": (20.0, lambda _: finished(name="refine", refiner=Moves(TURNED))),
     "arm_switched": (True, EVENTS["arm_switched"]),
     "unstable": (True, toppling),
+    "physics_worse": (True, held_too_high),
     "empty_render": (True, out_of_view),
     "error_grows_by_mm": (5.0, lambda _: finished(name="refine", refiner=Moves(LEFT))),
 }
@@ -163,6 +175,18 @@ def test_every_breakpoint_is_hit_by_an_iteration(name: str, tmp_path: Path) -> N
 
 def test_what_stands_is_not_called_unstable(tmp_path: Path) -> None:
     assert "unstable" not in kinds(standing(tmp_path).iterations)
+
+
+def test_physics_that_made_a_pose_worse_is_told_with_both_scores(tmp_path: Path) -> None:
+    first = held_too_high(tmp_path).iterations[0]
+    (text,) = (event.text for event in first.events if event.kind == "physics_worse")
+    was, now = first.stages[0].score, first.stages[1].score
+    assert was is not None
+    assert now is not None
+    assert text == (
+        f"Physics made it worse: the simulated pose scores {now.score:.2f}, the current one {was.score:.2f}."
+    )
+    assert "physics_worse" not in kinds(standing(tmp_path).iterations)
 
 
 def test_a_score_that_is_not_a_number_is_told_and_stops_the_run(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import BreakpointSettings, MethodSettings, Session
+from verefine_viz.session.breakpoints import LABELS, UNITS, number_of
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
@@ -41,7 +42,7 @@ def shown(app: App) -> dict[str, tuple[str, bool]]:
 
 
 def test_every_breakpoint_has_a_box_and_every_threshold_a_number(app: App) -> None:
-    assert {*THRESHOLDS, *FLAGS} == set(BreakpointSettings.model_fields) == set(panel(app).boxes)
+    assert {*THRESHOLDS, *FLAGS} == set(BreakpointSettings.model_fields) - {"waiting"} == set(panel(app).boxes)
     assert set(THRESHOLDS) == {name for name, value in BreakpointSettings() if value is None} == set(panel(app).numbers)
 
 
@@ -55,6 +56,7 @@ def test_the_sessions_own_numbers_are_shown_with_their_units(app: App) -> None:
         "refined_rejected": ("ref. rejected", False),
         "arm_switched": ("arm switched", False),
         "unstable": ("unstable", True),
+        "physics_worse": ("physics worse", False),
         "empty_render": ("empty render", False),
     }
     assert panel(app).numbers["jump_mm"].value == 25.0
@@ -90,11 +92,17 @@ def test_a_number_is_set_on_the_page_saved_and_loaded(app: App, tmp_path: Path, 
     assert panel(app).numbers[name].value == 37.5
 
 
-def test_a_number_typed_while_it_is_off_waits_to_be_switched_on(app: App) -> None:
+def test_a_number_typed_while_it_is_off_waits_to_be_switched_on_also_in_a_saved_session(
+    app: App, tmp_path: Path
+) -> None:
     with client(app.url) as browser:
         browser.set(panel(app).numbers["jump_deg"], 4.0)
         until(app, lambda: shown(app)["jump_deg"] == ("turned 4°", False))
         assert breakpoints(app).jump_deg is None
+        app.send(c.SaveSession("kept"))
+        app.send(c.SetBreakpoints((("waiting.jump_deg", 90.0),)))
+        app.send(c.OpenSession(str(tmp_path / "kept.toml")))
+        until(app, lambda: shown(app)["jump_deg"] == ("turned 4°", False))
         browser.set(panel(app).boxes["jump_deg"], True)
         until(app, lambda: breakpoints(app).jump_deg == 4.0)
 
@@ -107,15 +115,22 @@ def test_a_number_that_is_set_elsewhere_is_shown(app: App) -> None:
     assert shown(app)["jump_mm"] == ("moved 0.125 mm", True)
 
 
+@pytest.mark.parametrize("wrong", [-5.0, 99999999.0])
 @pytest.mark.parametrize("name", ["jump_mm", "jump_deg"])
-def test_a_negative_number_is_refused_with_a_word_and_taken_off_the_page(app: App, name: str) -> None:
+def test_a_wrong_number_is_refused_with_a_word_that_goes_when_a_right_one_comes(
+    app: App, name: str, wrong: float
+) -> None:
     before = panel(app).numbers[name].value
+    says = f"“{LABELS[name]}” cannot be {wrong:.10g}{UNITS[name]}: give a number from 0 to "
     with client(app.url) as browser:
-        browser.set(panel(app).numbers[name], -5.0)
-        until(app, lambda: app.debugger.message.startswith(f"the breakpoint {name} cannot be -5"))
+        browser.set(panel(app).numbers[name], wrong)
+        until(app, lambda: app.debugger.message.startswith(says))
         until(app, lambda: panel(app).numbers[name].value == before)
-    assert app.debugger.refused
-    assert breakpoints(app) == BREAKPOINTS
+        assert app.debugger.refused
+        assert breakpoints(app) == BREAKPOINTS
+        browser.set(panel(app).numbers[name], 3.0)
+        until(app, lambda: number_of(breakpoints(app), name) == 3.0)
+    assert not app.debugger.refused
 
 
 def test_the_run_stops_and_says_the_value(app: App) -> None:

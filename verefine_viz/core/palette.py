@@ -63,6 +63,7 @@ EVENT_COLORS: dict[str, RGB] = {
     "new_best": (40, 200, 80),
     "arm_switched": (50, 110, 255),
     "unstable": (220, 50, 47),
+    "physics_worse": (220, 50, 47),
     "empty_render": (220, 50, 47),
     "nan_score": (220, 50, 47),
     "refiner_stuck": (220, 50, 47),

@@ -25,6 +25,7 @@ EventKind = Literal[
     "new_best",
     "arm_switched",
     "unstable",
+    "physics_worse",
     "empty_render",
     "nan_score",
     "refiner_stuck",

@@ -166,7 +166,7 @@ class BreakpointSettings(Settings):
     score_falls_by: NonNegative | None = None
     """The accepted score is lower than the arm's previous one by more than this [score]."""
     simulated_rejected: bool = False
-    """The refined pose was kept instead of the simulated one."""
+    """The refined pose was kept instead of the simulated one, by however little: the usual case."""
     refined_rejected: bool = False
     """The simulated pose was kept instead of the refined one."""
     jump_mm: NonNegative | None = None
@@ -177,6 +177,8 @@ class BreakpointSettings(Settings):
     """The bandit chose another hypothesis than before."""
     unstable: bool = False
     """The object touches something and would tip: its centre of mass is outside its support after the simulation."""
+    physics_worse: bool = False
+    """The simulated pose scores at least 0.2 less than the pose it began with."""
     empty_render: bool = False
     """A pose rendered to nothing, or its score was not a number."""
     error_grows_by_mm: NonNegative | None = None

@@ -17,8 +17,9 @@ from verefine_viz.methods.chain import Draft, refined, simulate
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.search_tree import SearchTree
 
-NOT_OF_A_SEARCH = ("arm_switched", "new_best")
-"""Events that say nothing here: every iteration takes another arm, and no single object has a best score."""
+NOT_OF_A_SEARCH = ("arm_switched", "new_best", "physics_worse")
+"""Events that say nothing here: every iteration takes another arm, no single object has a best score, and physics goes
+on for so long that an object's own score falls far in every other iteration."""
 
 
 @dataclass(frozen=True, eq=False)

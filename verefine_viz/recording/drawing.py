@@ -180,11 +180,12 @@ def _numbers_of_bars(lengths: tuple[int, ...]) -> columns.Column:
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}
-_LEVELS |= {"refiner_stuck": "WARN", "no_physics": "WARN"}
+_LEVELS |= {"refiner_stuck": "WARN", "no_physics": "WARN", "physics_worse": "WARN"}
 _NOTABLE = {
     "nan_score": "NaN",
     "empty_render": "empty",
     "unstable": "tipped",
+    "physics_worse": "worse",
     "refiner_stuck": "stuck",
     "score_fell": "fell",
     "edited": "edited",

@@ -60,6 +60,7 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
     asked = {
         "arm_switched": settings.arm_switched,
         "unstable": settings.unstable,
+        "physics_worse": settings.physics_worse,
         "empty_render": settings.empty_render,
         "nan_score": settings.empty_render,
     }

@@ -33,11 +33,13 @@ class Meaning:
 MEANINGS: tuple[Meaning, ...] = (
     Meaning(
         "trouble",
-        "The score fell, the object would tip where the simulation leaves it, a pose rendered to nothing or its score "
-        "is not a number, the refiner found nothing to hold on to, or the error against ground truth grew although the "
-        "score did not fall.",
+        "The score fell, the simulated pose scores far less than the pose it began with, the object would tip where "
+        "the simulation leaves it, a pose rendered to nothing or its score is not a number, the refiner found nothing "
+        "to hold on to, or the error against ground truth grew although the score did not fall.",
         RED,
-        frozenset({"score_fell", "unstable", "empty_render", "nan_score", "refiner_stuck", "error_grew"}),
+        frozenset(
+            {"score_fell", "physics_worse", "unstable", "empty_render", "nan_score", "refiner_stuck", "error_grew"}
+        ),
     ),
     Meaning(
         "refined rejected",

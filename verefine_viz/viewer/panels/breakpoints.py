@@ -36,11 +36,15 @@ THRESHOLDS = {
 FLAGS = {
     "simulated_rejected": (
         "sim. rejected",
-        "the refined pose was kept instead of the simulated one: the usual case",
+        "the refined pose was kept instead of the simulated one, by however little: the usual case; see physics worse",
     ),
     "refined_rejected": ("ref. rejected", "the simulated pose was kept instead of the refined one"),
     "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
     "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
+    "physics_worse": (
+        "physics worse",
+        "the simulated pose scores at least 0.2 less than the pose it began with: a red mark on the timeline",
+    ),
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
 """Field: (label that fits on one line, meaning)."""
