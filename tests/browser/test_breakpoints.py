@@ -41,7 +41,7 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
     number(screen, "moved").fill("32.5", timeout=SLOW_MS)
     screen.until(lambda: screen.app.debugger.workspace.breakpoints.jump_mm == 32.5)
     number(screen, "fell by").fill("-1", timeout=SLOW_MS)
-    screen.text("the breakpoint score_falls_by cannot be -1: give a number of at least 0")
+    screen.text("“fell by” cannot be -1: give a number from 0 to 1")
     number(screen, "fell by").blur()
     other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
     other.tab("Breakpoints")
@@ -54,6 +54,7 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
     assert kept == BreakpointSettings(jump_mm=32.5, score_falls_by=0.5)
     box(screen, "moved 32.5 mm").click(timeout=SLOW_MS)
     screen.until(lambda: screen.app.debugger.workspace.breakpoints.jump_mm is None)
+    assert box(screen, "moved 32.5 mm").is_visible()
     screen.app.send(c.OpenSession(str(tmp_path / "kept.toml")))
     screen.until(lambda: screen.app.debugger.workspace.breakpoints == kept)
     assert box(screen, "moved 32.5 mm").is_checked()

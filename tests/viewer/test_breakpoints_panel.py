@@ -77,19 +77,19 @@ def test_off_and_on_again_keeps_the_number(app: App) -> None:
 def test_a_number_is_set_on_the_page_saved_and_loaded(app: App, tmp_path: Path, name: str) -> None:
     with client(app.url) as browser:
         browser.set(panel(app).boxes[name], True)
-        for typed in (3.0, 37.0, 37.5):  # as a person types: not every number on the way may be shown again
+        for typed in (0.3, 0.37, 0.375):  # as a person types: not every number on the way may be shown again
             browser.set(panel(app).numbers[name], typed)
-        until(app, lambda: getattr(breakpoints(app), name) == 37.5)
-        until(app, lambda: "37.5" in shown(app)[name][0])
-    assert panel(app).numbers[name].value == 37.5
+        until(app, lambda: getattr(breakpoints(app), name) == 0.375)
+        until(app, lambda: "0.375" in shown(app)[name][0])
+    assert panel(app).numbers[name].value == 0.375
     app.send(c.SaveSession("kept"))
     app.wait_until_idle()
-    assert load_session(tmp_path / "kept.toml").breakpoints == BREAKPOINTS.model_copy(update={name: 37.5})
+    assert load_session(tmp_path / "kept.toml").breakpoints == BREAKPOINTS.model_copy(update={name: 0.375})
     app.send(c.SetBreakpoints(((name, None),)))
     app.send(c.OpenSession(str(tmp_path / "kept.toml")))
     app.wait_until_idle()
     assert shown(app)[name][1]
-    assert panel(app).numbers[name].value == 37.5
+    assert panel(app).numbers[name].value == 0.375
 
 
 def test_a_number_typed_while_it_is_off_waits_to_be_switched_on_also_in_a_saved_session(

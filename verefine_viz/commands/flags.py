@@ -15,8 +15,8 @@ from pydantic import BaseModel
 
 from verefine_viz.core.settings import Session
 
-NOT_OPTIONS = ("edits", "changes")
-"""Lists of tables: what the page saves, too long to type."""
+NOT_OPTIONS = ("edits", "changes", "waiting")
+"""What the page saves: lists of tables, too long to type, and numbers that only wait there."""
 
 
 def _flags_of(model: type[BaseModel]) -> Any:

@@ -160,19 +160,26 @@ class PhysicsSettings(Settings):
     """Objects already placed stay where they are, or are pushed (authors' code)."""
 
 
-class BreakpointSettings(Settings):
+class ThresholdSettings(Settings):
+    """Breakpoints with a number; unset = never."""
+
+    score_falls_by: Annotated[float, Field(ge=0, le=1)] | None = None
+    """The accepted score is lower than the arm's previous one by more than this [score]."""
+    jump_mm: Annotated[float, Field(ge=0, le=10_000)] | None = None
+    """The accepted pose moved further than this [mm]."""
+    jump_deg: Annotated[float, Field(ge=0, le=180)] | None = None
+    """The accepted pose turned further than this [deg]."""
+    error_grows_by_mm: Annotated[float, Field(ge=0, le=10_000)] | None = None
+    """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
+
+
+class BreakpointSettings(ThresholdSettings):
     """When a running method should stop and wait; unset = never."""
 
-    score_falls_by: NonNegative | None = None
-    """The accepted score is lower than the arm's previous one by more than this [score]."""
     simulated_rejected: bool = False
     """The refined pose was kept instead of the simulated one, by however little: the usual case."""
     refined_rejected: bool = False
     """The simulated pose was kept instead of the refined one."""
-    jump_mm: NonNegative | None = None
-    """The accepted pose moved further than this [mm]."""
-    jump_deg: NonNegative | None = None
-    """The accepted pose turned further than this [deg]."""
     arm_switched: bool = False
     """The bandit chose another hypothesis than before."""
     unstable: bool = False
@@ -181,8 +188,8 @@ class BreakpointSettings(Settings):
     """The simulated pose scores at least 0.2 less than the pose it began with."""
     empty_render: bool = False
     """A pose rendered to nothing, or its score was not a number."""
-    error_grows_by_mm: NonNegative | None = None
-    """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
+    waiting: ThresholdSettings = ThresholdSettings()
+    """Numbers of breakpoints that are off, for when they are switched on: the page keeps them."""
 
 
 class RecordingSettings(Settings):

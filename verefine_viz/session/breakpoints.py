@@ -18,25 +18,56 @@ from verefine_viz.evaluation.errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
 """Breakpoints with a threshold, and its unit as it is written behind the number."""
+LABELS = {"score_falls_by": "fell by", "jump_mm": "moved", "jump_deg": "turned", "error_grows_by_mm": "error +"}
+"""The same as the page calls them."""
+MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
+"""The largest number of each; what happens never exceeds it."""
+_WAITING = "waiting."
+
+
+def number_of(settings: BreakpointSettings, name: str) -> float | None:
+    """The number of a breakpoint, on or off; None where it never had one."""
+    value = getattr(settings, name)
+    return getattr(settings.waiting, name) if value is None else value
+
+
+def is_number(name: str, value: float) -> bool:
+    """Whether ``value`` can be the number of a breakpoint."""
+    return 0 <= value <= MOST[name]
 
 
 def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]]) -> BreakpointSettings:
-    """``settings`` with some fields replaced; a threshold of None switches its breakpoint off.
+    """``settings`` with some fields replaced.
+
+    A threshold of None switches its breakpoint off, and its number waits to be used again; ``waiting.jump_mm`` is the
+    number of a breakpoint that is off.
 
     Raises:
         SettingsError: there is no such breakpoint, or its value is none.
     """
-    wanted = dict(changes)
-    for name in wanted:
-        if name not in BreakpointSettings.model_fields:
-            raise SettingsError(unknown("breakpoint", name, tuple(BreakpointSettings.model_fields)))
+    wanted, waiting = settings.model_dump(exclude={"waiting"}), settings.waiting.model_dump()
+    for name, value in changes:
+        own = name.removeprefix(_WAITING)
+        if own not in (waiting if own != name else wanted):
+            raise SettingsError(unknown("breakpoint", name, tuple(wanted)))
+        if own != name:
+            waiting[own] = value
+            continue
+        if own in waiting:
+            waiting[own] = None if value is not None else number_of(settings, own)
+        wanted[own] = value
     try:
-        return BreakpointSettings.model_validate(settings.model_dump() | wanted)
+        return BreakpointSettings.model_validate({**wanted, "waiting": waiting})
     except ValidationError as error:
-        name = str(error.errors()[0]["loc"][0])
-        expected = f"a number of at least 0{UNITS[name]}" if name in UNITS else "on or off"
-        value = f"{wanted[name]:g}{UNITS[name]}" if isinstance(wanted[name], float) and name in UNITS else wanted[name]
-        raise SettingsError(f"the breakpoint {name} cannot be {value}: give {expected}; it stays as it was") from None
+        name = str(error.errors()[0]["loc"][-1])
+        raise SettingsError(_refusal(name, error.errors()[0]["input"])) from None
+
+
+def _refusal(name: str, value: Any) -> str:
+    if name not in UNITS:
+        return f"the breakpoint {name} cannot be {value}: give on or off; it stays as it was"
+    given = f"{value:.10g}{UNITS[name]}" if isinstance(value, int | float) else value
+    return f"“{LABELS[name]}” cannot be {given}: give a number from 0 to {MOST[name]}{UNITS[name]}; it stays as it was"
 
 
 def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -> tuple[str, ...]:

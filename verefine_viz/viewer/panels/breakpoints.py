@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from verefine_viz.session.breakpoints import UNITS
+from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.view import View
@@ -18,8 +18,6 @@ from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabel
 class Threshold:
     """A breakpoint with a number."""
 
-    label: str
-    """What is said in front of the number."""
     at_first: float
     """The number that is offered where the session has none."""
     step: float
@@ -28,10 +26,10 @@ class Threshold:
 
 
 THRESHOLDS = {
-    "score_falls_by": Threshold("fell by ", 0.02, 0.01, "the kept pose scores lower than the one before by more than"),
-    "jump_mm": Threshold("moved ", 10.0, 1.0, "the kept pose lies further from the one before than"),
-    "jump_deg": Threshold("turned ", 10.0, 1.0, "the kept pose is turned against the one before by more than"),
-    "error_grows_by_mm": Threshold("error +", 2.0, 1.0, "ADD(-S) against ground truth grew by more than"),
+    "score_falls_by": Threshold(0.02, 0.01, "the kept pose scores lower than the one before by more than"),
+    "jump_mm": Threshold(10.0, 1.0, "the kept pose lies further from the one before than"),
+    "jump_deg": Threshold(10.0, 1.0, "the kept pose is turned against the one before by more than"),
+    "error_grows_by_mm": Threshold(2.0, 1.0, "ADD(-S) against ground truth grew by more than"),
 }
 FLAGS = {
     "simulated_rejected": (
@@ -61,7 +59,7 @@ class BreakpointsPanel:
         Block(gui).show(sentence(WORDS))
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self.numbers: dict[str, viser.GuiNumberHandle[float]] = {}
-        self._seen: dict[str, float | None] = {}
+        self._seen: dict[str, float] = {}
         self._typed: dict[str, list[float]] = {name: [] for name in THRESHOLDS}
         """Numbers that were sent and not yet seen in the settings, the oldest first."""
         self._send = send
@@ -75,12 +73,12 @@ class BreakpointsPanel:
         gui.add_html(f"<style>{rows}{''.join(map(_beside_the_box, self.numbers.values()))}</style>")
 
     def show(self, view: View) -> None:
-        """Boxes and numbers as the breakpoints are set; the number of one that is off waits to be used again."""
+        """Boxes and numbers as the breakpoints are set."""
         for name, box in self.boxes.items():
-            value = getattr(view.session.breakpoints, name)
-            box.value = value not in (None, False)
-            if name not in self.numbers:
-                continue
+            box.value = getattr(view.session.breakpoints, name) not in (None, False)
+        for name, threshold in THRESHOLDS.items():
+            held = number_of(view.session.breakpoints, name)
+            value = threshold.at_first if held is None else held
             if value != self._seen.get(name):
                 self._seen[name] = value
                 self._show_number(name, value)
@@ -89,7 +87,7 @@ class BreakpointsPanel:
 
     def _add_threshold(self, gui: viser.GuiApi, name: str, t: Threshold) -> None:
         box = gui.add_checkbox("", False, hint=f"stop when {t.meaning} this{_in_words(name)}")
-        number = gui.add_number(f"threshold: {t.label.strip()}", t.at_first, step=t.step)
+        number = gui.add_number(f"threshold: {LABELS[name]}", t.at_first, step=t.step)
         number.precision = 6  # Numbers of a session file are shown as they are.
         self.boxes[name], self.numbers[name] = box, number
         self._label(name)
@@ -103,28 +101,25 @@ class BreakpointsPanel:
         self._set(name, number if on else None)
 
     def _typed_in(self, name: str, value: float) -> None:
-        """Sets the threshold where it is on; else the number only waits."""
-        if value >= 0 and not self.boxes[name].value:
-            self._label(name)
-            return
-        if value >= 0:
+        """Sets the threshold; where it is off, the number that waits for it."""
+        if is_number(name, value):
             self._typed[name].append(value)
         else:  # It will be refused with a word; the number goes back to what holds.
-            seen = self._seen.get(name)
-            self.numbers[name].value = THRESHOLDS[name].at_first if seen is None else seen
-        self._set(name, value)
+            self.numbers[name].value = self._seen.get(name, THRESHOLDS[name].at_first)
+        self._set(name if self.boxes[name].value else f"waiting.{name}", value)
 
-    def _show_number(self, name: str, value: float | None) -> None:
+    def _show_number(self, name: str, value: float) -> None:
         typed = self._typed[name]
         if value in typed:  # Another one may be typed already, which must not be overwritten.
             del typed[: typed.index(value) + 1]
-        elif value is not None:
+        else:
             typed.clear()
             self.numbers[name].value = value
         self._label(name)
 
     def _label(self, name: str) -> None:
-        self.boxes[name].label = f"{THRESHOLDS[name].label}{self.numbers[name].value:g}{UNITS[name]}"
+        label = LABELS[name] if LABELS[name].endswith("+") else f"{LABELS[name]} "
+        self.boxes[name].label = f"{label}{self.numbers[name].value:g}{UNITS[name]}"
 
     def _set(self, name: str, value: Any) -> None:
         self._send(c.SetBreakpoints(((name, value),)))
