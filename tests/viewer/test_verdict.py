@@ -3,31 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
 from tests.viewer.two_runs import SESSION, TWO
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Placed
+from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.standing import LIGHTS, standing_html
+from verefine_viz.viewer.verdict import verdict
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import later
 
 
+def sunk(into: int, depth_mm: float) -> Plausibility:
+    """A pose that is too deep in something."""
+    none, what = np.zeros((0, 3)), f"instance {into}" if into >= 0 else "the support plane"
+    return Plausibility(
+        gap_mm=0.0, penetration_mm=depth_mm, penetrates=into, contact_points_cam=none, contact_normals_cam=none,
+        contact_others=np.zeros(0, np.int64), polygon_cam=none, com_cam=np.zeros(3), com_on_plane_cam=np.zeros(3),
+        margin_mm=5.0, is_stable=True, light="red", sentence=f"Sinks {depth_mm:.1f} mm into {what}.",
+    )  # fmt: skip
+
+
 def sinking(moving: Placed, others: Sequence[Placed], support: Support) -> Plausibility:
     """Every object sinks into the other one."""
-    into, none = 1 - moving.instance_id, np.zeros((0, 3))
-    return Plausibility(
-        gap_mm=0.0, penetration_mm=9.0, penetrates=into, contact_points_cam=none, contact_normals_cam=none,
-        contact_others=np.zeros(0, np.int64), polygon_cam=none, com_cam=np.zeros(3), com_on_plane_cam=np.zeros(3),
-        margin_mm=5.0, is_stable=True, light="red", sentence=f"Sinks 9.0 mm into instance {into}.",
-    )  # fmt: skip
+    return sunk(1 - moving.instance_id, 9.0)
 
 
 @pytest.fixture
@@ -59,3 +67,27 @@ def test_what_sinks_into_a_waiting_object_is_not_called_impossible(debugger: Deb
     assert f"rgb{LIGHTS['red']}" not in shown
     assert f"rgb{LIGHTS['grey']}" in shown
     assert "not yet: Sinks 9.0 mm into box #1" in objects_html(view)
+
+
+class Lowered(FakeTools):
+    """The same frames, on a table that was found 8 mm too high."""
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        support = problem.observation.support
+        assert support is not None
+        raised = replace(support, T_world_cam=transform(np.eye(3), [0, 0, -0.008]) @ support.T_world_cam)
+        return replace(problem, observation=replace(problem.observation, support=raised))
+
+
+@pytest.mark.parametrize(
+    ("tools", "depth_mm", "light"), [(Lowered, 12.9, "amber"), (Lowered, 13.1, "red"), (FakeTools, 5.1, "red")]
+)
+def test_sinking_into_the_plane_counts_from_where_the_true_pose_is(
+    tools: type[FakeTools], depth_mm: float, light: str
+) -> None:
+    scene = Debugger(SESSION, None, tools).view().scene
+    said = verdict(sunk(-1, depth_mm), scene.objects[0], scene)
+    assert said.light == light
+    assert said.sentence.startswith(f"Sinks {depth_mm:.1f} mm into the support plane")
+    assert ("so does the true pose, by 8.0 mm: it is the plane found" in said.sentence) == (light == "amber")

@@ -183,7 +183,8 @@ class SceneView:
         segments.append((found.com_cam, found.com_on_plane_cam))
         points = np.array(segments, np.float32)
         colors = np.empty((len(points), 2, 3), np.uint8)
-        colors[:] = LIGHTS[verdict(found, view.scene).light]
+        shown = view.scene.object(view.target.instance.instance_id)
+        colors[:] = LIGHTS[verdict(found, shown, view.scene).light]
         self._balance.points = points
         self._balance.colors = colors
 

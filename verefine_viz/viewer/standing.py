@@ -36,7 +36,8 @@ def standing_html(view: View) -> str:
     support = view.target.observation.support
     if not view.plausible or support is None:
         return ""
-    said = {name: verdict(p, view.scene) for name, p in view.plausible.items()}
+    o = view.scene.object(view.target.instance.instance_id)
+    said = {name: verdict(p, o, view.scene) for name, p in view.plausible.items()}
     lights = "".join(
         f'<p style="border-left:9px solid rgb{LIGHTS[p.light]};padding-left:6px">{text(_WHEN[name])}: '
         f"{text(p.sentence)}</p>"
@@ -106,7 +107,7 @@ def _drawing(view: View) -> str:
     dots = "".join(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="1"/>' for x, y in place(seen))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in place(polygon)) if len(polygon) else ""
     x, y = place(centre)[0]
-    color = LIGHTS[verdict(found, view.scene).light]
+    color = LIGHTS[verdict(found, view.scene.object(view.target.instance.instance_id), view.scene).light]
     title = f"{_WHEN[name].lower()}, from above: object (dots), support polygon, centre of mass (cross)"
     return (
         f'<svg width="{_SIZE}" height="{_SIZE}" style="flex:none"><title>{text(title)}</title>'

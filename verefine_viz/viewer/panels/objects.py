@@ -147,7 +147,7 @@ def _light(view: View, o: ObjectNow) -> str:
     if found is None:
         why = "no pose, or no support plane known" if view.physics.complete else "being worked out"
         return f'<span class="dim" title="{why}">…</span>' if not view.physics.complete else "–"
-    said = verdict(found, view.scene)
+    said = verdict(found, o, view.scene)
     return _dot(said.light, text(f"{LIGHT_MEANING[said.light][0]}: {said.sentence}"))
 
 
@@ -162,7 +162,8 @@ def overlap_lines(view: View) -> str:
 
 def legend(view: View) -> str:
     """What the lights mean, and how objects are drawn in 3D."""
-    told = {verdict(found, view.scene).light for found in view.physics.plausible.values()} | LIGHTS.keys() - {"grey"}
+    judged = {verdict(found, view.scene.object(i), view.scene).light for i, found in view.physics.plausible.items()}
+    told = judged | LIGHTS.keys() - {"grey"}
     lights = " ".join(
         f'<span title="{text(LIGHT_MEANING[light][1])}">{_dot(light)} {LIGHT_MEANING[light][0]}</span>'
         for light in LIGHTS
