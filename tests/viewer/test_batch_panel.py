@@ -66,6 +66,20 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
         assert "data-cmd" not in html
 
 
+def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
+    doubted = row(1, add_s_mm=42.0).model_copy(
+        update={"cause": "score", "evidence": "The score misleads. Look at the data first: objects appear larger."}
+    )
+    found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
+    assert found.doubt == "Look at the data first: in frame 0/1, objects appear larger."
+    told, plain = (card(entry, found.opens(entry), None, False, False) for entry in found.entries)
+    assert "data in doubt</b> · score ranks" in told
+    assert "data in doubt" not in plain
+    assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
+    twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
+    assert twice.doubt.startswith("Look at the data first: in 2 of 3 frames, such as 0/1, objects appear")
+
+
 @pytest.mark.parametrize(
     ("worst", "best", "said"),
     [

@@ -1,26 +1,51 @@
-"""A frame whose camera does not look right says so when it is opened."""
+"""A frame whose camera does not look right says so above all else when it is opened."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.scenes.sizes import scene, written
-from verefine_viz.core.settings import HypothesesSettings, SceneSettings, Session
+from tests.viewer.tools import FakeTools
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.viewer.workspace import Workspace
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.gallery import Gallery
+
+SESSION = Session(method=MethodSettings(iterations=2))
 
 
 @pytest.mark.parametrize(("focal", "noted"), [(1.0, 0), (0.9, 1)])
-def test_an_opened_frame_carries_it_as_a_note(tmp_path: Path, focal: float, noted: int) -> None:
+def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, noted: int) -> None:
     folder = written(tmp_path / "clutter", [scene()], focal)
     opened = Session(
         scene=SceneSettings(source="bop", dataset=str(folder)), hypotheses=HypothesesSettings(source="perturb")
     )
-    problem = Workspace(opened, None, Toolbox).work.problem
-    notes = [note for note in problem.notes if "objects appear" in note]
-    assert len(notes) == noted
-    for note in notes:
-        assert note.startswith("objects appear 11% larger than their models in their true poses and lie farther from ")
-        assert note.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size")
+    view = Debugger(opened, None, Toolbox).view(deep=False)
+    found = [one for one in findings(view) if "objects appear" in one.text]
+    assert len(found) == noted
+    for one in found:
+        assert one.text.startswith("Look at the data first: objects appear 11% larger than their models in their true")
+        assert one.text.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size.")
+        assert findings(view)[0] == one
+        assert one.red
+        assert one.on_top
+
+
+def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> None:
+    row = ObjectRow(
+        scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", has_truth=True, add_s_mm=50.0,
+        diameter_mm=100.0, cause="score", evidence=f"The score misleads. {DATA_FIRST} objects appear larger: check.",
+    )  # fmt: skip
+    batch = Gallery([BatchIndex(tmp_path, SESSION, {}, (row,))])
+    view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
+    assert any("objects appear larger" in one.text for one in findings(view)), "the frame itself says nothing of it"
+    doubted = replace(view, problem=replace(view.problem, doubts=("objects appear larger: check",)))
+    assert sum("objects appear larger" in one.text for one in findings(doubted)) == 1
+    assert any("The score misleads." in one.text for one in findings(doubted))

@@ -107,6 +107,8 @@ class Problem:
     """For people: data set or demo scene."""
     notes: tuple[str, ...] = ()
     """Things about the data a person should know: units guessed, masks missing, …"""
+    doubts: tuple[str, ...] = ()
+    """What of the data does not fit together, with what to check; empty also where nobody looked."""
     left_out: tuple[LeftOut, ...] = ()
     """Objects that are in the frame but cannot be solved; who counts answers counts them as missed."""
     dependencies: DependencyGraph | None = None

@@ -21,6 +21,7 @@ from verefine_viz.diagnosis.of_scene import SCENE_TESTS, neighbour
 from verefine_viz.diagnosis.of_score import score
 from verefine_viz.diagnosis.of_search import SEARCH_TESTS, no_hypothesis
 from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.scenes.size_fit import size_notes
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
@@ -67,7 +68,7 @@ def diagnose(
     # A wrong camera changes all objects.
     problem = trace.problem
     doubts = size_notes(problem.instances, problem.models, problem.observation)
-    told = "".join(f" Look at the data first: {doubt}." for doubt in doubts)
+    told = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
     return tuple(replace(one, sentence=one.sentence + told, doubts=doubts) for one in found)
 
 

@@ -7,6 +7,8 @@ from typing import Literal
 
 from verefine_viz.diagnosis.causes import TITLES, Cause
 
+DATA_FIRST = "Look at the data first:"
+"""Stands before what does not fit together in a frame's data, behind the cause."""
 MORE_DIGITS = 3
 """Digits that are added at most to tell two numbers apart."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.words import DATA_FIRST, cause_title
 from verefine_viz.viewer.gallery import Entry
 from verefine_viz.viewer.view import View
 
@@ -11,7 +11,12 @@ from verefine_viz.viewer.view import View
 def batch_words(view: View) -> str:
     """What happened at the iteration where it went wrong, and the cause with its evidence; empty: nothing."""
     entry = view.entry
-    return " ".join(filter(None, (_why_here(view, entry), _verdict(entry)))) if entry is not None else ""
+    if entry is None:
+        return ""
+    verdict = _verdict(entry)
+    if view.problem.doubts:  # They stand above it by themselves.
+        verdict = verdict.partition(f" {DATA_FIRST}")[0]
+    return " ".join(filter(None, (_why_here(view, entry), verdict)))
 
 
 def _verdict(entry: Entry) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
@@ -36,10 +37,15 @@ class Finding:
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     found = (
-        *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view), *_starved(view),
-        *_wrong_score(view), *_leak(view), *_low(view),
+        *_of_data(view), *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view),
+        *_starved(view), *_wrong_score(view), *_leak(view), *_low(view),
     )  # fmt: skip
     return found
+
+
+def _of_data(view: View) -> list[Finding]:
+    """A wrong camera or wrong models are behind all that follows."""
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in view.problem.doubts]
 
 
 def _of_batch(view: View) -> list[Finding]:

@@ -13,7 +13,7 @@ from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, ru
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.words import DATA_FIRST, cause_title
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.gallery_commands import OpenAt
 
@@ -42,6 +42,11 @@ class Entry:
     def can_be_opened(self) -> bool:
         """A frame that failed as a whole fails again, and an object that was left out is again."""
         return self.row.was_asked_for
+
+    @property
+    def doubt(self) -> str:
+        """What of its frame's data does not fit together, as far as a diagnosis looked; else empty."""
+        return self.row.evidence.partition(DATA_FIRST)[2].strip()
 
     @property
     def iteration(self) -> int:
@@ -98,6 +103,17 @@ class Gallery:
         said += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
         unknown = len(self.entries) - len(objects)
         return f"{said}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else said
+
+    @cached_property
+    def doubt(self) -> str:
+        """In how many frames the data are in doubt, and what about those of the first; empty where none are."""
+        found = {(e.run, e.row.frame): e.doubt for e in self.entries if e.doubt}
+        if not found:
+            return ""
+        n = len({(e.run, e.row.frame) for e in self.entries})
+        (_, frame), said = next(iter(found.items()))
+        where = f"frame {frame}" if len(found) == 1 else f"{len(found)} of {n} frames, such as {frame}"
+        return f"{DATA_FIRST} in {where}, {said}"
 
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""

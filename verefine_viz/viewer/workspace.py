@@ -217,12 +217,11 @@ class Workspace:
 
 
 def _read(tools: Tools, frame: str) -> Problem:
-    """A frame, with a note where its camera or its models do not look right; a batch has no time to look."""
+    """A frame, and whether its camera and its models look right; a batch has no time to look."""
     from verefine_viz.scenes.size_fit import size_notes  # Loads what draws models.
 
     problem = tools.problem(frame)
-    notes = size_notes(problem.instances, problem.models, problem.observation)
-    return replace(problem, notes=(*problem.notes, *notes))
+    return replace(problem, doubts=size_notes(problem.instances, problem.models, problem.observation))
 
 
 def preparing(problem: Problem, session: Session) -> str:

@@ -15,7 +15,7 @@ from verefine_viz.viewer.choice import choice
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.gallery import ALL, PAGE, Entry, Gallery
 from verefine_viz.viewer.gallery_commands import BatchFilter
-from verefine_viz.viewer.markup import carries, link, sentence, text
+from verefine_viz.viewer.markup import carries, link, sentence, text, warning
 from verefine_viz.viewer.standing import LIGHTS
 from verefine_viz.viewer.tables import number
 from verefine_viz.viewer.thumbnails import Painter, Thumbnails
@@ -78,7 +78,8 @@ class BatchPanel:
         page = min(look.batch_page, max(len(entries) - 1, 0) // PAGE)
         with self._lock:
             self._shown, self._opened = entries[page * PAGE : (page + 1) * PAGE], view.entry
-            self._words.show(sentence(summary(gallery, entries)))
+            doubt = warning(gallery.doubt, red=True) if gallery.doubt else ""
+            self._words.show(doubt + sentence(summary(gallery, entries)))
             self._choices.show(choices(gallery, look.batch_order, look.batch_only))
             for k in range(PAGE):
                 self._show_card(k)
@@ -142,7 +143,8 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
         lines += f'<span class="dim">{number(row.add_s_mm, 1, " mm")} · score {number(row.score, 2)}</span>'
-        lines += f'<span class="why">{text(why or "–")}</span>'
+        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b> · ' if entry.doubt else ""
+        lines += f'<span class="why">{doubt}{text(why or "–")}</span>'
     else:
         lines += f'<span class="why two">{text(row.message)}</span>'
     image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
