@@ -94,7 +94,11 @@ def physics(screen: Screen) -> None:
 
 
 def errors(screen: Screen, of_drill_mm: float) -> None:
-    turned, moved, add, percent = numbers(screen, r"^The best pose so far is #° and # mm off; ADD\(-S\) # mm is #% of")
+    way = r"\(#° of tilt against the table, #° of turn on it\)"
+    turned, tilt, turn, moved, add, percent = numbers(
+        screen, rf"^The best pose so far is #° {way} and # mm from the truth; ADD\(-S\) # mm is #% of"
+    )
+    assert np.hypot(tilt, turn) == pytest.approx(turned, abs=0.1)
     screen.text("of the diameter: correct by the usual 10 %")
     run = screen.app.debugger.workspace.run
     drill, best = run.problem.targets[-1], run.iterations[-1].best
@@ -106,7 +110,7 @@ def errors(screen: Screen, of_drill_mm: float) -> None:
     assert add == of_drill_mm
     assert percent == round(100 * add / (1e3 * drill.model.diameter_m))
     rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "of ∅")}
-    assert rows["best"][1:4] == [f"{turned}°", str(moved), str(add)]
+    assert rows["best"][1:6] == [f"{turned}°", str(tilt), str(turn), str(moved), str(add)]
     assert [row[1] for row in screen.table("arm", "from")] == ["cosypose", "posecnn-rss2018", "sundermeyer"]
 
 

@@ -16,7 +16,7 @@ from verefine_viz.viewer.view import View
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
     said = headline(after())
     assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
-    assert "nearest to ground truth is 4.0° and" in said
+    assert "the nearest one is 4.0° and 3.0 mm from the truth." in said
     assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
 
 
@@ -68,7 +68,7 @@ def test_what_nobody_judged_is_called_so() -> None:
 def test_the_end_names_the_answer_and_its_error() -> None:
     said = headline(after(c.RunUntil("end")))
     assert "Run finished: best " in said
-    assert said.endswith("mm off.")
+    assert said.endswith("mm from the truth.")
 
 
 def with_best_scores(view: View, scores: list[float]) -> View:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.viewer.pose_words import movement, shift_mm
+from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.viewer.pose_words import errors_in_words, movement, shift_mm, way_of
 
 
 @pytest.mark.parametrize(
@@ -29,3 +31,20 @@ def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
     points = np.array([[1.0, 0, 0]])
     half_turn = transform(axis_angle([0, 0, 1], np.pi), [2.0, 0, 0])
     assert shift_mm(np.eye(4), half_turn, points) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle_deg", "said"),
+    [
+        ([0, 1, 0], 20.0, "20.0° (all of it a turn on the table) and 3.0 mm from the truth"),
+        ([1, 0, 0], 5.0, "5.0° (all of it tilt against the table) and 3.0 mm from the truth"),
+        ([3, 4, 0], 10.0, "10.0° (6.0° of tilt against the table, 8.0° of turn on it) and 3.0 mm from the truth"),
+        ([3, 4, 0], 0.9, "0.9° and 3.0 mm from the truth"),
+    ],
+)
+def test_an_error_says_from_what_and_which_way_it_is_turned(axis: list[float], angle_deg: float, said: str) -> None:
+    (target,) = box_problem().targets
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    T_est = T_gt @ transform(axis_angle(axis, np.deg2rad(angle_deg)), [0, 0, 0.003])
+    assert errors_in_words(pose_errors(target.model, T_est, T_gt), way_of(target, T_est)) == said

@@ -100,6 +100,11 @@ def _mean_length(points: Float, D: Float) -> float:
 
 def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     """Smallest angle [deg] between the estimate and ground truth turned by any of the model's symmetries."""
+    return float(np.rad2deg(symmetric_angles_rad(model, T_est, T_gt).min()))
+
+
+def symmetric_angles_rad(model: ObjectModel, T_est: Float, T_gt: Float) -> Float:
+    """(S,) angle between the estimate and ground truth turned by each of the model's symmetries [rad]."""
     R_rest = T_est[:3, :3].T @ T_gt[:3, :3] @ model.symmetries[:, :3, :3]
     # sin from the antisymmetric part: exact near 0, where acos loses half of its digits.
     sine = np.linalg.norm(
@@ -107,4 +112,4 @@ def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
         axis=0,
     )
     cosine = np.trace(R_rest, axis1=1, axis2=2) - 1
-    return float(np.rad2deg(np.arctan2(sine, cosine)).min())
+    return np.arctan2(sine, cosine)

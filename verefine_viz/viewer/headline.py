@@ -68,7 +68,7 @@ def _ready(view: View) -> str:
     start += f"hypothesis {best.arm + 1} scores best with {best.score.score:.2f}"
     known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
     if known:
-        start += f", the nearest to ground truth is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
+        start += f", the nearest one is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
     return f"{start}. Press Step (N) for one iteration, Run (Space) for all."
 
 

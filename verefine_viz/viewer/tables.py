@@ -19,7 +19,7 @@ from verefine_viz.viewer.plays import (
     what_the_mean_is_of,
     what_the_time_holds,
 )
-from verefine_viz.viewer.pose_words import shift_mm, turn
+from verefine_viz.viewer.pose_words import shift_mm, turn, way_of
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import TERMS, place_in_run
 from verefine_viz.viewer.view import View
@@ -150,10 +150,12 @@ def errors_table(view: View) -> str:
         if pose is None or pose.errors is None:
             continue
         e = pose.errors
-        is_truth = name == "ground truth"
+        is_truth, way = name == "ground truth", way_of(view.target, pose.T_cam_obj)
         cells = [
             f"{swatch(STAGE_COLORS[name])}{pose.label}",
             NONE if is_truth else f"{e.rotation_deg:.1f}°",
+            NONE if is_truth or way is None else f"{way.tilt_deg:.1f}",
+            NONE if is_truth or way is None else f"{way.turn_deg:.1f}",
             NONE if is_truth else f"{e.translation_mm:.1f}",
             NONE if is_truth else f"{e.add_s_mm:.1f}",
             NONE if is_truth else f"{e.relative:.0%}",
@@ -163,6 +165,8 @@ def errors_table(view: View) -> str:
     head = [
         ("stage", "click a row to compare it with stage A"),
         ("rot.", "angle to the nearest of the poses that look the same"),
+        ("tilt", "of that: how far the object leans against its support plane [°]"),
+        ("turn", "of that: how far it is turned on its support plane, about the plane's normal [°]"),
         ("mm", "distance of the object's origin"),
         ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric"),
         ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from verefine_viz.viewer.answer import beside_answer
 from verefine_viz.viewer.correct import is_correct
-from verefine_viz.viewer.pose_words import errors_in_words, movement, turn
+from verefine_viz.viewer.pose_words import errors_in_words, movement, turn, way_of
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.view import View
 
@@ -65,8 +65,9 @@ def truth(view: View) -> str:
         return f"{view.name} has no pose to measure."
     verdict = "correct" if is_correct(best.errors) else "wrong"
     what = "answer" if best.is_of_best_scene else "best pose"
+    way = way_of(view.target, best.T_cam_obj)
     said = (
-        f"The {what} so far is {errors_in_words(best.errors)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
+        f"The {what} so far is {errors_in_words(best.errors, way)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."
     )
     if view.state is not None and view.state.best.arm != view.arm:

@@ -7,6 +7,7 @@ import viser
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import note, sentence, warning
 from verefine_viz.viewer.plane import doubt
+from verefine_viz.viewer.pose_words import errors_in_words, way_of
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
@@ -66,5 +67,5 @@ def edited_words(view: View) -> str:
     if kept is not None and kept.score is not None:
         said += f"; the {kept.name} pose has {kept.score.score:.3f}"
     if edited.errors is not None:
-        said += f"; {edited.errors.rotation_deg:.1f}° and {edited.errors.translation_mm:.1f} mm off"
+        said += f"; it is {errors_in_words(edited.errors, way_of(view.target, edited.T_cam_obj))}"
     return said + ". Drag the rings and arrows in 3D; Continue from here makes a new branch."
