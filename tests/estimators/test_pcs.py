@@ -13,8 +13,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.estimators.views import random_pose, target_of, view
+from tests.patience import asked, cancelled_everywhere, hearing
 from verefine_viz.core.estimator_settings import PcsSettings
 from verefine_viz.core.geometry import apply, transform
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates
@@ -136,9 +138,26 @@ def test_a_mask_that_leaks_onto_the_wall_is_borne() -> None:
 
 def test_words_come_before_the_work(pcs: Pcs) -> None:
     said: list[str] = []
-    pcs.hypotheses(seen("duck", 0), 5, said.append)
-    assert len(said) == 1
-    assert "100 bases" in said[0]
+    pcs.hypotheses(seen("duck", 0), 5, hearing(said))
+    assert [words.partition(" of ")[0] for words in said] == [
+        "Looking for duck in its segment by 100 bases",
+        "Choosing poses",
+    ]
+
+
+@pytest.mark.parametrize("bases", [3, 40])
+def test_what_is_cancelled_on_the_way_leaves_nothing_behind(bases: int) -> None:
+    target = seen("duck", 0)
+    expected = bits(Pcs(PcsSettings(bases=bases)).hypotheses(target, 5))
+    pcs = Pcs(PcsSettings(bases=bases))
+
+    def work(patience: Patience) -> object:
+        return pcs.hypotheses(target, 5, patience)
+
+    n = asked(work)
+    assert n > bases
+    for _ in cancelled_everywhere(work, n):
+        assert bits(pcs.hypotheses(target, 5)) == expected
 
 
 def test_found_by_its_name() -> None:

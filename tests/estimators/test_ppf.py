@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from tests.estimators.views import CAMERA, random_pose, target_of, view
+from tests.patience import asked, cancelled_everywhere
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
@@ -140,13 +142,27 @@ def test_the_answer_depends_on_the_arguments_only(ppf: Ppf, folder: Path) -> Non
     assert bits(Ppf(PpfSettings(), folder / "another").hypotheses(target, 5)) == first
 
 
+def test_what_is_cancelled_on_the_way_leaves_nothing_behind(ppf: Ppf) -> None:
+    target = seen("bracket", 2)
+    first = bits(ppf.hypotheses(target, 5))
+
+    def work(patience: Patience) -> object:
+        return ppf.hypotheses(target, 5, patience)
+
+    n = asked(work)
+    assert n > 10
+    for _ in cancelled_everywhere(work, n):
+        assert bits(ppf.hypotheses(target, 5)) == first
+
+
 def test_another_process_with_other_threads_loads_the_table_and_answers_alike(ppf: Ppf, folder: Path) -> None:
     first = bits(ppf.hypotheses(seen("duck", 0), 5))
     code = (
         "import sys\nfrom pathlib import Path\nfrom tests.estimators import test_ppf as t\n"
+        "from tests.patience import hearing\n"
         f"said = []\nppf = t.Ppf(t.PpfSettings(), Path({str(folder)!r}))\n"
-        "pool = ppf.hypotheses(t.seen('duck', 0), 5, said.append)\n"
-        "print((said, t.bits(pool)))"
+        "pool = ppf.hypotheses(t.seen('duck', 0), 5, hearing(said))\n"
+        "print(([words for words in said if 'Learning' in words], t.bits(pool)))"
     )
     environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment)

@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 from tests.estimators.views import random_pose, view
+from tests.patience import asked, cancelled_everywhere, ending_after, hearing
+from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.estimator_settings import PpfSettings
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Target
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.ppf_cache import LEARNT_FROM, Learnt, cache_file, learn, read, write
@@ -58,6 +61,10 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+def learnt_in(said: list[str]) -> list[str]:
+    return [words for words in said if words.startswith("Learning")]
+
+
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_table_is_made_again(tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
     seen = target()
@@ -67,9 +74,9 @@ def test_a_damaged_table_is_made_again(tmp_path: Path, damage: str, caplog: pyte
     path.write_bytes(DAMAGES[damage](whole))
     said: list[str] = []
     with caplog.at_level(logging.WARNING):
-        again = Ppf(COARSE, tmp_path).hypotheses(seen, 3, said.append)
+        again = Ppf(COARSE, tmp_path).hypotheses(seen, 3, hearing(said))
     assert [h.T_cam_obj.tobytes() for h in again] == [h.T_cam_obj.tobytes() for h in first]
-    assert said == ["Learning the point pairs of bracket."]
+    assert learnt_in(said) == ["Learning the point pairs of bracket."]
     assert path.name in caplog.text
     assert path.read_bytes() == whole
 
@@ -79,10 +86,27 @@ def test_a_table_is_learnt_once(tmp_path: Path) -> None:
     seen = target()
     ppf = Ppf(COARSE, tmp_path)
     for _ in range(2):
-        ppf.hypotheses(seen, 1, said.append)
-    Ppf(COARSE, tmp_path).hypotheses(seen, 1, said.append)
-    assert said == ["Learning the point pairs of bracket."]
+        ppf.hypotheses(seen, 1, hearing(said))
+    Ppf(COARSE, tmp_path).hypotheses(seen, 1, hearing(said))
+    assert learnt_in(said) == ["Learning the point pairs of bracket."]
     assert [p.name for p in tmp_path.iterdir()] == [cache_file(seen.model, COARSE).name]
+
+
+def test_nothing_is_kept_of_a_table_whose_learning_is_cancelled_and_the_next_is_the_same(tmp_path: Path) -> None:
+    seen = target()
+    Ppf(COARSE, tmp_path / "whole").hypotheses(seen, 3)
+    table = cache_file(seen.model, COARSE, tmp_path / "whole")
+
+    def work(patience: Patience) -> object:
+        return learn(seen.model, COARSE, patience)
+
+    for k in cancelled_everywhere(work, asked(work)):
+        ppf = Ppf(COARSE, tmp_path / "stopped")
+        with pytest.raises(Cancelled):
+            ppf.hypotheses(seen, 3, ending_after(k + 1))  # It is asked once before it learns.
+        assert not (tmp_path / "stopped").exists()
+    ppf.hypotheses(seen, 3)
+    assert cache_file(seen.model, COARSE, tmp_path / "stopped").read_bytes() == table.read_bytes()
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:

@@ -154,8 +154,8 @@ class Overheard(App):
         super().__init__(*args, **kwargs)
         self.said: list[str] = []
 
-    def _say(self, doing: str) -> None:
-        super()._say(doing)
+    def _say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
+        super()._say(doing, share, can_cancel)
         self.said.append(self._loading.content if self._page is None else self._page.layout.run._words._handle.content)
 
 

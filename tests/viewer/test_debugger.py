@@ -16,6 +16,7 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
@@ -294,7 +295,7 @@ def test_what_takes_seconds_is_said_before_it_begins() -> None:
             said.append("run")
             return super().run(problem, watchers)
 
-    Debugger(Session(), None, Slow, tell=said.append)
+    Debugger(Session(), None, Slow, patience=Patience(lambda doing, _: said.append(doing)))
     assert said[-1] == "run"
     assert said[-2].startswith("Preparing: convex parts for physics")
     assert "box" in said[-2]

@@ -39,6 +39,13 @@ class UnavailableError(VerefineError):
     """An optional package, a device or a port that the request needs is not there."""
 
 
+class Cancelled(BaseException):
+    """Nobody waits any more for what is being done; see :class:`core.patience.Patience`.
+
+    Not an ``Exception``: what leaves out an object that is broken, or tries something else, must let this pass.
+    """
+
+
 def unknown(kind: str, name: object, available: Iterable[object]) -> str:
     """The text for a name that does not exist: ``unknown refiner 'ipc'; available: icp, tricp``."""
     names = list(available)

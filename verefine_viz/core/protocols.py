@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Observation, Support
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SimulatedPath
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
@@ -93,15 +94,16 @@ class SceneRenderer(Protocol):
 class Estimator(Protocol):
     """Finds first poses of an object from its segment of the frame."""
 
-    def hypotheses(
-        self, target: Target, n: int, tell: Callable[[str], None] = lambda _: None
-    ) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
         """At most ``n`` hypotheses, best first; none where the segment is too small to say anything.
 
         Args:
             target: the instance; its own hypotheses are not looked at.
             n: how many are wanted.
-            tell: is told, in words, what is being done before anything that may take seconds.
+            patience: is asked before anything that may take seconds, and on the way.
+
+        Raises:
+            Cancelled: nobody waits for them any more.
         """
         ...
 

@@ -8,7 +8,6 @@ thousands of poses a few that differ are kept. METHODS 3.1 and 3.2.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -17,6 +16,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.estimator_settings import PcsSettings
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.estimators.pcs_bases import diameter, draw_base
 from verefine_viz.estimators.pcs_clouds import large_parts, segment_cloud, spread_out, thinned
@@ -31,6 +31,8 @@ MIN_PAIRED = 50
 """Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
 POOL = 25
 """Poses that are kept for whoever wants as many or fewer; he gets the best of them. METHODS 3.2."""
+AT_ONCE = 10_000
+"""Poses that are counted between two looks at whether somebody still waits: a tenth of a second."""
 
 
 class PcsModel(NamedTuple):
@@ -59,9 +61,7 @@ class Pcs:
         self.settings = settings
         self._models: WeakKeyDictionary[ObjectModel, PcsModel] = WeakKeyDictionary()
 
-    def hypotheses(
-        self, target: Target, n: int, tell: Callable[[str], None] = lambda _: None
-    ) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
         """At most ``n`` poses, highest LCP first; see :class:`core.protocols.Estimator`.
 
         The confidence is the LCP of the pose that a hypothesis stands for, in (0, 1]: of a model whose front alone is
@@ -71,12 +71,13 @@ class Pcs:
         segment = large_parts(thinned(segment_cloud(target), s.grid_m), s.grid_m, s.part_share)
         if len(segment) < MIN_POINTS:
             return ()
-        tell(f"Looking for {model.name} in its segment by {s.bases} bases of four points.")
+        patience.ask(f"Looking for {model.name} in its segment by {s.bases} bases of four points.")
         known = self._models.get(model)
         if known is None:
             known = self._models[model] = PcsModel.build(model, s)
         rng = np.random.default_rng(s.seed)
-        Ts, scores = candidates(segment, known, model.diameter_m, s, rng)
+        Ts, scores = candidates(segment, known, model.diameter_m, s, rng, patience)
+        patience.ask(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         k = math.ceil(math.sqrt(max(n, POOL)))
         Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, s.bins, k, rng)
         found = zip(Ts[:n], scores[:n], strict=True)
@@ -84,7 +85,12 @@ class Pcs:
 
 
 def candidates(
-    segment: Float, model: PcsModel, model_diameter_m: float, settings: PcsSettings, rng: np.random.Generator
+    segment: Float,
+    model: PcsModel,
+    model_diameter_m: float,
+    settings: PcsSettings,
+    rng: np.random.Generator,
+    patience: Patience = ENDLESS,
 ) -> tuple[Float, Float]:
     """Every pose (N, 4, 4) that lays a quad of the model on a base of the segment, and its LCP (N,).
 
@@ -94,15 +100,21 @@ def candidates(
         model_diameter_m: no base is larger.
         settings: of the method.
         rng: draws bases and quads.
+        patience: asked before each base, and before each batch of poses is counted.
+
+    Raises:
+        Cancelled: nobody waits for them any more.
     """
     grid = NearGrid.build(segment, settings.delta_m)
     longest_m = min(diameter(segment), model_diameter_m)
     poses = [np.empty((0, 4, 4))]
-    for _ in range(settings.bases):
+    for _ in patience.over(range(settings.bases)):
         base = draw_base(segment, longest_m, settings.delta_m, rng)
         if base is None:
             continue
         quads = congruent_quads(base, model.points, model.pairs, settings.delta_m, settings.quads, rng)
         poses.append(fitted(base.points, model.points, quads, TOLERANCE * settings.delta_m)[0])
     Ts = np.concatenate(poses)
-    return Ts, lcps(Ts, model.points, grid)
+    batches = range(0, len(Ts), AT_ONCE)
+    scores = [lcps(Ts[k : k + AT_ONCE], model.points, grid) for k in patience.over(batches)]
+    return Ts, np.concatenate([np.empty(0), *scores])

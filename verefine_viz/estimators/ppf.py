@@ -7,7 +7,6 @@ of the model whose pairs look alike; near votes are one pose; the depth image ra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.estimators.ppf_agreement import agreement
 from verefine_viz.estimators.ppf_cache import Learnt, cache_file, learn, read, write
@@ -39,9 +39,7 @@ class Ppf:
         self._folder = cache_folder
         self._learnt: WeakKeyDictionary[ObjectModel, Learnt] = WeakKeyDictionary()
 
-    def hypotheses(
-        self, target: Target, n: int, tell: Callable[[str], None] = lambda _: None
-    ) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
         """At most ``n`` poses, best first, no two of which look the same; see :class:`core.protocols.Estimator`.
 
         The confidence is in (0, 1]: see :func:`ppf_agreement.agreement`.
@@ -51,27 +49,30 @@ class Ppf:
         segment = thinned(segment_surface(target), s.step * d)
         if len(segment.points) < MIN_POINTS:
             return ()
-        learnt = self._of(model, tell)
+        learnt = self._of(model, patience)
         references = np.arange(0, len(segment.points), s.reference_every)
-        Ts, votes = voted_poses(segment, references, learnt.table, s.turn_bins, s.peaks)
+        patience.ask(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
+        Ts, votes = voted_poses(segment, references, learnt.table, s.turn_bins, s.peaks, patience)
         center_obj = learnt.table.points.mean(axis=0)
         nearness = Nearness(model.symmetries, center_obj, s.cluster_share * d, math.radians(s.cluster_deg))
+        patience.ask(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         candidates = clustered(Ts, votes, nearness)[0][: s.candidates]
+        patience.ask()
         agree = agreement(target, learnt.cloud, learnt.field, segment, candidates, s.tolerance * d)
         order = np.argsort(-agree, kind="stable")
         order = order[agree[order] > 0]
         chosen = order[distinct(candidates[order], n, nearness)]
         return tuple(Hypothesis(candidates[i], float(agree[i]), f"ppf #{k}") for k, i in enumerate(chosen, start=1))
 
-    def _of(self, model: ObjectModel, tell: Callable[[str], None]) -> Learnt:
+    def _of(self, model: ObjectModel, patience: Patience) -> Learnt:
         """What is known of the model: from memory, else from disk, else learnt now."""
         known = self._learnt.get(model)
         if known is None:
             path = cache_file(model, self.settings, self._folder)
             known = read(path)
             if known is None:
-                tell(f"Learning the point pairs of {model.name}.")
-                known = learn(model, self.settings)
+                patience.ask(f"Learning the point pairs of {model.name}.")
+                known = learn(model, self.settings, patience)
                 write(path, known)
             self._learnt[model] = known
         return known

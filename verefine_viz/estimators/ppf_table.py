@@ -9,8 +9,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.estimators.ppf_cloud import Oriented
 from verefine_viz.estimators.ppf_features import local_rotation, pair_feature, turn_about_normal
+
+AT_ONCE = 100
+"""First points whose pairs are made between two looks at whether somebody still waits: a tenth of a second."""
 
 
 class PairTable(NamedTuple):
@@ -36,7 +40,9 @@ class PairTable(NamedTuple):
     n_angles: int
 
 
-def pair_table(cloud: Oriented, distance_bin_m: float, angle_bin_rad: float, bin_limit: int) -> PairTable:
+def pair_table(
+    cloud: Oriented, distance_bin_m: float, angle_bin_rad: float, bin_limit: int, patience: Patience = ENDLESS
+) -> PairTable:
     """The table of a thinned model cloud.
 
     Args:
@@ -45,20 +51,32 @@ def pair_table(cloud: Oriented, distance_bin_m: float, angle_bin_rad: float, bin
         angle_bin_rad: bin of each of the three angles [rad].
         bin_limit: most pairs kept in a bin, evenly spread over its pairs in order of their points; flat faces fill few
             bins with very many pairs, which would take nearly all of the time.
+        patience: asked on the way; the finest table of a large model takes seconds.
+
+    Raises:
+        Cancelled: nobody waits for it any more.
     """
     points, normals = cloud
     n_angles = int(np.pi / angle_bin_rad) + 1
     n_distances = int(np.linalg.norm(np.ptp(points, axis=0)) / distance_bin_m) + 1
     rotations = np.stack([local_rotation(n) for n in normals])
-    key, first, turn = _pairs(points, normals, rotations, distance_bin_m, angle_bin_rad, n_angles)
-    order = np.argsort(key, kind="stable")
+    n = len(points)
+    key = np.empty(n * (n - 1), dtype=np.int64)
+    first = np.empty(n * (n - 1), dtype=np.uint16)
+    turn = np.empty(n * (n - 1), dtype=np.float32)
+    for begin in patience.over(range(0, n, AT_ONCE)):
+        end = min(begin + AT_ONCE, n)
+        _pairs(points, normals, rotations, distance_bin_m, angle_bin_rad, n_angles, begin, end, key, first, turn)
     sizes = np.bincount(key, minlength=n_distances * n_angles**3)
+    patience.ask()
+    before = np.concatenate([[0], np.cumsum(sizes)])
+    order = _in_bins(key, before)
+    patience.ask()
     kept = np.minimum(sizes, bin_limit)
     starts = np.concatenate([[0], np.cumsum(kept)])
     # The m-th pair kept of a bin is number ⌊m · size / kept⌋ of it.
     of_bin = np.repeat(np.arange(len(sizes)), kept)
     within = np.arange(len(of_bin)) - starts[of_bin]
-    before = np.concatenate([[0], np.cumsum(sizes)])
     order = order[before[of_bin] + within * sizes[of_bin] // kept[of_bin]]
     weights = (sizes / np.maximum(kept, 1)).astype(np.float32)
     return PairTable(
@@ -85,14 +103,16 @@ def _pairs(
     distance_bin_m: float,
     angle_bin_rad: float,
     n_angles: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bin, first point and turn of every ordered pair of different points."""
+    begin: int,
+    end: int,
+    key: np.ndarray,
+    first: np.ndarray,
+    turn: np.ndarray,
+) -> None:
+    """Enters bin, first point and turn of every ordered pair of different points whose first is one of begin … end."""
     n = len(points)
-    key = np.empty(n * (n - 1), dtype=np.int64)
-    first = np.empty(n * (n - 1), dtype=np.uint16)
-    turn = np.empty(n * (n - 1), dtype=np.float32)
-    k = 0
-    for i in range(n):
+    k = begin * (n - 1)
+    for i in range(begin, end):
         for j in range(n):
             if i != j:
                 feature = pair_feature(points[i], normals[i], points[j], normals[j])
@@ -100,4 +120,14 @@ def _pairs(
                 first[k] = i
                 turn[k] = turn_about_normal(rotations[i], points[i], points[j])
                 k += 1
-    return key, first, turn
+
+
+@njit(cache=True)
+def _in_bins(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The pairs, as indices, bin by bin and in their order within each; ``starts`` is where each bin begins."""
+    cursor = starts.copy()
+    order = np.empty(len(key), dtype=np.int64)
+    for k in range(len(key)):
+        order[cursor[key[k]]] = k
+        cursor[key[k]] += 1
+    return order

@@ -7,13 +7,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.estimators.ppf_cloud import Oriented
 from verefine_viz.estimators.ppf_features import local_rotation, pair_feature, pose_of_match, turn_about_normal
 from verefine_viz.estimators.ppf_table import PairTable, bin_of
 
 
 def voted_poses(
-    scene: Oriented, references: NDArray[np.intp], table: PairTable, turn_bins: int, peaks: int
+    scene: Oriented,
+    references: NDArray[np.intp],
+    table: PairTable,
+    turn_bins: int,
+    peaks: int,
+    patience: Patience = ENDLESS,
 ) -> tuple[Float, Float]:
     """Poses ``Ts_cam_obj`` (N, 4, 4) that got most votes, and their votes (N,); N ≤ references · peaks.
 
@@ -26,8 +32,16 @@ def voted_poses(
         table: the model's pairs.
         turn_bins: bins of the turn about the normal, 360° together.
         peaks: most poses per reference.
+        patience: asked before each reference, a tenth of a second on the finest grid.
+
+    Raises:
+        Cancelled: nobody waits for them any more.
     """
-    return _voted(scene.points, scene.normals, references, table, turn_bins, peaks)
+    found = [(np.empty((0, 4, 4)), np.empty(0))]
+    for k in patience.over(range(len(references))):
+        found.append(_voted(scene.points, scene.normals, references[k : k + 1], table, turn_bins, peaks))
+    poses, votes = zip(*found, strict=True)
+    return np.concatenate(poses), np.concatenate(votes)
 
 
 @njit(cache=True)

@@ -16,7 +16,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-import coacd
 import numpy as np
 import platformdirs
 import trimesh
@@ -26,6 +25,8 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.physics.decomposition import decomposed
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +38,6 @@ CONVEX_ENOUGH = 0.05
 """A model that leaves no deeper pocket in its hull [share of the diameter] is its hull: no decomposition."""
 DECOMPOSED_FACES = 1000
 """Faces that the decomposition works on; more cost minutes and change little."""
-MAX_PARTS = 16
 FORMAT = 2
 """Part of the cache's file names; raise it when the way colliders are built changes."""
 
@@ -74,27 +74,33 @@ class Collider:
         return self.T_obj_com[:3, 3]
 
 
-def collider(model: ObjectModel, kind: ColliderKind, cache: Path | None = None) -> Collider:
+def collider(
+    model: ObjectModel, kind: ColliderKind, cache: Path | None = None, patience: Patience = ENDLESS
+) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
 
     Args:
         model: the model.
         kind: "decomposition" or "hull".
         cache: folder of built colliders; by default in the user's cache folder.
+        patience: asked where it has to be built.
 
     Raises:
-        ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it.
+        ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it; or CoACD fails on it.
+        Cancelled: nobody waits for it any more; nothing is kept.
     """
     folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
     path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}.npz"
     kept = _read(path)
     if kept is None:
-        kept = build(model, kind)
+        shape = "convex parts" if kind == "decomposition" else "hull"
+        patience.ask(f"Preparing the {shape} of {model.name} for physics; kept once they are made.")
+        kept = build(model, kind, patience)
         _write(path, kept)
     return kept
 
 
-def build(model: ObjectModel, kind: ColliderKind) -> Collider:
+def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) -> Collider:
     """The collider of ``model``, without the cache; see :func:`collider`."""
     name = f"object {model.obj_id} ({model.name})"
     mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
@@ -111,7 +117,7 @@ def build(model: ObjectModel, kind: ColliderKind) -> Collider:
     parts = [hull]
     deviation_m = deviation(parts, surface)
     if kind == "decomposition" and deviation_m > CONVEX_ENOUGH * model.diameter_m:
-        parts = _decomposed(mesh, model.diameter_m) or parts
+        parts = _decomposed(name, mesh, model.diameter_m, patience) or parts
         deviation_m = deviation(parts, surface)
     T_obj_com, inertia_m2, mass_from = _mass_properties(mesh, parts)
     return Collider(tuple(parts), T_obj_com, inertia_m2, deviation_m, mass_from)
@@ -168,28 +174,14 @@ def _directions(n: int) -> Float:
     return np.vstack([np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1), np.eye(3), -np.eye(3)])
 
 
-def _decomposed(mesh: trimesh.Trimesh, diameter_m: float) -> list[Float]:
+def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, patience: Patience) -> list[Float]:
     """Convex parts of a hollow mesh; none if the decomposition gives nothing solid."""
     if len(mesh.faces) > DECOMPOSED_FACES:
         mesh = mesh.simplify_quadric_decimation(face_count=DECOMPOSED_FACES)
-    coacd.set_log_level("off")
-    found = coacd.run_coacd(
-        coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32)),
-        threshold=0.08,
-        max_convex_hull=MAX_PARTS,
-        preprocess_resolution=30,
-        resolution=300,
-        mcts_nodes=5,
-        mcts_iterations=10,
-        mcts_max_depth=2,
-        decimate=True,
-        max_ch_vertex=64,
-        seed=0,
-    )
     parts = []
-    for part_vertices, _ in found:
+    for part in decomposed(name, np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32), patience):
         with contextlib.suppress(QhullError):  # A sliver without volume carries nothing.
-            parts.append(reduced_hull(np.asarray(part_vertices), HULL_TOLERANCE * diameter_m))
+            parts.append(reduced_hull(part, HULL_TOLERANCE * diameter_m))
     return parts
 
 

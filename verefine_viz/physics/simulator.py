@@ -17,6 +17,7 @@ from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import RIGID_TOLERANCE, apply, as_rigid, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
@@ -45,14 +46,16 @@ class _Ground:
 class BulletSimulator:
     """Bullet with the paper's settings; same arguments, same bits, after any history and in any process."""
 
-    def __init__(self, settings: PhysicsSettings, cache: Path | None = None) -> None:
+    def __init__(self, settings: PhysicsSettings, cache: Path | None = None, patience: Patience = ENDLESS) -> None:
         """A world of its own.
 
         Args:
             settings: step, solver, mass, friction, collider and so on.
             cache: folder of colliders already built; by default in the user's cache folder.
+            patience: asked while a collider is built.
         """
         self._settings = settings
+        self._patience = patience
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
@@ -65,10 +68,12 @@ class BulletSimulator:
 
         Raises:
             ShapeError: the mesh has no volume.
+            Cancelled: it had to be built, and nobody waits for it any more.
         """
         found = self._colliders.get(model.mesh_hash)
         if found is None:
-            found = self._colliders[model.mesh_hash] = collider(model, self._settings.collider, self._cache)
+            found = collider(model, self._settings.collider, self._cache, self._patience)
+            self._colliders[model.mesh_hash] = found
         return found
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:

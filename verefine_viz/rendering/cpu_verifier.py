@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
@@ -65,10 +66,10 @@ class CpuVerifier:
 
     name = "cpu"
 
-    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None) -> None:
+    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None, patience: Patience = ENDLESS) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _Scene | None = None
         """Of the last call; it is mostly that of the next one as well."""

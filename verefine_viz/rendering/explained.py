@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.prepared import MeshStore, intrinsics
@@ -28,17 +29,24 @@ TABLE_M = 0.005
 class ExplainedPixels:
     """Draws scenes on the CPU and compares them with what was observed of objects."""
 
-    def __init__(self, explained_m: float, score: ScoreSettings, cache_folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        explained_m: float,
+        score: ScoreSettings,
+        cache_folder: Path | None = None,
+        patience: Patience = ENDLESS,
+    ) -> None:
         """Draws with the meshes and pixel centres of the verification score.
 
         Args:
             explained_m: a pixel whose observed and drawn depth differ by more than this is unexplained [m].
             score: how meshes are simplified and where pixel centres lie.
             cache_folder: folder of simplified meshes; by default in the user's cache folder.
+            patience: asked where one has to be made.
         """
         self._explained_m = explained_m
         self._settings = score
-        self._meshes = MeshStore(score.simplify_mm, cache_folder)
+        self._meshes = MeshStore(score.simplify_mm, cache_folder, patience)
         self._observed: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
 
     def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import UnavailableError
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
@@ -34,10 +35,10 @@ class GlVerifier:
 
     name = "gl"
 
-    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None) -> None:
+    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None, patience: Patience = ENDLESS) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
         self._passes: GlPasses | None = None
         self._owner: threading.Thread | None = None
         self._placed_key: tuple[object, ...] | None = None

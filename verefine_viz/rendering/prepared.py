@@ -14,6 +14,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.kernels import OBJECTS, OWN
@@ -125,10 +126,11 @@ def _together(parts: tuple[PreparedTarget, ...], whole_frame: bool) -> PreparedT
 
 
 class MeshStore:
-    """Scoring meshes by the model's mesh hash."""
+    """Scoring meshes by the model's mesh hash; ``patience`` is asked where one has to be made."""
 
-    def __init__(self, simplify_mm: float, folder: Path | None = None) -> None:
+    def __init__(self, simplify_mm: float, folder: Path | None = None, patience: Patience = ENDLESS) -> None:
         self._simplify_mm = simplify_mm
+        self._patience = patience
         self._folder = folder
         self._meshes: dict[str, RenderMesh] = {}
         self._joined: dict[tuple[str, ...], RenderMeshes] = {}
@@ -136,7 +138,8 @@ class MeshStore:
     def get(self, model: ObjectModel) -> RenderMesh:
         mesh = self._meshes.get(model.mesh_hash)
         if mesh is None:
-            mesh = self._meshes[model.mesh_hash] = scoring_mesh(model, self._simplify_mm, self._folder)
+            mesh = scoring_mesh(model, self._simplify_mm, self._folder, self._patience)
+            self._meshes[model.mesh_hash] = mesh
         return mesh
 
     def together(self, models: Sequence[ObjectModel]) -> RenderMeshes:

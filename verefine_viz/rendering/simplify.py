@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.rendering.closed import closed_faces, parts
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 
@@ -41,26 +42,33 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("verefine-viz")) / "meshes"
 
 
-def scoring_mesh(model: ObjectModel, simplify_mm: float, folder: Path | None = None) -> RenderMesh:
+def scoring_mesh(
+    model: ObjectModel, simplify_mm: float, folder: Path | None = None, patience: Patience = ENDLESS
+) -> RenderMesh:
     """The mesh to score ``model`` with.
 
     Args:
         model: its mesh is never changed.
         simplify_mm: largest deviation between the two surfaces, either way [mm]; 0 keeps every triangle.
         folder: the cache; None = :func:`cache_folder`. A damaged or unwritable cache costs time only.
+        patience: asked where the mesh has to be made, before each try to make it with fewer triangles.
+
+    Raises:
+        Cancelled: nobody waits for it any more; nothing is kept.
     """
     if simplify_mm == 0:
         return render_mesh(model.vertices, model.faces)
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000)
+        patience.ask(f"Preparing the mesh of {model.name} to score; kept once it is made.")
+        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, patience)
         cached = vertices, faces, closed_faces(vertices, faces)
         _write(file, *cached)
     return render_mesh(*cached)
 
 
-def simplified(vertices: Float, faces: Faces, tolerance_m: float) -> tuple[Float, Faces]:
+def simplified(vertices: Float, faces: Faces, tolerance_m: float, patience: Patience = ENDLESS) -> tuple[Float, Faces]:
     """The coarsest mesh found whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
     vertices, faces = _welded(vertices, faces)
     is_small = _in_small_part(vertices, faces)
@@ -73,6 +81,7 @@ def simplified(vertices: Float, faces: Faces, tolerance_m: float) -> tuple[Float
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
     while enough > 1.05 * too_few + 1:
+        patience.ask()
         target = max(too_few + 1, int(np.sqrt(too_few * enough)))
         # The library's thresholds are absolute: it is given a mesh of size 1.
         coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)

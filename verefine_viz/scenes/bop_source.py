@@ -10,6 +10,7 @@ import numpy as np
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import LONGEST_NUMBERS, InputError, SettingsError, VerefineError, listed
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.observation.frame import observe
@@ -63,7 +64,7 @@ class BopSource:
         """See :class:`SceneSource`."""
         return self._asked_for(all_left_out(self._dataset, *parse_frame(frame), why, self._detections is not None))
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
 
         Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on; what
@@ -71,18 +72,22 @@ class BopSource:
 
         Raises:
             VerefineError: the frame does not exist, its images are missing or damaged, or no instance is left.
+            Cancelled: nobody waits for it any more. Models that were read are kept.
         """
         ids = parse_frame(frame)
+        patience.ask(f"Reading the pictures of frame {frame}.")
         image = self._dataset.image(*ids)
         of_frame = self._segments(ids, image.camera)
         segments, notes = of_frame.found, of_frame.notes
+        patience.ask()
         masks = [segment.mask for segment in segments]
         observation = observe(image.camera, image.depth_m, image.rgb, masks, self._scene, image.R_world_cam)
         wanted = self._wanted(segments, frame)
-        models, faults, model_notes = self._models(wanted)
+        models, faults, model_notes = self._models(wanted, patience)
         solvable = [s for s in wanted if s.obj_id in models]
         if not solvable:
             raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")
+        patience.ask()
         without_model = tuple(self._left_out(s, faults[s.obj_id]) for s in wanted if s.obj_id in faults)
         pools = self._pools(ids, segments, models, image.camera)
         instances = tuple(self._instance(segment, image, pools[segment.instance_id]) for segment in solvable)
@@ -117,12 +122,14 @@ class BopSource:
             raise InputError(f"frame {frame} has no mask of object {asked}; objects with a mask: {there}")
         return wanted
 
-    def _models(self, segments: Sequence[Segment]) -> tuple[dict[int, ObjectModel], dict[int, str], list[str]]:
+    def _models(
+        self, segments: Sequence[Segment], patience: Patience
+    ) -> tuple[dict[int, ObjectModel], dict[int, str], list[str]]:
         """The models of these objects, what is wrong with those that have none, and notes."""
         models: dict[int, ObjectModel] = {}
         faults: dict[int, str] = {}
         notes: list[str] = []
-        for obj_id in sorted({s.obj_id for s in segments}):
+        for obj_id in patience.over(sorted({s.obj_id for s in segments}), "Reading the objects' models."):
             try:
                 models[obj_id] = self._dataset.models.get(obj_id)
                 notes.extend(self._dataset.models.notes(obj_id))

@@ -10,13 +10,14 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.observation.frame import observe
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.demo_failures import FAILURES
 from verefine_viz.scenes.demo_models import demo_model, demo_obj_id
-from verefine_viz.scenes.demo_scene import DemoScene, MaskFault, settled
+from verefine_viz.scenes.demo_scene import DemoScene, MaskFault, prepare, settled
 from verefine_viz.scenes.demo_scenes import SCENES
 from verefine_viz.scenes.demo_view import CAMERA, Picture, take_picture
 from verefine_viz.scenes.perturb import perturbed
@@ -51,7 +52,13 @@ def demo_objects(name: str) -> dict[int, str]:
     return {demo_obj_id(item.model): item.model for item in _scene(name).items if item.is_asked_for}
 
 
-def demo_problem(name: str, settings: SceneSettings, hypotheses: HypothesesSettings, frame: str = "0/0") -> Problem:
+def demo_problem(
+    name: str,
+    settings: SceneSettings,
+    hypotheses: HypothesesSettings,
+    frame: str = "0/0",
+    patience: Patience = ENDLESS,
+) -> Problem:
     """A frame of a built-in scene.
 
     Args:
@@ -60,10 +67,12 @@ def demo_problem(name: str, settings: SceneSettings, hypotheses: HypothesesSetti
         hypotheses: where first poses come from. A scene that is about bad first poses brings its own, and says so in
             the problem's notes; results files win over both.
         frame: one of :func:`demo_frames`.
+        patience: asked on the way; objects fall into their places when a scene is first made.
 
     Raises:
         InputError: no such scene or frame, none of the wanted objects is in it, or a results file cannot be read.
         SettingsError: ``masks`` is a file.
+        Cancelled: nobody waits for it any more.
     """
     scene = _scene(name)
     if frame not in demo_frames(name):
@@ -75,7 +84,8 @@ def demo_problem(name: str, settings: SceneSettings, hypotheses: HypothesesSetti
         )
     view = int(frame.split("/")[1])
     T_world_cam = scene.views[view].T_world_cam
-    placed = _placed(scene, T_world_cam, settings)
+    placed = _placed(scene, T_world_cam, settings, patience)
+    patience.ask("Taking the picture of the scene.")
     colors = take_picture(placed, T_world_cam)
     looks_through = any(item.seen_as for item in scene.items)
     seen = take_picture(_as_seen(scene, placed, settings), T_world_cam) if looks_through else colors
@@ -85,6 +95,7 @@ def demo_problem(name: str, settings: SceneSettings, hypotheses: HypothesesSetti
         points_world = apply(T_world_cam, points.reshape(-1, 3)).reshape(points.shape)
         depth_m = np.where(scene.blind(seen.labels, points_world), np.float32(0), depth_m)
 
+    patience.ask()
     segments = _segments(scene, placed, seen, settings)
     observation = observe(
         CAMERA, depth_m, colors.rgb, [s.mask for s in segments], settings, R_world_cam=T_world_cam[:3, :3]
@@ -125,9 +136,11 @@ def _scene(name: str) -> DemoScene:
     return _ALL[name]
 
 
-def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings) -> list[Placed]:
+def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, patience: Patience) -> list[Placed]:
     T_cam_world = inverse(T_world_cam)
     models = [demo_model(item.model, settings.model_points, settings.seed) for item in scene.items]
+    prepare(scene.items, patience)
+    patience.ask("Letting the objects of the scene fall into their places.")
     poses = settled(scene.items)
     return [Placed(k, m, T_cam_world @ T) for k, (m, T) in enumerate(zip(models, poses, strict=True))]
 

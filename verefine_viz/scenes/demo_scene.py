@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.rest import settle_to_rest
@@ -79,13 +81,25 @@ LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)
 """Objects are laid out without any camera: the world takes its place."""
 
 
+def prepare(items: Sequence[Item], patience: Patience = ENDLESS) -> None:
+    """Builds what :func:`settled` needs and what is then kept on disk: most of its time, when it is first asked.
+
+    Raises:
+        Cancelled: nobody waits for it any more.
+    """
+    simulator = BulletSimulator(PhysicsSettings(), patience=patience)
+    for item in items:
+        patience.ask()
+        simulator.collider(_body(item))
+
+
 @cache
 def settled(items: tuple[Item, ...]) -> tuple[Float, ...]:
     """Where items come to rest: T_world_obj (4, 4) each."""
     simulator = BulletSimulator(PhysicsSettings())
     resting: list[Placed] = []
     for k, item in enumerate(items):
-        model = demo_model(item.model, 100, 0)
+        model = _body(item)
         tilt = axis_angle([0, 1, 0], np.deg2rad(item.tilt_deg[1])) @ axis_angle([1, 0, 0], np.deg2rad(item.tilt_deg[0]))
         R = axis_angle([0, 0, 1], np.deg2rad(item.yaw_deg)) @ tilt
         lowest_m = float((model.vertices @ R[2]).min())
@@ -93,3 +107,8 @@ def settled(items: tuple[Item, ...]) -> tuple[Float, ...]:
         path = settle_to_rest(simulator, falling, resting, LAYOUT_FRAME)
         resting.append(Placed(k, model, path.T_cam_obj))
     return tuple(p.T_cam_obj for p in resting)
+
+
+def _body(item: Item) -> ObjectModel:
+    """What falls; its points play no part in it."""
+    return demo_model(item.model, 100, 0)

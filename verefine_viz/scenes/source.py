@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.frames import parse_frame
@@ -31,11 +32,16 @@ class SceneSource(Protocol):
         """
         ...
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
         """The problem of one frame.
+
+        Args:
+            frame: which.
+            patience: asked before anything that may take seconds, and on the way.
 
         Raises:
             VerefineError: the frame does not exist or cannot be used; the message is one line.
+            Cancelled: nobody waits for it any more.
         """
         ...
 
@@ -96,18 +102,19 @@ class DemoSource:
         files, frames = results_of(self._hypotheses), [parse_frame(frame) for frame in self.frames]
         return (*file_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
         """A frame of the scene; the same object at each call.
 
         Raises:
             InputError: another frame is asked for.
+            Cancelled: nobody waits for it any more.
         """
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._problems:
             from verefine_viz.scenes.demo import demo_problem
 
-            self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame)
+            self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame, patience)
         return self._problems[frame]
 
     def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:

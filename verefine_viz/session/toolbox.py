@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import SEARCH, make_method
 from verefine_viz.observation.dependency import dependency_graph
@@ -25,12 +26,16 @@ from verefine_viz.session.files import AT_ITS_START, changed
 
 
 class Toolbox:
-    """Everything a session needs, built when it is first asked for. Belongs to one thread (OpenGL does)."""
+    """Everything a session needs, built when it is first asked for. Belongs to one thread (OpenGL does).
 
-    def __init__(self, session: Session, tell: Callable[[str], None] = lambda _: None) -> None:
+    Args:
+        session: what is needed for.
+        patience: asked before anything that may take seconds, and on the way. What is cancelled can be asked for again.
+    """
+
+    def __init__(self, session: Session, patience: Patience = ENDLESS) -> None:
         self.session = session
-        self._tell = tell
-        """Is told, in words, what is being done before anything that may take seconds."""
+        self._patience = patience
 
     @cached_property
     def source(self) -> SceneSource:
@@ -38,12 +43,12 @@ class Toolbox:
 
     @cached_property
     def verifier(self) -> Verifier:
-        return make_verifier(self.session.score)
+        return make_verifier(self.session.score, self._patience)
 
     @cached_property
     def simulator(self) -> BulletSimulator | None:
         """None where the session switches physics off."""
-        return BulletSimulator(self.session.physics) if self.session.physics.enabled else None
+        return self._simulator(self.session.physics)
 
     @cached_property
     def refiner(self) -> Refiner:
@@ -63,10 +68,14 @@ class Toolbox:
         s = self.session
         if s.method.name == SEARCH:
             physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
-            simulator = BulletSimulator(physics) if physics.enabled else None
-            pixels = ExplainedPixels(s.mcts.explained_m, s.score)
-            return make_physim_mcts(s.mcts, simulator, TrimmedIcp(tricp), self.verifier, pixels, physics.steps)
+            pixels = ExplainedPixels(s.mcts.explained_m, s.score, patience=self._patience)
+            return make_physim_mcts(
+                s.mcts, self._simulator(physics), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
+            )
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps)
+
+    def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
+        return BulletSimulator(physics, patience=self._patience) if physics.enabled else None
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -74,8 +83,13 @@ class Toolbox:
         return self.source.frames
 
     def problem(self, frame: str) -> Problem:
-        """The frame with its instances, their hypotheses, and the order in which they depend on each other."""
-        return self.ordered(self._with_estimates(self._solvable(self.source.problem(frame))))
+        """The frame with its instances, their hypotheses, and the order in which they depend on each other.
+
+        Raises:
+            VerefineError: the frame cannot be used.
+            Cancelled: nobody waits for it any more.
+        """
+        return self.ordered(self._with_estimates(self._solvable(self.source.problem(frame, self._patience))))
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""
@@ -110,7 +124,6 @@ class Toolbox:
         found: dict[int, str] = {}
         if self.simulator is not None and problem.observation.support is not None:
             for obj_id, model in problem.models.items():
-                self._tell(f"Preparing convex parts of {model.name} for physics; kept once they are made.")
                 try:
                     self.simulator.collider(model)
                 except ShapeError as error:
@@ -127,8 +140,8 @@ class Toolbox:
             name = wanted.get(instance.instance_id, h.source)
             if name in self.estimators:
                 who = f"{target.model.name} (#{instance.instance_id})"
-                self._tell(f"Looking for first poses of {who} with {name}.")
-                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._tell)
+                self._patience.ask(f"Looking for first poses of {who} with {name}.")
+                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._patience)
                 instances[k] = replace(instance, hypotheses=pool)
                 if not pool:
                     notes.append(f"{who} has no hypothesis: {name} found none in its {len(instance.points_cam)} points")
@@ -146,7 +159,7 @@ class Toolbox:
         return self._sharing(session.model_copy(update={"edits": (), "changes": ()}))
 
     def _sharing(self, session: Session) -> Toolbox:
-        other = Toolbox(session, self._tell)
+        other = Toolbox(session, self._patience)
         other.__dict__["source"] = self.source
         if other.session.score == self.session.score:
             other.__dict__["verifier"] = self.verifier

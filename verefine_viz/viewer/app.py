@@ -7,8 +7,10 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 
-from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.errors import Cancelled, VerefineError
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import Session
 from verefine_viz.session.compiling import COMPILING, told_of_compiling
 from verefine_viz.viewer.command import Command
@@ -29,6 +31,7 @@ _LOG = logging.getLogger(__name__)
 REFRESH_S = 0.12
 """Time between two pictures while a run is on [s]."""
 LOADING = "Loading the program."
+CANCELLED = "Cancelled: everything is as it was before."
 
 
 class App:
@@ -62,8 +65,9 @@ class App:
         self._folder = folder if folder is not None else Path("sessions")
         self._batch = batch
         self._first = first
-        self._requests = Requests()
-        self._doing = ""
+        self._requests = Requests(self._tell_of_cancelling)
+        self._patience = Patience(self._tell, lambda: self._requests.are_wanted)
+        self._doing, self._told_at = "", 0.0
         """What is being done, as long as nothing of it can be shown."""
         self._compiled = False
         """Whether kernels were not there yet."""
@@ -129,34 +133,45 @@ class App:
     def _open_and_serve(self) -> None:
         try:
             self._open()
-        except Exception as error:
+        except (Exception, Cancelled) as error:
             self._failure = error
             self._loading.content = block(f'<p class="bad">{text(error)}</p>')
-            if not isinstance(error, VerefineError):
+            if not isinstance(error, VerefineError | Cancelled):
                 _LOG.exception("the session could not be opened")
             return
         finally:
             self._ready.set()
-        while (command := self._next()) is not STOP:
-            try:
-                self._carry_out(command)
-            except Exception as error:  # The page must live on: what went wrong is shown.
-                self.page.leave_off()
-                self.debugger.running.pause()
-                self.debugger.comparing.pause()
-                self.debugger.message, self.debugger.refused = str(error), True
-                self.debugger.offer = (error.label, error.command) if isinstance(error, Unconfirmed) else None
-                if not isinstance(error, VerefineError):
-                    _LOG.exception("command %s failed", command)
-                    self.debugger.message = told(error)
-                self._show()
+        with suppress(Cancelled):  # The program is being stopped.
+            while (command := self._next()) is not STOP:
+                self._try_to_carry_out(command)
+
+    def _try_to_carry_out(self, command: Command | object | None) -> None:
+        try:
+            self._carry_out(command)
+        except Cancelled:
+            self._give_up(CANCELLED)
+        except Exception as error:  # The page must live on: what went wrong is shown.
+            offer = (error.label, error.command) if isinstance(error, Unconfirmed) else None
+            said = str(error)
+            if not isinstance(error, VerefineError):
+                _LOG.exception("command %s failed", command)
+                said = told(error)
+            self._give_up(said, refused=True, offer=offer)
+
+    def _give_up(self, message: str, refused: bool = False, offer: tuple[str, Command] | None = None) -> None:
+        """Shows what was open before a command that was not carried out, and says why it was not."""
+        self.page.leave_off()
+        self.debugger.running.pause()
+        self.debugger.comparing.pause()
+        self.debugger.message, self.debugger.refused, self.debugger.offer = message, refused, offer
+        self._show()
 
     def _open(self) -> None:
         keeping = Keeping(self.server, self._folder)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._tell("Loading the simulator, the renderer and the refiner.")
-            make_tools, plausibility, overlap, demos = real_parts(self._tell)
+            make_tools, plausibility, overlap, demos = real_parts(self._patience)
         self.debugger = Debugger(
             self._session,
             self._path,
@@ -166,7 +181,7 @@ class App:
             keep=keeping,
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
-            tell=self._tell,
+            patience=self._patience,
             overlap=overlap,
         ).carry_out(self._first)
         self._tell("Drawing the first picture.")
@@ -188,21 +203,28 @@ class App:
                 run.method.step(run.state)
             self.debugger.view()
 
-    def _tell(self, doing: str) -> None:
-        """Says on the page what is being done, before something that may take seconds."""
-        self._doing = doing
-        self._say(doing)
+    def _tell(self, doing: str, share: float | None = None) -> None:
+        """Says on the page what is being done, before something that may take seconds, and how much of it is done."""
+        if not doing and monotonic() - self._told_at < REFRESH_S:
+            return
+        self._doing, self._told_at = doing or self._doing, monotonic()
+        self._say(self._doing, share, self._requests.can_cancel)
+
+    def _tell_of_cancelling(self) -> None:
+        """Says that what is being done was cancelled: it may take a moment until it ends."""
+        if self._page is not None and self._doing:
+            self._say(f"Cancelling. This has to end first: {self._doing}")
 
     def _tell_of_compiling(self) -> None:
         """Says why it takes longer than usual."""
         self._compiled = True
         self._say(f"{self._doing} {COMPILING}".lstrip())
 
-    def _say(self, doing: str) -> None:
+    def _say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
         if self._page is None:
             self._loading.content = block(_opening(doing))
         else:
-            self._page.layout.run.tell(doing)
+            self._page.layout.run.tell(doing, share, can_cancel)
         self.server.flush()
 
     def _next(self) -> Command | object | None:
@@ -213,12 +235,14 @@ class App:
         if isinstance(command, Command):
             self.page.leave_off()
             before = self.debugger.workspace.run.cursor
-            self.debugger.apply(command)
+            with self._requests.cancellable():
+                self.debugger.apply(command)
             if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
                 self._show()
                 self.page.animate(command, before)
         elif self.debugger.is_busy:
-            self.debugger.tick()
+            with self._requests.cancellable():
+                self.debugger.tick()
             if not self.debugger.is_busy or self.page.age_s > REFRESH_S:
                 self._show()
         else:

@@ -85,6 +85,11 @@ class Pause(Command):
 
 
 @dataclass(frozen=True)
+class Cancel(Command):
+    """End what takes long and is being done, with everything as it was before; does not wait for its turn."""
+
+
+@dataclass(frozen=True)
 class TogglePause(Command):
     """Run if paused, pause if running."""
 
@@ -274,8 +279,8 @@ class Export(Command):
 COMMANDS: dict[str, type[Command]] = {
     c.__name__: c
     for c in (
-        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, TogglePause, Restart,
-        OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
+        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, Cancel, TogglePause,
+        Restart, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
         OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
         Export, *SIDE_COMMANDS, *ORDER_COMMANDS,

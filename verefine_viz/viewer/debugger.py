@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.session.breakpoints import with_changes
@@ -48,7 +49,7 @@ class Debugger:
         sessions: lists the session files at hand.
         batch: whose answers are listed; None = no batch.
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
-        tell: is told what is being done before anything that may take seconds.
+        patience: asked before anything that may take seconds.
         overlap: tells how deep one placed object is in another; None = not known.
     """
 
@@ -62,10 +63,10 @@ class Debugger:
         keep: Keeper | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: Gallery | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        patience: Patience = ENDLESS,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility, tell, overlap)
+        self.workspace = Workspace(session, path, make_tools, plausibility, patience, overlap)
         self.demos = demos
         self.look = Look()
         self.message = ""
@@ -91,18 +92,19 @@ class Debugger:
 
         Raises:
             VerefineError: it cannot be done; everything is as before.
+            Cancelled: nobody waits for it any more; everything is as before.
         """
         self.message, self.refused, self.offer = "", False, None
         was_busy = self.is_busy
         command = self.browsing.resolved(command, self.look)
         self.comparing.before(command)
-        if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause):
+        if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause | c.Cancel):
             if not _may_wait(command):
                 self.running.pause()
             self._do(command)
             self.log.extend(_as_done(command, self.workspace.run.cursor))
             return
-        if isinstance(command, c.Pause) or (isinstance(command, c.TogglePause) and was_busy):
+        if isinstance(command, c.Pause | c.Cancel) or (isinstance(command, c.TogglePause) and was_busy):
             self.running.pause()
             return
         self.running.pause()

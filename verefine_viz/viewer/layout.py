@@ -65,6 +65,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run to the next event", None, c.RunUntil("event")),
     ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
     ("Pause", None, c.Pause()),
+    ("Cancel what is being done", "escape", c.Cancel()),
     ("Restart", None, c.Restart()),
     ("Score the ground truth", None, c.ScoreGroundTruth()),
     ("Edit the pose by hand", None, c.EditPose()),

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, cast
 
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer.tools import Tools
 
 
 def real_parts(
-    tell: Callable[[str], None],
+    patience: Patience,
 ) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
     """The toolbox, the checks of plausibility and overlap, and the built-in scenes."""
     from verefine_viz.physics.overlap import overlap
@@ -21,6 +22,6 @@ def real_parts(
     from verefine_viz.session.toolbox import Toolbox
 
     surfaces = Surfaces()
-    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, tell=tell))
+    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=patience))
     checks = partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces)
     return make_tools, *checks, tuple(demo_names())

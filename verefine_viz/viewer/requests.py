@@ -4,25 +4,61 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.commands import Cancel
 
 STOP = object()
 """What the worker takes instead of a command when it is to end."""
 
 
 class Requests:
-    """The queue between the page, or a script, and the worker."""
+    """The queue between the page, or a script, and the worker.
 
-    def __init__(self) -> None:
+    Args:
+        on_cancel: called, on the thread that asks for it, before what the worker is at is cancelled.
+    """
+
+    def __init__(self, on_cancel: Callable[[], None] = lambda: None) -> None:
+        self._on_cancel = on_cancel
         self._queue: deque[Command] = deque()
         self._wake = threading.Condition()
         self._stopping = False
         self._idle = False
+        self._can_cancel = False
+        self._cancelled = False
+
+    @property
+    def are_wanted(self) -> bool:
+        """Whether what the worker is at is still wanted."""
+        return not (self._cancelled or self._stopping)
+
+    @property
+    def can_cancel(self) -> bool:
+        """Whether what the worker is at may be left undone."""
+        return self._can_cancel
+
+    @contextmanager
+    def cancellable(self) -> Iterator[None]:
+        """What the worker does inside may be left undone: ``Cancel`` has it no longer wanted."""
+        with self._wake:
+            self._can_cancel = True
+        try:
+            yield
+        finally:
+            with self._wake:
+                self._can_cancel = self._cancelled = False
 
     def send(self, command: Command) -> None:
-        """Puts a command into the queue; returns at once."""
+        """Puts a command into the queue; returns at once.
+
+        ``Cancel`` overtakes all others, and takes with it what waits: that was meant for what was to come.
+        """
         with self._wake:
+            if isinstance(command, Cancel):
+                return self._cancel()
             if command.latest_wins and self._queue and type(self._queue[-1]) is type(command):
                 self._queue[-1] = command
             else:
@@ -58,7 +94,13 @@ class Requests:
                 raise TimeoutError(f"still busy after {timeout_s} s")
 
     def stop(self) -> None:
-        """Ends the worker after the command at hand."""
+        """Ends the worker; the command at hand is cancelled where that is possible."""
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
+
+    def _cancel(self) -> None:
+        if self._can_cancel and not self._cancelled:
+            self._queue.clear()
+            self._on_cancel()
+            self._cancelled = True

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
 from verefine_viz.session.engine import Run
@@ -39,12 +40,14 @@ class Saved:
 class Workspace:
     """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
 
+    So does whoever has no patience left: ``core.errors.Cancelled`` is raised before anything was switched.
+
     Args:
         session: what to open first.
         path: its file, if it has one.
         make_tools: builds the real or fake parts from a session.
         plausibility: see :class:`Judge`.
-        tell: is told what is being done before anything that may take seconds.
+        patience: asked before anything that may take seconds.
         overlap: see :class:`Judge`.
     """
 
@@ -54,17 +57,17 @@ class Workspace:
         path: Path | None,
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        patience: Patience = ENDLESS,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
         self._make_tools = make_tools
-        self._tell = tell
+        self._patience = patience
         self._plausibility, self._overlap = plausibility, overlap
         self.open(session, path)
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""
-        self._tell("Reading the scene: models, pictures, first poses.")
+        self._patience.ask("Reading the scene: models, pictures, first poses.")
         tools = self._make_tools(session)
         frames = tools.frames
         if not frames:
@@ -171,7 +174,7 @@ class Workspace:
         from verefine_viz.recording.reader import read_recording
 
         recorded = read_recording(path)
-        self._tell("Reading the scene: models, pictures, first poses.")
+        self._patience.ask("Reading the scene: models, pictures, first poses.")
         scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
         session = recorded.session.model_copy(update={"scene": scene})
         tools = self._make_tools(session)
@@ -195,7 +198,7 @@ class Workspace:
 
     def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
-        self._tell(preparing(problem, tools.session))
+        self._patience.ask(preparing(problem, tools.session))
         return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._judges(tools))
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:

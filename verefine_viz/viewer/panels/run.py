@@ -36,6 +36,7 @@ ANSWER = (
     "What the run hands on for each object: of all poses on the way the best one, or the last one where the method "
     "does not judge. The last iteration may have tried another."
 )
+CANCEL = f'<p class="dim">{link("Cancel", c.Cancel(), "everything stays as it was before")} (Escape)</p>'
 
 
 ROW_PX = 26
@@ -63,9 +64,11 @@ class RunPanel:
         self._branches = Block(gui)
         Block(gui).show(KEYS_LINE)
 
-    def tell(self, doing: str) -> None:
-        """What is being done, until the next picture."""
-        self._words.show(sentence(doing))
+    def tell(self, doing: str, share: float | None, can_cancel: bool) -> None:
+        """What is being done, how much of it [0 to 1], and how to end it, until the next picture."""
+        self._words.show(sentence(doing) + (CANCEL if can_cancel else ""))
+        self._progress.visible = share is not None
+        self._progress.value = 100.0 * (share or 0.0)
 
     def show(self, view: View) -> None:
         """Everything in place."""

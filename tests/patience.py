@@ -1,0 +1,36 @@
+"""Patience that ends, and patience that remembers what it was told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from verefine_viz.core.errors import Cancelled
+from verefine_viz.core.patience import Patience
+
+
+def hearing(said: list[str]) -> Patience:
+    """Endless; notes what is begun."""
+    return Patience(lambda doing, share: said.append(doing) if doing else None)
+
+
+def ending_after(n: int) -> Patience:
+    """It is asked for ``n`` times in vain."""
+    left = iter(range(n))
+    return Patience(is_left=lambda: next(left, None) is not None)
+
+
+def asked(work: Callable[[Patience], object]) -> int:
+    """How often ``work`` asks for patience."""
+    asks: list[None] = []
+    work(Patience(is_left=lambda: not asks.append(None)))
+    return len(asks)
+
+
+def cancelled_everywhere(work: Callable[[Patience], object], n: int, most: int = 12) -> Iterator[int]:
+    """Has ``work``, which asks ``n`` times, cancelled at that many of its asks, from the first to the last."""
+    for k in sorted({round(i * (n - 1) / (most - 1)) for i in range(most)}):
+        with pytest.raises(Cancelled):
+            work(ending_after(k))
+        yield k
