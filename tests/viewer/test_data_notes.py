@@ -46,6 +46,6 @@ def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> No
     batch = Gallery([BatchIndex(tmp_path, SESSION, {}, (row,))])
     view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
     assert any("objects appear larger" in one.text for one in findings(view)), "the frame itself says nothing of it"
-    doubted = replace(view, problem=replace(view.problem, doubts=("objects appear larger: check",)))
+    doubted = replace(view, doubts=("objects appear larger: check",))
     assert sum("objects appear larger" in one.text for one in findings(doubted)) == 1
     assert any("The score misleads." in one.text for one in findings(doubted))

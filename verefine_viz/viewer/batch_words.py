@@ -14,7 +14,7 @@ def batch_words(view: View) -> str:
     if entry is None:
         return ""
     verdict = _verdict(entry)
-    if view.problem.doubts:  # They stand above it by themselves.
+    if view.doubts:  # They stand above it by themselves.
         verdict = verdict.partition(f" {DATA_FIRST}")[0]
     return " ".join(filter(None, (_why_here(view, entry), verdict)))
 

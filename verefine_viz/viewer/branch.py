@@ -33,6 +33,7 @@ class Branch:
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+    _doubts: tuple[str, ...] | None = None
 
     @cached_property
     def settings(self) -> Session:
@@ -58,6 +59,20 @@ class Branch:
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
         return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
+
+    def doubts(self) -> tuple[str, ...]:
+        """What of the data does not fit together: as true poses show it, else, once the run is over, its answers."""
+        problem, run = self.run.problem, self.run
+        has_truth = any(i.T_cam_obj_gt is not None for i in problem.instances)
+        if problem.doubts or has_truth or not run.is_done:
+            return problem.doubts
+        if self._doubts is None:
+            from verefine_viz.scenes.answer_fit import answer_notes  # Loads what draws models.
+
+            pairs = zip(problem.targets, run.final_state.best, strict=True)
+            answers = [(t.model, best.T_cam_obj, t.instance.mask) for t, best in pairs if best is not None]
+            self._doubts = answer_notes(answers, problem.observation)
+        return self._doubts
 
 
 @dataclass

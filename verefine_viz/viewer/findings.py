@@ -45,7 +45,7 @@ def findings(view: View) -> tuple[Finding, ...]:
 
 def _of_data(view: View) -> list[Finding]:
     """A wrong camera or wrong models are behind all that follows."""
-    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in view.problem.doubts]
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in view.doubts]
 
 
 def _of_batch(view: View) -> list[Finding]:

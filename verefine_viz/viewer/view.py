@@ -96,6 +96,8 @@ class View:
     entry: Entry | None
     """What the batch says about the object in focus; None where it says nothing."""
     problem: Problem
+    doubts: tuple[str, ...]
+    """What of the frame's data does not fit together, with what to check."""
     branches: tuple[BranchSummary, ...]
     branch: int
     cursor: int

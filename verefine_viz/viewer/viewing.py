@@ -84,6 +84,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         batch=debugger.browsing.gallery,
         entry=debugger.browsing.entry(target.instance.instance_id),
         problem=work.problem,
+        doubts=branch.doubts(),
         branches=tuple(_summary(b) for b in work.branches),
         branch=work.index,
         cursor=run.cursor,

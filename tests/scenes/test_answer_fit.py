@@ -1,0 +1,51 @@
+"""Where no true pose is known, the poses that were found tell of a wrong camera, and of nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.scenes.sizes import objects, scene, with_focal, written
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
+from verefine_viz.scenes.answer_fit import answer_notes
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+
+CLUTTER = scene()
+
+
+class WithoutTruth(Toolbox):
+    """A data set without ground truth, but for its first poses."""
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        return replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
+
+
+@pytest.mark.parametrize(("focal", "said"), [(0.8, "too small; about 1.2"), (1.0, ""), (1.25, "too large; about 0.8")])
+def test_answers_that_do_not_fill_their_masks_are_told_after_the_run(tmp_path: Path, focal: float, said: str) -> None:
+    folder = written(tmp_path / "clutter", [CLUTTER], focal)
+    session = Session(
+        scene=SceneSettings(source="bop", dataset=str(folder)),
+        hypotheses=HypothesesSettings(max_per_object=2, rotation_deg=15, translation_mm=15),
+        method=MethodSettings(name="rir", iterations=2),
+    )
+    debugger = Debugger(session, None, WithoutTruth)
+    assert not debugger.view(deep=False).doubts, "nothing was found yet"
+    view = debugger.carry_out([c.RunUntil("end")]).view(deep=False)
+    assert bool(view.doubts) == bool(said)
+    first = findings(view)[:1]
+    assert bool(first and "in the poses that were found" in first[0].text) == bool(said)
+    assert all(said in one for one in view.doubts)
+
+
+def test_a_single_object_tells_nothing() -> None:
+    camera = with_focal(CLUTTER.observation.camera, 0.85)
+    observation = replace(CLUTTER.observation, camera=camera)
+    assert answer_notes(objects(CLUTTER), observation)
+    assert not answer_notes(objects(CLUTTER)[:1], observation)
