@@ -1,12 +1,12 @@
 """Whether objects appear as large as their models do in the poses that were found, where no true pose is known.
 
-Depth holds a found pose at its distance whatever the camera is, so a wrong focal length shows in the size of outlines as
-it does in true poses. But found poses move sideways with it: whether camera or models are wrong cannot be told.
+Depth holds a found pose at its distance whatever the camera is, so a wrong focal length shows in the size of outlines
+as it does in true poses. But found poses move sideways with it: whether camera or models are wrong cannot be told.
 
-Measured on eight real frames (YCB-V, 640x480) and the built-in scenes. With the right cam_K it never warned: in 160 runs,
-of which three quarters began 60 to 180° off, nor with masks widened or narrowed by up to 4 px. With fx and fy off by 10%
-and 20% it warned in 13 and 14 of 16 runs that began 30° and 30 mm off and in a third of those that began worse; in 1 of
-8 with real estimators' poses, in the two frames with the coarsest masks.
+Measured on eight real frames (YCB-V, 640x480) and the built-in scenes. With the right cam_K it never warned: in 160
+runs, of which three quarters began 60 to 180° off, nor with masks widened or narrowed by up to 4 px. With fx and fy off
+by 10% and 20% it warned in 13 and 14 of 16 runs that began 30° and 30 mm off and in a third of those that began worse;
+in 1 of 8 with real estimators' poses, in the two frames with the coarsest masks.
 """
 
 from __future__ import annotations
