@@ -110,7 +110,7 @@ def errors(screen: Screen, of_drill_mm: float) -> None:
     assert add == of_drill_mm
     assert percent == round(100 * add / (1e3 * drill.model.diameter_m))
     rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "of ∅")}
-    assert rows["best"][1:6] == [f"{turned}°", str(tilt), str(turn), str(moved), str(add)]
+    assert rows["best"][1:6] == [f"{turned}°", f"{tilt}°", f"{turn}°", str(moved), str(add)]
     assert [row[1] for row in screen.table("arm", "from")] == ["cosypose", "posecnn-rss2018", "sundermeyer"]
 
 

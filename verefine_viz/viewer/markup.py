@@ -135,7 +135,7 @@ STYLE = """<style>
  border:1px solid rgba(0,0,0,.35);vertical-align:-1px}
 .vz.names td:first-child,.vz.names th:first-child,
 .vz.objects td:nth-child(2){max-width:0;width:99%;overflow:hidden;text-overflow:ellipsis}
-.vz.objects td,.vz.objects th{padding-inline:3px}
+.vz.objects td,.vz.objects th,.vz.errors td,.vz.errors th{padding-inline:3px}
 .vz.objects td:nth-child(2),.vz.objects th:nth-child(2){text-align:left}
 .vz tr.parted td{border-top:1.5px solid rgba(200,200,200,.65)}
 .vz .sinks{color:#d98e04;cursor:help}

@@ -152,10 +152,10 @@ def errors_table(view: View) -> str:
         e = pose.errors
         is_truth, way = name == "ground truth", way_of(view.target, pose.T_cam_obj)
         cells = [
-            f"{swatch(STAGE_COLORS[name])}{pose.label}",
-            NONE if is_truth else f"{e.rotation_deg:.1f}°",
-            NONE if is_truth or way is None else f"{way.tilt_deg:.1f}",
-            NONE if is_truth or way is None else f"{way.turn_deg:.1f}",
+            f"{swatch(STAGE_COLORS[name])}{'truth' if is_truth else pose.label}",
+            NONE if is_truth else _angle(e.rotation_deg),
+            NONE if is_truth or way is None else _angle(way.tilt_deg),
+            NONE if is_truth or way is None else _angle(way.turn_deg),
             NONE if is_truth else f"{e.translation_mm:.1f}",
             NONE if is_truth else f"{e.add_s_mm:.1f}",
             NONE if is_truth else f"{e.relative:.0%}",
@@ -165,14 +165,19 @@ def errors_table(view: View) -> str:
     head = [
         ("stage", "click a row to compare it with stage A"),
         ("rot.", "angle to the nearest of the poses that look the same"),
-        ("tilt", "of that: how far the object leans against its support plane [°]"),
-        ("turn", "of that: how far it is turned on its support plane, about the plane's normal [°]"),
+        ("tilt", "of that: how far the object leans against its support plane"),
+        ("turn", "of that: how far it is turned on its support plane, about the plane's normal"),
         ("mm", "distance of the object's origin"),
         ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric"),
         ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct"),
         ("score", "verification score"),
     ]
     return table(head, rows)
+
+
+def _angle(degrees: float) -> str:
+    """Narrow: eight columns have to fit."""
+    return f"{degrees:.1f}°" if degrees < 9.95 else f"{degrees:.0f}°"
 
 
 def starts_table(view: View) -> str:

@@ -22,7 +22,7 @@ class ErrorsPanel:
             hint="ground truth beside the best pose: does the score prefer a wrong pose?",
         )
         self.judge.on_click(by_person(lambda _: send(c.ScoreGroundTruth())))
-        self._stages = Block(gui)
+        self._stages = Block(gui, "errors")
         self._starts = Block(gui)
 
     def show(self, view: View) -> None:
