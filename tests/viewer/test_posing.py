@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
-from verefine_viz.core.geometry import transform
+from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.plays import what_n_counts
+from verefine_viz.viewer.pose_words import shift_mm
 from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.words import chosen
 
@@ -56,3 +57,32 @@ def test_an_object_without_iterations_left_is_said_although_the_run_goes_on() ->
     d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), FAR, c.ForkFromPose()])
     assert not d.workspace.run.is_done
     assert d.message == "The edited pose was scored, but no iteration is left for box #0; go back before you edit."
+
+
+def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
+    d = debugger(frame="0/2").carry_out([c.Focus(1), c.SelectArm(2)])
+    first = d.view().problem.instances[1].hypotheses[2].T_cam_obj
+    put = first @ transform(axis_angle([0, 1, 0], np.deg2rad(20)), [0.012, 0, 0])
+    drag = c.DragPose(tuple(float(x) for x in put.ravel()))
+    d.carry_out([c.EditPose(), drag, c.ForkFromPose()])
+    shift = shift_mm(first, put, d.view().target.model.points)
+    where = f"{shift:.1f} mm and 20.0° from its first pose."
+    early = d.workspace.session
+    assert f"Hypothesis 3 of box #1 was moved by hand before iteration 1, {where}" in headline(opened(early).view())
+    late = early.model_copy(update={"edits": (early.edits[0].model_copy(update={"after_iteration": 2}),)})
+    assert f"Hypothesis 3 of box #1 will be moved by hand after iteration 2, {where}" in headline(opened(late).view())
+    many = early.model_copy(update={"edits": 5 * early.edits})
+    assert "2 more are moved by hand. Press Step" in headline(opened(many).view())
+
+
+class TwoBoxes(FakeTools):
+    """The second frame alone."""
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        return ("0/2",)
+
+
+def opened(session: Session) -> Debugger:
+    """The debugger on a session that was read from a file."""
+    return Debugger(Session.model_validate(session.model_dump()), None, TwoBoxes)

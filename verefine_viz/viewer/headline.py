@@ -7,6 +7,7 @@ from itertools import pairwise
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.viewer.arms import arm_name
+from verefine_viz.viewer.hand_words import moved_by_hand
 from verefine_viz.viewer.marks import FALL
 from verefine_viz.viewer.plays import BEST_OF_ALL
 from verefine_viz.viewer.pose_words import errors_in_words, movement
@@ -69,7 +70,8 @@ def _ready(view: View) -> str:
     known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
     if known:
         start += f", the nearest one is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
-    return f"{start}. Press Step (N) for one iteration, Run (Space) for all."
+    moved = moved_by_hand(view)
+    return f"{start}. {moved}{' ' * bool(moved)}Press Step (N) for one iteration, Run (Space) for all."
 
 
 def chosen_because(iteration: Iteration, n_arms: int) -> str:
