@@ -34,3 +34,18 @@ def cancelled_everywhere(work: Callable[[Patience], object], n: int, most: int =
         with pytest.raises(Cancelled):
             work(ending_after(k))
         yield k
+
+
+class Countdown:
+    """Patience that can be wound up again."""
+
+    def __init__(self) -> None:
+        self.left: int | None = None
+        """Asks until it ends; None = endless."""
+        self.patience = Patience(is_left=self._is_left)
+
+    def _is_left(self) -> bool:
+        if self.left is None:
+            return True
+        self.left -= 1
+        return self.left >= 0

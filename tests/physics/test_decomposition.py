@@ -1,0 +1,67 @@
+"""CoACD in a process of its own: it ends when nobody waits any more, and says what is wrong when it cannot."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.patience import ending_after
+from tests.physics.bodies import ring
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import Cancelled, ShapeError
+from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.colliders import build, collider
+from verefine_viz.physics.decomposition import decomposed
+from verefine_viz.physics.simulator import BulletSimulator
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """The processes that are started."""
+    found: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
+
+    def noted(*given, **named):
+        found.append(start(*given, **named))
+        return found[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
+    return found
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_what_is_cancelled_leaves_neither_a_process_nor_a_file(
+    tmp_path: Path, started: list[subprocess.Popen[bytes]], n: int
+) -> None:
+    with pytest.raises(Cancelled):
+        collider(ring(), "decomposition", tmp_path, ending_after(n))
+    assert list(tmp_path.iterdir()) == []
+    assert len(started) == (n > 0)
+    assert all(child.returncode == -9 for child in started)
+
+
+def test_after_a_cancelled_one_the_same_collider_is_built(tmp_path: Path) -> None:
+    simulator = BulletSimulator(PhysicsSettings(), tmp_path, ending_after(2))
+    with pytest.raises(Cancelled):
+        simulator.collider(ring())
+    again = BulletSimulator(PhysicsSettings(), tmp_path).collider(ring())
+    assert first_difference(again, build(ring(), "decomposition")) is None
+
+
+def test_a_process_that_fails_is_told_in_one_line_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(ShapeError) as caught:
+        decomposed("object 7 (ring)", ring().vertices, ring().faces)
+    assert str(caught.value) == (
+        "object 7 (ring) cannot be taken apart into convex parts (CoACD ended with exit code 1: it said nothing); "
+        'set physics.collider = "hull"'
+    )
+
+
+def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "coacd.py").write_text("raise SystemExit(3)")
+    monkeypatch.chdir(tmp_path)
+    assert len(decomposed("ring", ring().vertices, ring().faces)) > 1

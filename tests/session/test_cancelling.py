@@ -1,0 +1,109 @@
+"""A frame that is cancelled while it is read, or a run while it is begun: nothing stays of it, the next is alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.patience import Countdown, asked, cancelled_everywhere, ending_after
+from tests.scenes.bop_folder import make
+from verefine_viz.core.compare import first_difference
+from verefine_viz.core.errors import Cancelled
+from verefine_viz.core.patience import Patience
+from verefine_viz.core.problem import Problem
+from verefine_viz.rendering.simplify import scoring_mesh
+from verefine_viz.scenes.demo_models import demo_model
+from verefine_viz.session.files import resolve
+from verefine_viz.session.toolbox import Toolbox
+
+MODES: dict[str, dict[str, Any]] = {
+    "perturb": {},
+    "pcs": {"pcs": {"bases": 5}},
+    "ppf": {"ppf": {"step": 0.1}},
+}
+
+
+def bop(tmp_path: Path, source: str) -> tuple[dict[str, Any], str]:
+    made = make(tmp_path)
+    scene = {"source": "bop", "dataset": str(made.root), "model_points": 200}
+    return {"scene": scene, "hypotheses": {"source": source, "max_per_object": 2}, **MODES[source]}, made.frame
+
+
+def facts(problem: Problem) -> tuple[object, ...]:
+    models = tuple(problem.models[obj_id] for obj_id in sorted(problem.models))
+    return problem.observation, problem.instances, models, problem.dependencies, problem.notes
+
+
+@pytest.mark.parametrize("source", MODES)
+def test_a_frame_of_a_folder_that_is_cancelled_can_be_read_again(tmp_path: Path, source: str) -> None:
+    raw, frame = bop(tmp_path, source)
+    expected = Toolbox(resolve(raw)).problem(frame)
+    n = asked(lambda patience: Toolbox(resolve(raw), patience).problem(frame))
+    countdown = Countdown()
+    box = Toolbox(resolve(raw), countdown.patience)
+    for k in range(n):
+        countdown.left = k
+        try:
+            box.problem(frame)
+        except Cancelled:
+            countdown.left = None
+            assert first_difference(facts(box.problem(frame)), facts(expected)) is None
+    with pytest.raises(Cancelled):
+        Toolbox(resolve(raw), ending_after(n - 1)).problem(frame)
+
+
+def test_a_folder_is_asked_for_patience_between_its_models(tmp_path: Path) -> None:
+    raw, frame = bop(tmp_path, "perturb")
+    told: list[tuple[str, float | None]] = []
+    Toolbox(resolve(raw), Patience(lambda doing, share: told.append((doing, share)))).problem(frame)
+    assert ("Reading the objects' models.", 0.0) in told
+    assert ("", 0.5) in told
+
+
+def test_a_built_in_scene_that_is_cancelled_can_be_read_again() -> None:
+    raw = {"scene": {"demo": "stack"}}
+    expected = Toolbox(resolve(raw)).problem("0/0")
+    countdown = Countdown()
+    box = Toolbox(resolve(raw), countdown.patience)
+    for k in range(4):
+        countdown.left = k
+        with pytest.raises(Cancelled):
+            box.problem("0/0")
+    countdown.left = None
+    assert first_difference(facts(box.problem("0/0")), facts(expected)) is None
+
+
+def test_a_mesh_to_score_that_is_cancelled_is_not_kept(tmp_path: Path) -> None:
+    model = demo_model("teddy", 100, 0)
+    whole = scoring_mesh(model, 0.5, tmp_path / "whole")
+
+    def work(patience: Patience) -> object:
+        return scoring_mesh(model, 0.5, tmp_path / "stopped", patience)
+
+    n = asked(lambda patience: scoring_mesh(model, 0.5, tmp_path / "counted", patience))
+    assert n > 2
+    for _ in cancelled_everywhere(work, n, 3):
+        assert not (tmp_path / "stopped").exists()
+    again = scoring_mesh(model, 0.5, tmp_path / "stopped")
+    assert first_difference(again, whole) is None
+
+
+def test_a_run_whose_beginning_is_cancelled_can_be_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No mesh is on the disk yet: those to score are made when the first poses are scored."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    raw = {
+        "scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "physics": {"enabled": False},
+        "method": {"iterations": 1},
+    }  # fmt: skip
+    problem = Toolbox(resolve(raw)).problem("0/0")
+    countdown = Countdown()
+    box = Toolbox(resolve(raw), countdown.patience)
+    countdown.left = 1
+    with pytest.raises(Cancelled):
+        box.run(problem)
+    assert not (tmp_path / "verefine-viz" / "meshes").exists()
+    countdown.left = None
+    again, fresh = box.run(problem), Toolbox(resolve(raw)).run(problem)
+    assert first_difference(again.finish().best, fresh.finish().best) is None
