@@ -53,6 +53,8 @@ class Look:
     animate: bool = True
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
+    edited_from: c.Pose | None = None
+    """T_cam_obj of the pose with which the editing began."""
     compared_before: tuple[str, str] | None = None
     """What was compared before a pose was edited; None where a person has chosen since."""
     batch_order: Order = "error"
@@ -67,6 +69,11 @@ class Look:
         """The edited pose as a matrix (4, 4)."""
         return None if self.edited is None else np.array(self.edited).reshape(4, 4)
 
+    @property
+    def T_cam_obj_edited_from(self) -> Float | None:
+        """The pose with which the editing began as a matrix (4, 4)."""
+        return None if self.edited_from is None else np.array(self.edited_from).reshape(4, 4)
+
     def moved(self) -> Look:
         """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
         return replace(self.unedited(), arm=None, stage=None, path_pose=None)
@@ -75,12 +82,15 @@ class Look:
         """The same with a pose of a hypothesis under the hand, beside the one that was kept."""
         before = (self.a, self.b) if self.edited is None else self.compared_before
         layers = self.layers | {"edited", "accepted"}
-        return replace(self, edited=edited, arm=arm, a="accepted", b="edited", compared_before=before, layers=layers)
+        return replace(
+            self, edited=edited, edited_from=edited, arm=arm, a="accepted", b="edited", compared_before=before,
+            layers=layers,
+        )  # fmt: skip
 
     def unedited(self) -> Look:
         """The same without a pose under the hand: compared is what was compared before."""
         a, b = self.compared_before or (self.a, self.b)
-        return replace(self, edited=None, a=a, b=b, compared_before=None)
+        return replace(self, edited=None, edited_from=None, a=a, b=b, compared_before=None)
 
     def afresh(self) -> Look:
         """The same for another frame or another run: what was chosen for good is kept."""

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
 
 BY_HAND = (
-    "Drag the arrows and rings in 3D; then press “Continue from here” in the Physics tab, or “Cancel” to leave the "
-    "pose as it was."
+    "Drag the arrows and rings in 3D, or type numbers; then press “Continue from here” in the Physics tab, or “Cancel” "
+    "to leave the pose as it was."
 )
 
 WITH_PASSES = ("vf_depth", "physim_mcts")

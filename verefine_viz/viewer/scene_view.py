@@ -18,6 +18,7 @@ from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.first_look import aim
 from verefine_viz.viewer.ground_nodes import GroundNodes
 from verefine_viz.viewer.other_nodes import OtherNodes
+from verefine_viz.viewer.sent_poses import SentPoses
 from verefine_viz.viewer.stage_nodes import StageNodes, display_mesh, place
 from verefine_viz.viewer.standing import LIGHTS, telling
 from verefine_viz.viewer.verdict import verdict
@@ -36,6 +37,7 @@ class SceneView:
         self._nodes: StageNodes | None = None
         self._all_nodes: dict[int, StageNodes] = {}
         self._gizmo: viser.TransformControlsHandle | None = None
+        self._dragged = SentPoses()
         self._view: View | None = None
         # An environment map costs software renderers many seconds and shows nothing here.
         server.scene.configure_environment_map(None)
@@ -190,13 +192,17 @@ class SceneView:
 
     def _show_gizmo(self, view: View) -> None:
         T = view.look.T_cam_obj_edited
-        if T is None:
+        if T is None or view.look.edited is None:
             if self._gizmo is not None:
                 self._gizmo.remove()
                 self._gizmo = None
+                self._dragged.clear()
             return
+        is_news = self._dragged.is_news(view.look.edited)
         if self._gizmo is None:
             self._gizmo = self._make_gizmo(view, T)
+        elif is_news:  # Numbers were typed.
+            place(self._gizmo, T)
 
     def _make_gizmo(self, view: View, T_cam_obj: Float) -> viser.TransformControlsHandle:
         scene, model = self._server.scene, view.target.model
@@ -210,7 +216,9 @@ class SceneView:
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:
             T = transform(rotation_of_quat_wxyz(event.target.wxyz), event.target.position)
-            self._send(DragPose(tuple(float(x) for x in T.ravel())))
+            pose = tuple(float(x) for x in T.ravel())
+            self._dragged.add(pose)
+            self._send(DragPose(pose))
 
         return gizmo
 

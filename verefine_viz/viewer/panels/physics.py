@@ -6,6 +6,7 @@ import viser
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import note, sentence, warning
+from verefine_viz.viewer.panels.pose_numbers import PoseNumbers
 from verefine_viz.viewer.plane import doubt
 from verefine_viz.viewer.pose_words import errors_in_words, way_of
 from verefine_viz.viewer.revealing import is_revealed
@@ -26,6 +27,7 @@ class PhysicsPanel:
         gui.add_html(f"<style>{unlabelled(self.edit)}</style>")
         actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
         self.edit.on_click(by_person(lambda v: send(actions[v])))
+        self.numbers = PoseNumbers(gui, send)
         self._edited = Block(gui)
         self._standing = Block(gui)
         self._changes = Block(gui)
@@ -48,6 +50,7 @@ class PhysicsPanel:
             pose = view.look.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(view) if path is not None else "")
+        self.numbers.show(view)
         self._edited.show(note(edited_words(view)) if view.look.edited is not None else "")
 
 
@@ -68,4 +71,4 @@ def edited_words(view: View) -> str:
         said += f"; the {kept.name} pose has {kept.score.score:.3f}"
     if edited.errors is not None:
         said += f"; it is {errors_in_words(edited.errors, way_of(view.target, edited.T_cam_obj))}"
-    return said + ". Drag the rings and arrows in 3D; Continue from here makes a new branch."
+    return said + ". Drag the rings and arrows in 3D or type above; Continue from here makes a new branch."
