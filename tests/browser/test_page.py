@@ -151,7 +151,7 @@ def test_settings_restart(look: Look) -> None:
     field.press("Tab")
     screen.page.wait_for_timeout(200)
     screen.click("Restart with these")
-    screen.text("^iteration 0 / 10")
+    screen.text("^Iteration 0 of 10")
     screen.shot("settings")
     assert screen.app.debugger.workspace.session.method.iterations == 2
 
@@ -177,6 +177,19 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     after = screen.app.debugger.look.edited
     assert after is not None
     assert after != before
+    numbers = screen.app.page.layout.physics.numbers
+    assert any(abs(x) > 0.5 for x in numbers.shift.value)
+    field = screen.page.locator("xpath=//label[.='Moved mm']/ancestor::*[.//input][1]//input").last
+    field.fill("7", timeout=SLOW_MS)
+    screen.until(lambda: numbers.shift.value[2] == 7.0)
+    field.press("ArrowUp")
+    for key in ("n", "b", "Space"):  # Of the page: they do nothing here.
+        field.press(key)
+    screen.until(lambda: numbers.shift.value[2] == 8.0)
+    assert not screen.app.debugger.workspace.run.length
+    after = screen.app.debugger.look.edited
+    assert after is not None
+    assert after[11] == pytest.approx(before[11] + 0.008, abs=1e-6)
     screen.click("Continue from here")
     screen.text("moved by hand, from iteration 0")
     screen.shot("continued")

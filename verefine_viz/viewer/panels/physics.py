@@ -67,8 +67,9 @@ def edited_words(view: View) -> str:
     if edited is None or edited.score is None:
         return ""
     said = f"Hypothesis {view.arm + 1} by hand scores {edited.score.score:.3f}"
+    if edited.errors is not None:
+        said += f" and is {errors_in_words(edited.errors, way_of(view.target, edited.T_cam_obj))}"
     if kept is not None and kept.score is not None:
         said += f"; the {kept.name} pose has {kept.score.score:.3f}"
-    if edited.errors is not None:
-        said += f"; it is {errors_in_words(edited.errors, way_of(view.target, edited.T_cam_obj))}"
-    return said + ". Drag the rings and arrows in 3D or type above; Continue from here makes a new branch."
+    how = "Drag it in 3D, or type how far it is moved and turned (about its origin) from where you began"
+    return f"{said}. {how}; Continue from here makes a new branch."

@@ -30,15 +30,9 @@ class PoseNumbers:
             hint="camera: x to the right, y down, z away from it. object: those of its model, as it was",
         )  # fmt: skip
         self.axes.on_update(by_person(lambda _: self._show_numbers()))
-        self.shift = gui.add_vector3(
-            "Moved mm", _NOTHING, min=-FARTHEST_MM, max=FARTHEST_MM, step=1.0, visible=False,
-            hint="along x, y, z from where the editing began",
-        )  # fmt: skip
-        self.turn = gui.add_vector3(
-            "Turned °", _NOTHING, min=-MOST_DEG, max=MOST_DEG, step=1.0, visible=False,
-            hint="about x, y, z through the object's origin, from where the editing began; several at once: one turn "
-            "about the axis that they add up to",
-        )  # fmt: skip
+        # No hints: they would cover the numbers.
+        self.shift = gui.add_vector3("Moved mm", _NOTHING, min=-FARTHEST_MM, max=FARTHEST_MM, step=1.0, visible=False)
+        self.turn = gui.add_vector3("Turned °", _NOTHING, min=-MOST_DEG, max=MOST_DEG, step=1.0, visible=False)
         for field in (self.shift, self.turn):
             field.precision = DIGITS
             field.on_update(by_person(lambda _: self._typed()))
