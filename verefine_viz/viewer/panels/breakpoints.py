@@ -46,7 +46,7 @@ FLAGS = {
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
 """Field: (label that fits on one line, meaning)."""
-WORDS = "A run stops after an iteration in which something ticked here happened. Numbers: by more than this."
+WORDS = "A run stops where something ticked here happened. Numbers: by more than this."
 ROW_PX = 25
 NUMBER_FROM_PX = 140
 """Where the numbers begin: behind the boxes, in the same rows."""
