@@ -6,6 +6,9 @@ import csv
 import errno
 import json
 import os
+import signal
+from multiprocessing import active_children
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import psutil
@@ -44,6 +47,24 @@ def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path
     kept = (tmp_path / "a.jsonl").read_bytes().splitlines(keepends=True)
     assert kept[:4] == lines[:4]
     assert len(kept) == len(lines)
+
+
+def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_path: Path) -> None:
+    workers: list[BaseProcess] = []
+
+    def interrupted(done: int, total: int) -> None:
+        if done:
+            workers.extend(active_children())
+            raise KeyboardInterrupt
+
+    path = tmp_path / "x.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        run_study(Wanted("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
+    assert [worker.exitcode for worker in workers] == [-signal.SIGKILL] * 2
+    kept = path.read_bytes().splitlines()
+    assert len(kept) >= 2
+    assert _facts(_run(path)) == _facts(_run(tmp_path / "whole.jsonl"))
+    assert path.read_bytes().splitlines()[: len(kept)] == kept
 
 
 def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:

@@ -176,14 +176,14 @@ class Pool:
         context = get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=work, args=(theirs, self._session, self._out, self._task), daemon=True)
-        with _interrupts_ignored():
+        with interrupts_ignored():
             process.start()
         theirs.close()
         return _Worker(process, ours, self._out)
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
+def interrupts_ignored() -> Iterator[None]:
     """Processes started inside do not react to Ctrl-C; this process ends them."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

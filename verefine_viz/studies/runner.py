@@ -9,7 +9,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from pathlib import Path
 
-from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.batch.pool import interrupts_ignored
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.journal import Journal
@@ -85,16 +86,24 @@ def _in_parallel(
     tell: Tell,
 ) -> None:
     context = multiprocessing.get_context("spawn")
+    others = multiprocessing.active_children()
     with ProcessPoolExecutor(min(workers, len(left)), context, _start, (dict(sessions), wanted)) as pool:
-        found: dict[Future[list[Outcome]], Unit] = {pool.submit(_solve, unit): unit for unit in left}
+        with interrupts_ignored():
+            found: dict[Future[list[Outcome]], Unit] = {pool.submit(_solve, unit): unit for unit in left}
         try:
             for k, future in enumerate(as_completed(found), start=1):
                 journal.add(found[future], future.result())
                 tell(n_units - len(left) + k, n_units)
         except BrokenProcessPool:
             raise InputError("a worker process was killed (out of memory?); the same command goes on") from None
-        except (VerefineError, KeyboardInterrupt):
+        except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            # Units that were begun may take long; what is done is in the journal.
+            begun = set(multiprocessing.active_children()).difference(others)
+            for worker in begun:
+                worker.kill()
+            for worker in begun:
+                worker.join()
             raise
 
 
