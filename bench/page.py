@@ -78,7 +78,7 @@ def _measured(address: str) -> list[dict[str, Any]]:
 
 def _click(page: Page, button: str, k: int) -> float:
     page.wait_for_timeout(PAUSE_MS)
-    return page.evaluate(CLICK, [button, f"iteration {k} / "])
+    return page.evaluate(CLICK, [button, f"Iteration {k} of "])
 
 
 def _row(what: str, times: list[float]) -> dict[str, Any]:

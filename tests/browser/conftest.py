@@ -115,7 +115,7 @@ class Screen:
 
     def at(self, cursor: int) -> None:
         """Waits until the timeline says that this iteration is shown."""
-        self.text(rf"^iteration {cursor} / ")
+        self.text(rf"^Iteration {cursor} of ")
         self.app.wait_until_idle(60)
 
     def until(self, condition: Callable[[], bool]) -> None:

@@ -12,7 +12,8 @@ from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.run import of_the_end
 from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.tables import changes_table, event_lines, where
+from verefine_viz.viewer.tables import changes_table, event_lines
+from verefine_viz.viewer.timeline_words import timeline_words
 from verefine_viz.viewer.words import chosen, physics
 
 STAGE = c.StepStage()
@@ -84,12 +85,13 @@ def test_the_end_says_of_which_iteration_the_answer_is() -> None:
     assert beside_answer(view) == told
     assert chosen(view).startswith(told)
     assert physics(view).startswith(told)
-    assert f"the answer, of iteration {best.iteration}" in where(view)
+    assert f"the answer, of iteration {best.iteration}" in timeline_words(view, view.marks)
     assert f">iteration {best.iteration}</a>" in of_the_end(view)
     assert beside_answer(d.carry_out([c.Back()]).view()) == ""
     several = debugger().carry_out([TWO, c.RunUntil("end"), c.Focus(1)])
     answer = several.workspace.run.state.best[1]
-    assert f"the answer; box #1: of iteration {answer.iteration}" in where(several.view())
+    view = several.view()
+    assert f"the answer; box #1: of iteration {answer.iteration}" in timeline_words(view, view.marks)
 
 
 def test_a_finished_list_of_objects_is_not_told_stage_by_stage() -> None:

@@ -115,6 +115,7 @@ STYLE = """<style>
 .vz.tight{padding-bottom:0}
 .vz p{margin:0 0 6px 0}
 .vz p.say{font-size:13px}
+.vz.brief p.say{font-size:11.5px;line-height:1.3;margin-bottom:4px}
 .vz p.warn,.vz p.bad,.vz p.note{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;
  background:rgba(217,142,4,.12);overflow-wrap:anywhere}
 .vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}

@@ -5,10 +5,9 @@ from __future__ import annotations
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import the_answer
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
 from verefine_viz.viewer.look import STAGES
-from verefine_viz.viewer.markup import Row, link, swatch, table, text, with_hints
+from verefine_viz.viewer.markup import Row, swatch, table, text, with_hints
 from verefine_viz.viewer.plays import (
     N_MEANS,
     TIME_MEANS,
@@ -21,7 +20,7 @@ from verefine_viz.viewer.plays import (
 )
 from verefine_viz.viewer.pose_words import shift_mm, turn, way_of
 from verefine_viz.viewer.revealing import is_revealed
-from verefine_viz.viewer.scene_words import TERMS, place_in_run
+from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.view import View
 
 NONE = "–"
@@ -228,19 +227,3 @@ def event_lines(view: View) -> str:
         return ""
     own = [m for m in view.marks if view.shown is not None and m.iteration == view.shown.index]
     return "".join(f"<p>{swatch(m.color)}{with_hints(m.text, TERMS)}</p>" for m in own)
-
-
-def where(view: View) -> str:
-    """The line of the timeline: iteration, object, hypothesis."""
-    p = view.progress
-    at = f"iteration {view.cursor} / {p.total}"
-    if view.is_answer:
-        at += f" · {text(the_answer(view))}"
-    elif view.shown is not None and view.is_current:
-        place = place_in_run(view.scene, view.shown)
-        at += f" · {place}" if place else ""
-        at += f" · {text(view.name)} · hypothesis {view.shown.arm + 1} of {view.n_arms}"
-        if view.look.stage is not None:
-            at += f" · {text(view.look.stage)}"
-    made = "" if p.done == view.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
-    return f"{at}{made}"

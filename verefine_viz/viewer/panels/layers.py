@@ -6,9 +6,11 @@ import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.look import LAYERS, SHOWN_AT_FIRST
+from verefine_viz.viewer.look import LAYERS, SHOWN_AT_FIRST, STAGES
+from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person, compact
+from verefine_viz.viewer.view_words import LABELS, view_words
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
 HINTS = {
     "initial": "where the hypothesis started",
@@ -24,22 +26,26 @@ HINTS = {
     "camera image": "the photo with a score map on it, before the sensor; click for a pixel's numbers",
     "path": "the simulated poses, see Physics",
 }
-LABELS = {"camera image": "photo", "ground truth": "truth"}
-ROW_PX = 17
-"""So that all rows fit into the panel."""
-WITH_BOX = tuple(name for name in LAYERS if name != "path" and name != "edited")
+WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited"))
+COLUMNS = tuple(name for name in WITH_BOX if name in STAGES), tuple(name for name in WITH_BOX if name not in STAGES)
+"""Poses on the left, all else on the right."""
+ROW_PX = 20
+LABEL_PX = 92
+RIGHT_FROM_PX = 124
+"""Where the right column begins."""
 
 
 class LayersPanel:
-    """A box per layer, and the cloud's colours."""
+    """What is drawn in words, a box per layer, and the cloud's colours."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
+        self._words = Block(gui, "brief tight")
         self.cloud = gui.add_dropdown(
             "Cloud", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
         )
         self.cloud.on_update(by_person(lambda v: send(c.ColorCloud(v))))
-        for name in WITH_BOX:
+        for name in (name for row in zip(*COLUMNS, strict=True) for name in row):
             box = gui.add_checkbox(LABELS.get(name, name), name in SHOWN_AT_FIRST, hint=HINTS.get(name))
             box.on_update(by_person(lambda on, name=name: send(c.ShowLayer(name, on))))
             self.boxes[name] = box
@@ -47,6 +53,7 @@ class LayersPanel:
 
     def show(self, view: View) -> None:
         """Boxes as the look has them."""
+        self._words.show(sentence(view_words(view, WITH_BOX)))
         self.cloud.value = view.look.cloud
         for name, box in self.boxes.items():
             box.value = name in view.look.layers
@@ -56,4 +63,11 @@ def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
     label = f'label[for="{box._impl.uuid}"]'
     shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
-    return f"{label}{{{shown}}}{compact(box, ROW_PX)}"
+    row = f".mantine-Flex-root:has({label})"
+    narrow = f"{row}>div:first-child{{width:{LABEL_PX}px!important}}"
+    beside = (
+        f"div:has(> .mantine-Flex-root {label}){{margin:-{ROW_PX}px 0 0 {RIGHT_FROM_PX}px}}"
+        if name in COLUMNS[1]
+        else ""
+    )
+    return f"{label}{{{shown}}}{compact(box, ROW_PX)}{narrow}{beside}"

@@ -10,10 +10,12 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.changes import current_values
+from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.settings_words import settings_words
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Send, by_person, compact, unlabelled
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
 
-ROW_PX = 19
+ROW_PX = 17
 """So that all settings fit into the panel."""
 
 
@@ -21,7 +23,8 @@ class SettingsPanel:
     """Edits are only a draft until Restart or Fork is pressed."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        # First, so that it is in sight however many settings there are.
+        self._words = Block(gui, "brief tight")
+        # Above the fields, so that it is in sight however many settings there are.
         self.apply = gui.add_button_group(
             "Apply", ["Restart with these", "Fork here"],
             hint="Restart: from before iteration 1 with these settings, without poses moved by hand. "
@@ -65,6 +68,10 @@ class SettingsPanel:
         )
         rows = (*self._fields.values(), self._estimator)
         gui.add_html(f"<style>{''.join(compact(row, ROW_PX) for row in rows)}{unlabelled(self.apply)}</style>")
+        self._labels = {name: handle.label for name, handle in self._fields.items()}
+        for handle in self._fields.values():
+            handle.on_update(by_person(lambda _: self._tell()))
+        self._view: View | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
         self._estimated: dict[int, str] = {}
@@ -91,6 +98,8 @@ class SettingsPanel:
                 if isinstance(handle, viser.GuiDropdownHandle) and values[name] not in handle.options:
                     handle.options = (*handle.options, values[name])
                 handle.value = values[name]
+        self._view = view
+        self._tell()
         self._focus = view.target.instance.instance_id
         self._estimated = dict(view.session.hypotheses.estimate)
         self.estimate.label = f"Estimate {view.name} here"
@@ -99,3 +108,9 @@ class SettingsPanel:
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
+
+    def _tell(self) -> None:
+        """What holds, and what was typed since."""
+        if self._view is not None:
+            typed = {name: handle.value for name, handle in self._fields.items()}
+            self._words.show(sentence(settings_words(self._view.session, self._labels, typed, self._view.cursor)))

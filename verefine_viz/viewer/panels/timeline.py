@@ -13,7 +13,7 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.arms import arm_color, arms_legend
 from verefine_viz.viewer.marks import MEANINGS, Mark
 from verefine_viz.viewer.markup import carries, text
-from verefine_viz.viewer.tables import where
+from verefine_viz.viewer.timeline_words import timeline_words
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
@@ -63,7 +63,7 @@ def strip(view: View) -> str:
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
-    head = f'<div class="head"><span class="where">{where(view)}</span>{legend(marks)}</div>'
+    head = f'<div class="head"><span class="where">{timeline_words(view, marks)}</span>{legend(marks)}</div>'
     return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{blocks_legend(view)}"
 
 

@@ -1,0 +1,59 @@
+"""The sentence above the settings: what holds now that is not usual, and what a change that was typed will do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from verefine_viz.core.presets import PUBLISHED
+from verefine_viz.core.settings import Session
+from verefine_viz.viewer.changes import current_values
+
+MOST = 3
+"""Settings that are named; of more only how many."""
+
+
+def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any], cursor: int) -> str:
+    """As in: Not usual: c 0.4, not 0.7. Change a field, then restart or fork.
+
+    Args:
+        session: the settings that hold.
+        labels: by dotted name of a setting, what the panel calls it.
+        typed: values in the fields by dotted name.
+        cursor: the iteration that a fork would go on from.
+    """
+    held = current_values(session, tuple(labels))
+    new = {name: value for name, value in typed.items() if value != held[name]}
+    if new:
+        said = _listed([f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in new.items()])
+        kept = (
+            f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
+        )
+        return f"Not in use yet: {said}. Restart begins anew with it; Fork {kept}."
+    usual = current_values(_usual(session), tuple(labels))
+    other = [
+        f"{labels[name]} {_shown(held[name])}, not {_shown(usual[name])}"
+        for name in labels
+        if held[name] != usual[name]
+    ]
+    of = "as published" if session.preset == "published" else "as recommended"
+    if not other:
+        return f"All {of}. Changes wait for Restart or Fork."
+    return f"{of.capitalize()}, but {_listed(other, '; ')}. Changes wait for Restart or Fork."
+
+
+def _usual(session: Session) -> Session:
+    """The settings of the same preset where nothing else was asked for."""
+    base: dict[str, Any] = PUBLISHED if session.preset == "published" else {}
+    return Session.model_validate({"preset": session.preset, **base})
+
+
+def _listed(said: list[str], between: str = ", ") -> str:
+    rest = len(said) - MOST
+    return between.join(said[:MOST]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
