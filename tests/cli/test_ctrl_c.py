@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import sleep
 
 import psutil
 import pytest
@@ -41,7 +42,7 @@ def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_ru
     with child:
         try:
             while child.poll() is None and not is_at_work(child.pid, tmp_path / begun[command]):
-                pass
+                sleep(0.05)
             workers = psutil.Process(child.pid).children(recursive=True)
             os.killpg(child.pid, signal.SIGINT)
             output, errors = child.communicate(timeout=200)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.patience import Countdown
+from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verdict import verify
@@ -53,6 +55,21 @@ def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
     T_cam_obj = np.array(T_cam_obj)
     T_cam_obj[0, 3] += shift_m
     return [c.DragPose(tuple(float(x) for x in T_cam_obj.ravel())), c.ForkFromPose()]
+
+
+def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path) -> None:
+    server: Any = NoServer()
+    countdown = Countdown()
+    debugger = Debugger(SESSION, None, Toolbox, keep=Keeping(server, tmp_path, countdown.patience))
+    debugger.carry_out([c.RunTo(3)])
+    for k in range(4):  # Before it is begun, and before each iteration.
+        countdown.left = k
+        with pytest.raises(Cancelled):
+            debugger.apply(c.Export("recording"))
+        assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+        assert debugger.kept == ()
+    countdown.left = None
+    assert verify(exported(debugger)) is None
 
 
 def test_of_a_run_and_of_its_beginning(debugger: Debugger) -> None:

@@ -167,7 +167,7 @@ class App:
         self._show()
 
     def _open(self) -> None:
-        keeping = Keeping(self.server, self._folder)
+        keeping = Keeping(self.server, self._folder, self._patience)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._tell("Loading the simulator, the renderer and the refiner.")

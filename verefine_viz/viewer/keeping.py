@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,10 @@ import viser
 from PIL import Image as PilImage
 
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.errors import Cancelled, InputError, VerefineError
+from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
@@ -34,10 +37,11 @@ class Keeping:
     Args:
         server: whose 3D scene is exported.
         folder: where sessions lie; exports go to its ``runs`` folder.
+        patience: asked before each iteration of a recording is written.
     """
 
-    def __init__(self, server: viser.ViserServer, folder: Path) -> None:
-        self._server, self._folder = server, folder
+    def __init__(self, server: viser.ViserServer, folder: Path, patience: Patience = ENDLESS) -> None:
+        self._server, self._folder, self._patience = server, folder, patience
 
     def __call__(self, debugger: Debugger, command: c.Command) -> Kept:
         """Writes one file, says which, and hands an export to the browser that asked for it."""
@@ -108,9 +112,31 @@ class Keeping:
         path.parent.mkdir(parents=True, exist_ok=True)
         branch = space.branch
         recorder = Recorder(path, space.session, run.problem, lambda k: branch.judge_of(k).verifier, block=1)
-        # A fork at the end shows its watchers the whole history and changes nothing.
-        run.fork(run.length, watchers=(recorder,)).close()
+        try:
+            # A fork at the end shows its watchers the whole history and changes nothing.
+            run.fork(run.length, watchers=(Asking(self._patience, run.length), recorder)).close()
+        except Cancelled:
+            recorder.close()
+            path.unlink(missing_ok=True)
+            raise
         return path
+
+
+@dataclass(frozen=True)
+class Asking:
+    """Watches a history of ``n`` iterations go by, and asks for patience before each."""
+
+    patience: Patience
+    n: int
+
+    def on_start(self, state: RunState) -> None:
+        self.patience.ask(f"Writing the recording of {self.n} iteration{'s' if self.n != 1 else ''}.")
+
+    def on_iteration(self, state: RunState, iteration: Iteration) -> None:
+        self.patience.ask(share=(iteration.index - 1) / self.n)
+
+    def on_finish(self, state: RunState) -> None:
+        """Nothing is left to wait for."""
 
 
 def checked_name(name: str) -> str:
