@@ -21,6 +21,7 @@ from verefine_viz.viewer.panels.bandit import pull_lines
 from verefine_viz.viewer.panels.physics import plane_warning
 from verefine_viz.viewer.plays import what_n_counts
 from verefine_viz.viewer.scene_tables import scene_arms_table
+from verefine_viz.viewer.timeline_words import timeline_words
 from verefine_viz.viewer.view import View
 
 
@@ -167,11 +168,6 @@ def test_objects_that_wait_for_their_turn_count_their_first_scores() -> None:
     assert "n by hypothesis" in html
 
 
-def test_the_timeline_says_where_it_is() -> None:
-    assert tables.where(after()) == "iteration 0 / 6"
-    assert tables.where(after(c.Step(), c.Step(), c.Back())).startswith("iteration 1 / 6 · box · hypothesis ")
-
-
 def test_names_from_data_are_text_everywhere() -> None:
     view = after(c.RunUntil("end"), c.Fork())
     evil = "<script>alert(1)</script>"
@@ -183,7 +179,7 @@ def test_names_from_data_are_text_everywhere() -> None:
     )
     branches = tuple(replace(b, name=evil) for b in view.branches)
     view = replace(view, target=target, branches=branches)
-    html = arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + tables.where(view)
+    html = arm_history(view) + tables.starts_table(view) + tables.branches_table(view) + timeline_words(view, ())
     assert "<script>" not in html
     assert html.count("&lt;script&gt;") >= 4
 
