@@ -9,7 +9,17 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.index import BatchIndex, FoundRuns, Order, find_runs, is_batch_folder, read_batch, run_folders
+from verefine_viz.batch.index import (
+    BatchIndex,
+    FoundRuns,
+    Order,
+    find_runs,
+    is_batch_folder,
+    named_runs,
+    read_batch,
+    run_folders,
+    runs_in,
+)
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
@@ -105,7 +115,9 @@ def test_runs_further_down_are_never_left_out_silently(
     top = tmp_path_factory.mktemp("top")
     for name in ("a/sir", "b/rir", "b/sir"):
         shutil.copytree(index.folder, top / name)
-    with pytest.raises(InputError, match=r"several folders in it do; name one of them: .*a \(1 run\), .*b \(2 runs\)$"):
+    with pytest.raises(
+        InputError, match=r"several folders in it do; name one of them: .*a \(1 run: sir\); .*b \(2 runs: rir, sir\)$"
+    ):
         find_runs(top)
     shutil.copytree(index.folder, top / "refine")
     found = find_runs(top)
@@ -128,3 +140,19 @@ def test_a_folder_that_nobody_may_look_into(tmp_path: Path, monkeypatch: pytest.
         InputError, match=r"cannot be looked into \(Permission denied\); expected the folder of a batch"
     ):
         find_runs(tmp_path)
+
+
+def test_runs_in_a_folder_named_by_mistake_are_listed(
+    index: BatchIndex, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    top = tmp_path_factory.mktemp("mistake")
+    assert named_runs(top) == ""
+    names = [f"{place}/{k}" for place in ("a", "b/c") for k in range(4)]
+    for name in names:
+        (top / name).mkdir(parents=True)
+        (top / name / "run.json").write_text("{}")
+    assert runs_in(top) == tuple(top / name for name in names)
+    assert runs_in(top / "a/1") == (top / "a/1",)
+    listed = ", ".join(str(top / name / "recordings") for name in names[:6])
+    assert named_runs(top, "recordings") == f"{listed} and 2 more"
+    assert named_runs(top / "none") == ""

@@ -209,7 +209,16 @@ def test_a_folder_is_no_recording(desk: Desk, verify: list[str]) -> None:
     said = f"{desk.folder} is a folder, expected a recording (.rrd)"
     assert desk.refused("replay", desk.folder, *verify) == said
     run = desk.batch_folder()
-    assert desk.refused("replay", run, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
+    for folder in (run, run.parent):
+        assert desk.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
+
+
+def test_two_runs_to_view_are_told_how_to_compare_and_where_they_are(desk: Desk) -> None:
+    run = desk.batch_folder()
+    line = desk.refused("view", run, run)
+    assert "report RUN_A RUN_B" in line
+    assert "runs in" not in line
+    assert desk.refused("view", run, run.parent).endswith(f"; runs in {run.parent}: {run}")
 
 
 def test_a_recording_of_another_program(desk: Desk) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from tests.cli.desk import Desk
 from tests.scenes.bop_folder import make
 
+MOST = 4 * (os.cpu_count() or 1)
+"""Workers."""
 Case = tuple[Callable[[Desk], Path], str]
 
 SESSION_FILES: dict[str, Case] = {
@@ -161,6 +164,7 @@ def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
         (["--scene.gravity", "0", "0", "0"], "a direction cannot be (0, 0, 0)"),
         (["--method.name", "vf"], "unknown method 'vf'; available: "),
         (["--workers", "0"], "--workers is 0, expected 1 or more"),
+        (["--workers", str(MOST + 1)], f"--workers is {MOST + 1}, expected {MOST} or fewer, 4 for each core"),
     ],
 )
 def test_a_bad_option_is_one_clear_line(desk: Desk, words: list[str], expected: str) -> None:

@@ -325,6 +325,12 @@ def test_files_of_another_kind_say_what_was_expected(desk: Desk, tmp_path: Path)
     assert "scene_camera.json is no results file; expected a BOP results CSV (scene_id,im_id,obj_id," in line
     assert "such as a batch's results.csv: " in line
     assert "is a folder, expected a BOP results CSV, such as" in desk.refused(tmp_path)
+    for run in ("rir", "sir"):
+        (tmp_path / "runs" / run).mkdir(parents=True)
+        shutil.copy(desk.results, tmp_path / "runs" / run / "results.csv")
+    both = f"{tmp_path / 'runs/rir/results.csv'} or {tmp_path / 'runs/sir/results.csv'}"
+    assert f"is a folder, expected a BOP results CSV; did you mean {both}?" in desk.refused(tmp_path)
+    shutil.rmtree(tmp_path / "runs")
     shutil.copy(desk.results, tmp_path / "results.csv")
     assert f"is a folder, expected a BOP results CSV; did you mean {tmp_path / 'results.csv'}?" in desk.refused(
         tmp_path

@@ -21,6 +21,8 @@ from verefine_viz.session.files import load_session
 Order = Literal["error", "score", "misleading", "cause", "object", "frame"]
 LEVELS = 3
 """How far below a folder runs are looked for."""
+MOST_NAMED = 6
+"""Runs that an error names."""
 ORDERS: tuple[Order, ...] = ("error", "score", "misleading", "cause", "object", "frame")
 
 
@@ -100,7 +102,10 @@ def find_runs(folder: Path) -> FoundRuns:
         left_out = f"Runs further down are left out; to look at them, name their folder: {listed}." if below else ""
         return FoundRuns(here, left_out)
     if len(below) > 1:
-        raise InputError(f"{folder} holds no run itself, and several folders in it do; name one of them: {listed}")
+        folders = (f"{p} ({_counted(runs)}: {_listed([run.name for run in runs])})" for p, runs in below.items())
+        raise InputError(
+            f"{folder} holds no run itself, and several folders in it do; name one of them: {'; '.join(folders)}"
+        )
     if not below:
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
     ((place, runs),) = below.items()
@@ -121,6 +126,27 @@ def _no_folder(path: Path) -> str:
 def run_folders(folder: Path) -> tuple[Path, ...]:
     """The runs that :func:`find_runs` finds."""
     return find_runs(folder).runs
+
+
+def runs_in(folder: Path) -> tuple[Path, ...]:
+    """All runs in ``folder`` and below, for those who named it by mistake; none where it is no folder."""
+    if is_batch_folder(folder):
+        return (folder,)
+    return tuple(run for runs in _runs_below(folder, LEVELS).values() for run in runs)
+
+
+def named_runs(folder: Path, inside: str = "") -> str:
+    """The runs of :func:`runs_in` in a row, as in: a/rir, a/sir and 3 more.
+
+    Args:
+        folder: what was named.
+        inside: what of each run is named.
+    """
+    return _listed([str(run / inside) for run in runs_in(folder)])
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:MOST_NAMED]) + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
 
 
 def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:

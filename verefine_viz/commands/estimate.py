@@ -11,7 +11,7 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.core.errors import SettingsError
+from verefine_viz.commands.worker_count import check_workers
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,8 @@ class Estimate:
     out: Path
     """CSV file: up to hypotheses.max-per-object rows for each object, score = the estimator's confidence."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Worker processes; the results are the same for any number."""
+    """Worker processes, no more than 4 per core, of which no more are started than there are frames; the results are
+    the same for any number."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Try frames again that failed in an earlier start of the same command."""
     settings: AnySettings = field(default_factory=SessionFlags)
@@ -31,6 +32,5 @@ class Estimate:
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.commands.pools import write_pools
 
-        if self.workers < 1:
-            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        check_workers(self.workers)
         return write_pools(self.session, self.out, given(self.settings, arguments), self.workers, self.retry_failed)

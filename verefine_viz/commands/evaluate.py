@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from verefine_viz.commands.worker_count import check_workers
 from verefine_viz.core.errors import SettingsError
 
 
@@ -35,13 +36,12 @@ class Evaluate:
     per_object: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also print a table by object for each results file."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Threads; the scores are the same for any number."""
+    """Threads, no more than 4 per core; the scores are the same for any number."""
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.results:
             raise SettingsError("no results file given; say verefine-viz evaluate RESULTS.csv --dataset FOLDER")
-        if self.workers < 1:
-            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        check_workers(self.workers)
         from verefine_viz.commands.scoring import print_scores
 
         task = None if self.task == "auto" else self.task

@@ -27,8 +27,10 @@ class Replay:
 
     def run(self, arguments: Sequence[str]) -> int:
         if self.recording.is_dir():
-            inside = self.recording / "recordings"
-            hint = f"; those of a batch lie in {inside}" if inside.is_dir() else ""
+            from verefine_viz.batch.index import named_runs
+
+            found = named_runs(self.recording, "recordings")
+            hint = f"; those of a batch lie in {found}" if found else ""
             raise InputError(f"{self.recording} is a folder, expected a recording (.rrd){hint}")
         return _verify(self.recording) if self.verify else _open(self.recording)
 

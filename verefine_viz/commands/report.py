@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from verefine_viz.commands.worker_count import check_workers
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.places import check_file
 
@@ -30,13 +31,12 @@ class Report:
     failures: int = 60
     """Failures that are shown with pictures, worst first, as many of each group; 0 = none."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Threads for the BOP scores; they are the same for any number."""
+    """Threads for the BOP scores, no more than 4 per core; they are the same for any number."""
 
     def run(self, arguments: Sequence[str]) -> int:
         if self.failures < 0:
             raise SettingsError(f"--failures is {self.failures}, expected 0 or more")
-        if self.workers < 1:
-            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        check_workers(self.workers)
         if self.out is not None:
             check_file(self.out, "report.html")
         from verefine_viz.report.command import print_report

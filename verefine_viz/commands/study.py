@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
+from verefine_viz.commands.worker_count import check_workers
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.places import check_folder
 
@@ -31,12 +32,11 @@ class Study:
     seeds: int | None = None
     """How many times each frame is disturbed; more later add to what is there."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Worker processes; results are the same for any number, times aside."""
+    """Worker processes, no more than 4 per core; results are the same for any number, times aside."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
-        if self.workers < 1:
-            raise SettingsError(f"--workers is {self.workers}, expected 1 or more")
+        check_workers(self.workers)
         if self.seeds is not None and self.seeds < 1:
             raise SettingsError(f"--seeds is {self.seeds}, expected 1 or more")
         check_folder(self.out)

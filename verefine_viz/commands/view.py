@@ -93,10 +93,21 @@ def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) ->
         InputError: B is no recording, A is none to which it could belong, or settings are given for one.
     """
     if b is not None and not is_recording(b):
-        raise InputError(f"{b} is no recording; expected a second file (.rrd) of the same frame, or none")
+        raise InputError(f"{b} is no recording; expected a second file (.rrd) of the same frame, or none{_hint(a, b)}")
     if is_recording(a) and overrides:
         raise InputError(f"{a} is a recording, whose settings are fixed; leave out the options, or open its session")
     return a if is_recording(a) else None, b
+
+
+def _hint(a: Path | None, b: Path) -> str:
+    """What somebody wants who named folders of runs."""
+    if not b.is_dir():
+        return ""
+    from verefine_viz.batch.index import is_batch_folder, named_runs
+
+    parents = [path for path in (a, b) if path is not None and not is_batch_folder(path)]
+    below = "".join(f"; runs in {path}: {runs}" for path in parents if (runs := named_runs(path)))
+    return f". Two runs are compared by verefine-viz report RUN_A RUN_B, several looked at by view FOLDER{below}"
 
 
 def _recorded_session(path: Path) -> Session:

@@ -17,6 +17,11 @@ from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results import HEADER
 
+LEVELS = 3
+"""How far below a folder, named by mistake, results files are looked for."""
+MOST_NAMED = 6
+"""Files that an error names."""
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -141,9 +146,7 @@ def _read(path: Path) -> PoseTable:
         InputError: it is no results file, or breaks the format.
     """
     if path.is_dir():
-        inside = path / "results.csv"
-        hint = f"; did you mean {inside}?" if inside.is_file() else ", such as a batch's results.csv"
-        raise InputError(f"{path} is a folder, expected a BOP results CSV{hint}")
+        raise InputError(f"{path} is a folder, expected a BOP results CSV{_inside(path)}")
     try:
         return read_pose_table(path)
     except InputError as error:
@@ -152,6 +155,15 @@ def _read(path: Path) -> PoseTable:
         raise InputError(
             f"{path} is no results file; expected a BOP results CSV ({HEADER}), such as a batch's results.csv: {error}"
         ) from None
+
+
+def _inside(folder: Path) -> str:
+    """The results files that somebody may have meant who named a folder."""
+    found = [p for depth in range(LEVELS + 1) for p in sorted(folder.glob("*/" * depth + "results.csv"))]
+    if not found:
+        return ", such as a batch's results.csv"
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    return f"; did you mean {' or '.join(map(str, found[:MOST_NAMED]))}{more}?"
 
 
 def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:
