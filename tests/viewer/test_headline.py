@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.test_words import after
+from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.headline import UNJUDGED, headline
 from verefine_viz.viewer.view import View
@@ -98,6 +99,38 @@ def with_best_scores(view: View, scores: list[float]) -> View:
 def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[float], said: str) -> None:
     told = headline(with_best_scores(after(c.RunUntil("end"), name=name), scores))
     assert f"{said}; " in told
+
+
+def with_poses(view: View, best_mm: float, rival_mm: float) -> View:
+    """The view with the answer (of hypothesis 2) and the poses of hypothesis 3 so far beside the truth."""
+    assert view.state is not None
+    T_gt = view.target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    best, rival = (T_gt @ transform(np.eye(3), [1e-3 * mm, 0, 0]) for mm in (best_mm, rival_mm))
+    arms = list(view.state.arms)
+    arms[2] = replace(arms[2], entries=tuple(replace(e, T_cam_obj=rival) for e in arms[2].entries))
+    own = view.scene.object(view.target.instance.instance_id)
+    assert own.answer is not None
+    objects = (replace(own, answer=replace(own.answer, T_cam_obj=best)),)
+    return replace(view, state=replace(view.state, arms=tuple(arms)), scene=replace(view.scene, objects=objects))
+
+
+@pytest.mark.parametrize(
+    ("runner_up", "rival_mm", "said"),
+    [
+        (0.947, 3.2, "0.003 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.947, 6.5, "0.003 ahead of hypothesis 3; "),
+        (0.947, 12.0, "0.003 ahead of hypothesis 3; "),
+        (0.93, 3.2, "0.020 ahead of hypothesis 3; "),
+    ],
+)
+def test_of_a_near_tie_it_is_said_that_the_runner_up_is_nearer_the_truth(
+    runner_up: float, rival_mm: float, said: str
+) -> None:
+    view = with_best_scores(after(c.RunUntil("end")), [0.5, 0.95, runner_up])
+    told = headline(with_poses(view, 7.3, rival_mm))
+    assert said in told
 
 
 @pytest.mark.parametrize("name", ["pir", "sir", "vf_depth"])

@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 
 from verefine_viz.core.digits import telling_digits
-from verefine_viz.core.records import Best, Iteration, Stage
+from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.viewer.arms import arm_name
 from verefine_viz.viewer.hand_words import moved_by_hand
 from verefine_viz.viewer.marks import FALL
-from verefine_viz.viewer.plays import BEST_OF_ALL
 from verefine_viz.viewer.pose_words import errors_in_words, movement
+from verefine_viz.viewer.runner_up import ahead
 from verefine_viz.viewer.scene_words import (
     TERMS,
     found_by,
@@ -29,7 +29,6 @@ HINTS = TERMS | {
     "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose."
 }
 """What the headline's words mean."""
-_NO_LEAD = 1e-6
 
 
 def headline(view: View) -> str:
@@ -171,20 +170,6 @@ def _answer(view: View) -> str:
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
     shown = view.poses["best"]
-    said = f"{shown.label} {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{_ahead(view, best)}"
+    said = f"{shown.label} {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{ahead(view, best)}"
     errors = shown.errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."
-
-
-def _ahead(view: View, best: Best) -> str:
-    """As in: , 0.013 ahead of hypothesis 2. Empty where no other hypothesis could have been the answer."""
-    if view.state is None or view.session.method.name not in BEST_OF_ALL:
-        return ""
-    highest = {j: max(e.score.score for e in arm.entries) for j, arm in enumerate(view.state.arms) if j != best.arm}
-    if not highest:
-        return ""
-    rival = max(highest, key=highest.__getitem__)
-    lead = best.score.score - highest[rival]
-    if lead < _NO_LEAD:
-        return f", level with hypothesis {rival + 1}"
-    return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}"
