@@ -122,7 +122,8 @@ def with_poses(view: View, best_mm: float, rival_mm: float) -> View:
         (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer the truth; "),
         (0.947, 6.5, "0.003 ahead of hypothesis 3; "),
         (0.947, 12.0, "0.003 ahead of hypothesis 3; "),
-        (0.93, 3.2, "0.020 ahead of hypothesis 3; "),
+        (0.93, 3.2, "0.020 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.91, 3.2, "0.04 ahead of hypothesis 3; "),
     ],
 )
 def test_of_a_near_tie_it_is_said_that_the_runner_up_is_nearer_the_truth(
