@@ -10,7 +10,7 @@ from verefine_viz.viewer.look import LAYERS, SHOWN_AT_FIRST, STAGES
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.view_words import LABELS, view_words
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side
 
 HINTS = {
     "initial": "where the hypothesis started",
@@ -27,7 +27,9 @@ HINTS = {
     "path": "the simulated poses, see Physics",
 }
 WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited"))
-COLUMNS = tuple(name for name in WITH_BOX if name in STAGES), tuple(name for name in WITH_BOX if name not in STAGES)
+ROWS = tuple(
+    zip((n for n in WITH_BOX if n in STAGES), (n for n in WITH_BOX if n not in STAGES), strict=True),
+)
 """Poses on the left, all else on the right."""
 ROW_PX = 20
 LABEL_PX = 92
@@ -45,11 +47,13 @@ class LayersPanel:
             "Cloud", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
         )
         self.cloud.on_update(by_person(lambda v: send(c.ColorCloud(v))))
-        for name in (name for row in zip(*COLUMNS, strict=True) for name in row):
+        for name in (name for row in ROWS for name in row):
             box = gui.add_checkbox(LABELS.get(name, name), name in SHOWN_AT_FIRST, hint=HINTS.get(name))
             box.on_update(by_person(lambda on, name=name: send(c.ShowLayer(name, on))))
             self.boxes[name] = box
-        gui.add_html(f"<style>{''.join(_swatch_rule(name, box) for name, box in self.boxes.items())}</style>")
+        rules = [_swatch_rule(name, box) for name, box in self.boxes.items()]
+        rules += [side_by_side(self.boxes[a], self.boxes[b], ROW_PX, RIGHT_FROM_PX, LABEL_PX) for a, b in ROWS]
+        gui.add_html(f"<style>{''.join(rules)}</style>")
 
     def show(self, view: View) -> None:
         """Boxes as the look has them."""
@@ -63,11 +67,4 @@ def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
     label = f'label[for="{box._impl.uuid}"]'
     shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
-    row = f".mantine-Flex-root:has({label})"
-    narrow = f"{row}>div:first-child{{width:{LABEL_PX}px!important}}"
-    beside = (
-        f"div:has(> .mantine-Flex-root {label}){{margin:-{ROW_PX}px 0 0 {RIGHT_FROM_PX}px}}"
-        if name in COLUMNS[1]
-        else ""
-    )
-    return f"{label}{{{shown}}}{compact(box, ROW_PX)}{narrow}{beside}"
+    return f"{label}{{{shown}}}{compact(box, ROW_PX)}"

@@ -13,10 +13,13 @@ from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.settings_words import settings_words
 from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
+from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
 
-ROW_PX = 17
+ROW_PX = 18
 """So that all settings fit into the panel."""
+PAIRS = ("method.iterations", "method.exploration"), ("score.tau_m", "score.alpha")
+"""Numbers that share a row."""
+RIGHT_FROM_PX, LABEL_PX = 127, 42
 
 
 class SettingsPanel:
@@ -67,7 +70,10 @@ class SettingsPanel:
             "Estimate here", hint="new first poses for the object in focus; the run begins anew"
         )
         rows = (*self._fields.values(), self._estimator)
-        gui.add_html(f"<style>{''.join(compact(row, ROW_PX) for row in rows)}{unlabelled(self.apply)}</style>")
+        pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)
+        rules = [compact(row, ROW_PX) for row in rows] + [unlabelled(self.apply)]
+        rules += [side_by_side(left, right, ROW_PX, RIGHT_FROM_PX, LABEL_PX) for left, right in pairs]
+        gui.add_html(f"<style>{''.join(rules)}</style>")
         self._labels = {name: handle.label for name, handle in self._fields.items()}
         for handle in self._fields.values():
             handle.on_update(by_person(lambda _: self._tell()))
