@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import sleep
 
@@ -28,13 +28,14 @@ SLOW = "0/2"
 
 
 class Slow(FakeTools):
-    """Reads its second frame, and what has other first poses, until nobody waits any more."""
+    """Reads its second frame, and what has other first poses, until nobody waits any more or it is enough."""
 
     patience: Patience
     reading: threading.Event
+    enough = False
 
     def problem(self, frame: str) -> Problem:
-        while frame == SLOW or self.session.hypotheses.seed:
+        while (frame == SLOW or self.session.hypotheses.seed) and not self.enough:
             self.patience.ask("Reading for ever.", 0.25)
             self.reading.set()
             sleep(0.01)
@@ -59,6 +60,14 @@ def begin(app: App, command: c.Command) -> None:
     reading.clear()
     app.send(command)
     assert reading.wait(20)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    for _ in range(2000):
+        if condition():
+            return
+        sleep(0.01)
+    raise AssertionError("it never happened")
 
 
 def words(app: App) -> str:
@@ -134,6 +143,65 @@ def test_cancel_does_not_wait_for_its_turn_and_what_waited_goes_with_it(app: App
         assert app.page.layout.run.frame.value == "0/1"
     shown = "".join(str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(app))
     assert CANCELLED in shown, "a browser that comes later is told as well"
+
+
+def test_people_look_around_while_something_else_is_read(app: App) -> None:
+    for _ in range(3):
+        app.send(c.Step())
+    app.wait_until_idle()
+    begin(app, c.OpenFrame(SLOW))
+    app.send(c.Seek(1))
+    app.send(c.SelectArm(2))
+    app.send(c.SeekStage(9, "refined"))  # There is no such iteration: told, and no reason to end what is read.
+    app.send(c.ColorCloud("class"))
+    wait_for(lambda: app.debugger.look.cloud == "class")
+    assert cursor(app) == 1
+    assert app.debugger.look.arm == 2
+    wait_for(lambda: app.page.layout.timeline.slider.value == 1)
+    wait_for(lambda: "Reading for ever." in words(app) and "&quot;Cancel&quot;" in words(app))
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert (cursor(app), app.debugger.look.cloud) == (1, "class")
+    assert app.debugger.message == CANCELLED
+
+
+def test_what_computes_waits_until_something_else_is_read(app: App) -> None:
+    begin(app, c.OpenFrame(SLOW))
+    app.send(c.Step())
+    app.send(c.Seek(0))
+    reading = app.debugger.workspace.tools.reading  # type: ignore[attr-defined]
+    for _ in range(3):
+        reading.clear()
+        assert reading.wait(20)
+    assert [type(command) for command in app._requests._queue] == [c.Step, c.Seek]
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert app.debugger.workspace.run.length == 0
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_what_is_read_to_its_end_is_open_though_people_looked_around(app: App, what: str) -> None:
+    app.send(c.Step())
+    app.wait_until_idle()
+    begin(app, LONG[what](app))
+    app.send(c.Seek(0))
+    wait_for(lambda: cursor(app) == 0)
+    tools = type(app.debugger.workspace.tools)
+    tools.enough = True  # type: ignore[attr-defined]
+    app.wait_until_idle()
+    space = app.debugger.workspace
+    assert "bug" not in app.debugger.message
+    opened = {
+        "another frame": space.frame == SLOW,
+        "new first poses": space.session.title == "test" and space.session.hypotheses.seed == 1,
+        "another session": space.session.title == "other",
+        "B of a comparison": space.work.sides is not None,
+    }
+    assert opened == {name: name == what for name in opened}
+    assert "Reading for ever." not in words(app)
+    app.send(c.Step())
+    app.wait_until_idle()
+    assert cursor(app) == 1
 
 
 def test_cancel_while_nothing_takes_long_does_nothing(app: App) -> None:

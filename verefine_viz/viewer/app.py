@@ -20,6 +20,7 @@ from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.layout import set_theme
 from verefine_viz.viewer.lost import lost_style
 from verefine_viz.viewer.markup import block, text
+from verefine_viz.viewer.meanwhile import Meanwhile
 from verefine_viz.viewer.page import Page
 from verefine_viz.viewer.real_parts import real_parts
 from verefine_viz.viewer.refusal import Unconfirmed, told
@@ -66,9 +67,12 @@ class App:
         self._batch = batch
         self._first = first
         self._requests = Requests(self._tell_of_cancelling)
-        self._patience = Patience(self._tell, lambda: self._requests.are_wanted)
+        self._meanwhile = Meanwhile(self._requests, self._look_around)
+        self._patience = Patience(self._tell, self._meanwhile.is_wanted)
         self._doing, self._told_at = "", 0.0
-        """What is being done, as long as nothing of it can be shown."""
+        """What is being done, as long as nothing of it can be shown, and when that was said [s]."""
+        self._share: float | None = None
+        """How much of it is done [0 to 1]; None = nobody knows."""
         self._compiled = False
         """Whether kernels were not there yet."""
         self._page: Page | None = None
@@ -116,7 +120,7 @@ class App:
         self._requests.send(command)
 
     def stop(self) -> None:
-        """Ends the worker after the command at hand and frees the port."""
+        """Ends the worker, the command at hand too where it can be cancelled, and frees the port."""
         self._requests.stop()
         if self._worker is not None:
             self._worker.join(timeout=20)
@@ -207,7 +211,7 @@ class App:
         """Says on the page what is being done, before something that may take seconds, and how much of it is done."""
         if not doing and monotonic() - self._told_at < REFRESH_S:
             return
-        self._doing, self._told_at = doing or self._doing, monotonic()
+        self._doing, self._share, self._told_at = doing or self._doing, share, monotonic()
         self._say(self._doing, share, self._requests.can_cancel)
 
     def _tell_of_cancelling(self) -> None:
@@ -235,18 +239,29 @@ class App:
         if isinstance(command, Command):
             self.page.leave_off()
             before = self.debugger.workspace.run.cursor
-            with self._requests.cancellable():
+            with self._meanwhile.cancellable(command):
                 self.debugger.apply(command)
             if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
                 self._show()
                 self.page.animate(command, before)
         elif self.debugger.is_busy:
-            with self._requests.cancellable():
+            with self._meanwhile.cancellable(command):
                 self.debugger.tick()
             if not self.debugger.is_busy or self.page.age_s > REFRESH_S:
                 self._show()
         else:
             self.page.go_on()
+
+    def _look_around(self, command: Command) -> None:
+        """Carries out what does not disturb what is being done, and goes on saying what that is."""
+        try:
+            self.debugger.apply(command)
+        except VerefineError as error:
+            self.debugger.message, self.debugger.refused = str(error), True
+        self.page.show()
+        self.page.go_on()
+        self.page.leave_off()
+        self._say(self._doing, self._share, can_cancel=True)
 
     def _show(self) -> None:
         self.page.show()
@@ -255,4 +270,5 @@ class App:
 
 def _opening(doing: str) -> str:
     """What the page says until the session is open."""
-    return f'<div style="padding:0 12px"><h3>Opening the session</h3><p>{text(doing)}</p></div>'
+    end = '<p class="dim">Ctrl-C where the program was started ends it.</p>'
+    return f'<div style="padding:0 12px"><h3>Opening the session</h3><p>{text(doing)}</p>{end}</div>'

@@ -82,6 +82,11 @@ class Requests:
                 return STOP
             return self._queue.popleft() if self._queue else None
 
+    def take_one_of(self, kinds: tuple[type[Command], ...]) -> Command | None:
+        """The next command if it is of one of these kinds; does not wait for one."""
+        with self._wake:
+            return self._queue.popleft() if self._queue and isinstance(self._queue[0], kinds) else None
+
     def holds(self, kind: type[Command] = Command) -> bool:
         """Whether a command of that kind waits."""
         with self._wake:
