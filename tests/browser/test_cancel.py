@@ -21,7 +21,7 @@ def test_looking_for_first_poses_is_cancelled_and_a_step_follows(look: Look, tmp
     file.fill(str(path), timeout=SLOW_MS)
     screen.until(lambda: screen.app.page.layout.session.path.value == str(path))
     screen.click("Open session file")
-    screen.text("^Looking for duck in its segment by 1000000 bases")
+    screen.text("^Looking for duck in its segment by 1,000,000 bases")
     cancel = screen.page.get_by_text("Cancel", exact=True)
     assert is_seen(screen, cancel)
     assert screen.page.get_by_role("progressbar").first.is_visible()

@@ -23,6 +23,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.layout import KEYS
+from verefine_viz.viewer.telling import Telling
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 
@@ -147,27 +148,30 @@ class Fresh(FakeTools):
         return super().restarted(settings)
 
 
-class Overheard(App):
-    """What it says on the page while nothing can be shown."""
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the page says while nothing can be shown, as it stands there."""
+    heard: list[str] = []
+    say = Telling.say
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.said: list[str] = []
+    def overheard(telling: Telling, *what: Any) -> None:
+        say(telling, *what)
+        panel = telling._panel
+        heard.append(telling._loading.content if panel is None else panel._words._handle.content)
 
-    def _say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
-        super()._say(doing, share, can_cancel)
-        self.said.append(self._loading.content if self._page is None else self._page.layout.run._words._handle.content)
+    monkeypatch.setattr(Telling, "say", overheard)
+    return heard
 
 
-def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path) -> None:
-    app = Overheard(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
+def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path, said: list[str]) -> None:
+    app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
     try:
         app.wait_until_idle()
-        assert any(f"Reading the scene: models, pictures, first poses. {COMPILING}" in said for said in app.said)
-        app.said.clear()
+        assert any(f"Reading the scene: models, pictures, first poses. {COMPILING}" in words for words in said)
+        said.clear()
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()
-        assert any(f">{COMPILING}<" in said for said in app.said), "the scene was read long ago"
+        assert any(f">{COMPILING}<" in words for words in said), "the scene was read long ago"
         assert COMPILING not in app.page.layout.run._words._handle.content, "it is over"
     finally:
         app.stop()
@@ -188,15 +192,15 @@ def test_after_installing_a_step_is_tried_before_the_page_is_ready(
         app.stop()
 
 
-def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path) -> None:
-    app = Overheard(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
+def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path, said: list[str]) -> None:
+    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
         app.wait_until_idle()
-        app.said.clear()  # What the viewer itself uses may be compiled here for the first time.
+        said.clear()  # What the viewer itself uses may be compiled here for the first time.
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()
-        assert app.said, "what is prepared is said"
-        assert not any(COMPILING in said for said in app.said)
+        assert said, "what is prepared is said"
+        assert not any(COMPILING in words for words in said)
     finally:
         app.stop()
 

@@ -71,7 +71,7 @@ class Pcs:
         segment = large_parts(thinned(segment_cloud(target), s.grid_m), s.grid_m, s.part_share)
         if len(segment) < MIN_POINTS:
             return ()
-        patience.ask(f"Looking for {model.name} in its segment by {s.bases} bases of four points.")
+        patience.ask(f"Looking for {model.name} in its segment by {s.bases:,} bases of four points.")
         known = self._models.get(model)
         if known is None:
             known = self._models[model] = PcsModel.build(model, s)

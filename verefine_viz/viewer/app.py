@@ -7,31 +7,29 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from time import monotonic
 
 from verefine_viz.core.errors import Cancelled, VerefineError
 from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import Session
-from verefine_viz.session.compiling import COMPILING, told_of_compiling
+from verefine_viz.session.compiling import told_of_compiling
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.layout import set_theme
 from verefine_viz.viewer.lost import lost_style
-from verefine_viz.viewer.markup import block, text
 from verefine_viz.viewer.meanwhile import Meanwhile
 from verefine_viz.viewer.page import Page
 from verefine_viz.viewer.real_parts import real_parts
 from verefine_viz.viewer.refusal import Unconfirmed, told
 from verefine_viz.viewer.requests import STOP, Requests
 from verefine_viz.viewer.server import Server
+from verefine_viz.viewer.telling import Telling
 from verefine_viz.viewer.tools import Tools
 
 _LOG = logging.getLogger(__name__)
 REFRESH_S = 0.12
 """Time between two pictures while a run is on [s]."""
-LOADING = "Loading the program."
 CANCELLED = "Cancelled: everything is as it was before."
 
 
@@ -66,15 +64,9 @@ class App:
         self._folder = folder if folder is not None else Path("sessions")
         self._batch = batch
         self._first = first
-        self._requests = Requests(self._tell_of_cancelling)
+        self._requests = Requests(lambda: self._telling.cancelling())
         self._meanwhile = Meanwhile(self._requests, self._look_around)
-        self._patience = Patience(self._tell, self._meanwhile.is_wanted)
-        self._doing, self._told_at = "", 0.0
-        """What is being done, as long as nothing of it can be shown, and when that was said [s]."""
-        self._share: float | None = None
-        """How much of it is done [0 to 1]; None = nobody knows."""
-        self._compiled = False
-        """Whether kernels were not there yet."""
+        self._patience = Patience(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
         self._page: Page | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -89,7 +81,7 @@ class App:
         self.server = Server(self._host, self._port)
         set_theme(self.server.gui)
         self.server.gui.add_html(lost_style(self.server.get_port()))
-        self._loading = self.server.gui.add_html(block(_opening(LOADING)))
+        self._telling = Telling(self.server, self._requests)
         self._worker = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
         self._worker.start()
         return self
@@ -131,7 +123,7 @@ class App:
     # The worker thread
 
     def _work(self) -> None:
-        with told_of_compiling(self._tell_of_compiling):
+        with told_of_compiling(self._telling.compiling):
             self._open_and_serve()
 
     def _open_and_serve(self) -> None:
@@ -139,7 +131,7 @@ class App:
             self._open()
         except (Exception, Cancelled) as error:
             self._failure = error
-            self._loading.content = block(f'<p class="bad">{text(error)}</p>')
+            self._telling.fail(str(error))
             if not isinstance(error, VerefineError | Cancelled):
                 _LOG.exception("the session could not be opened")
             return
@@ -174,7 +166,7 @@ class App:
         keeping = Keeping(self.server, self._folder, self._patience)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
-            self._tell("Loading the simulator, the renderer and the refiner.")
+            self._telling.tell("Loading the simulator, the renderer and the refiner.")
             make_tools, plausibility, overlap, demos = real_parts(self._patience)
         self.debugger = Debugger(
             self._session,
@@ -188,48 +180,25 @@ class App:
             patience=self._patience,
             overlap=overlap,
         ).carry_out(self._first)
-        self._tell("Drawing the first picture.")
+        self._telling.tell("Drawing the first picture.")
         self.debugger.view(deep=False)  # Where kernels are compiled for it, the page can still say so.
-        if self._compiled:
+        if self._telling.has_compiled:
             self._try_step()
-        self._loading.remove()
+        self._telling.clear()
         self.page = self._page = Page(self.server, self.debugger, self._requests, self._batch)
+        self._telling.move_to(self.page.layout.run)
         self._show()
         if self._batch is not None and self._batch.worst.can_be_opened:
             self.send(self._batch.opens(self._batch.worst))
 
     def _try_step(self) -> None:
         """Makes the first step and forgets it: else a person who makes it waits for the kernels that it needs."""
-        self._tell("Trying a step.")
+        self._telling.tell("Trying a step.")
         run = self.debugger.workspace.run
         with suppress(Exception):  # What is wrong is told when it is made, or shown, in earnest.
             if not run.is_done:
                 run.method.step(run.state)
             self.debugger.view()
-
-    def _tell(self, doing: str, share: float | None = None) -> None:
-        """Says on the page what is being done, before something that may take seconds, and how much of it is done."""
-        if not doing and monotonic() - self._told_at < REFRESH_S:
-            return
-        self._doing, self._share, self._told_at = doing or self._doing, share, monotonic()
-        self._say(self._doing, share, self._requests.can_cancel)
-
-    def _tell_of_cancelling(self) -> None:
-        """Says that what is being done was cancelled: it may take a moment until it ends."""
-        if self._page is not None and self._doing:
-            self._say(f"Cancelling. This has to end first: {self._doing}")
-
-    def _tell_of_compiling(self) -> None:
-        """Says why it takes longer than usual."""
-        self._compiled = True
-        self._say(f"{self._doing} {COMPILING}".lstrip())
-
-    def _say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
-        if self._page is None:
-            self._loading.content = block(_opening(doing))
-        else:
-            self._page.layout.run.tell(doing, share, can_cancel)
-        self.server.flush()
 
     def _next(self) -> Command | object | None:
         """The next command; None = nothing waits, go on with what is under way; STOP = end."""
@@ -261,14 +230,8 @@ class App:
         self.page.show()
         self.page.go_on()
         self.page.leave_off()
-        self._say(self._doing, self._share, can_cancel=True)
+        self._telling.repeat()
 
     def _show(self) -> None:
         self.page.show()
-        self._doing = ""
-
-
-def _opening(doing: str) -> str:
-    """What the page says until the session is open."""
-    end = '<p class="dim">Ctrl-C where the program was started ends it.</p>'
-    return f'<div style="padding:0 12px"><h3>Opening the session</h3><p>{text(doing)}</p>{end}</div>'
+        self._telling.shown()
