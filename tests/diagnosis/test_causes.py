@@ -72,6 +72,14 @@ def test_built_in_failures_get_their_name(name: str, settings: dict[str, Any], t
     assert diagnosis.is_confirmed
 
 
+def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
+    lying, turned = named(broken_scene(Cause.POOL, 0)), named(broken_scene(Cause.SCORE, 0))
+    assert lying is not None
+    assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.sentence
+    assert turned is not None
+    assert "of the diameter (127°: all of it a turn on the table): " in turned.sentence
+
+
 class Nudge:
     """A person's own refiner, which cannot turn anything (as in the README)."""
 

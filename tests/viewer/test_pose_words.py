@@ -8,7 +8,8 @@ import pytest
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.errors import pose_errors
-from verefine_viz.viewer.pose_words import errors_in_words, movement, shift_mm, way_of
+from verefine_viz.evaluation.turning import turning_on
+from verefine_viz.viewer.pose_words import errors_in_words, movement, shift_mm
 
 
 @pytest.mark.parametrize(
@@ -47,4 +48,4 @@ def test_an_error_says_from_what_and_which_way_it_is_turned(axis: list[float], a
     T_gt = target.instance.T_cam_obj_gt
     assert T_gt is not None
     T_est = T_gt @ transform(axis_angle(axis, np.deg2rad(angle_deg)), [0, 0, 0.003])
-    assert errors_in_words(pose_errors(target.model, T_est, T_gt), way_of(target, T_est)) == said
+    assert errors_in_words(pose_errors(target.model, T_est, T_gt), turning_on(target, T_est)) == said

@@ -10,11 +10,15 @@ from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis.case import LAST_POSE, WHOLE_SCENE, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.words import told_apart
+from verefine_viz.evaluation.errors import rotation_error_deg
+from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.registry import SEARCH
 from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 3
 """Refiner calls from ground truth: a true pose that is a millimetre off must not lose by that."""
+WORTH_A_WAY_DEG = 5.0
+"""Of a smaller rotation it does not matter which way it goes."""
 BLAMED = ("missed", "protruding")
 """Classes that cost a pose its score."""
 
@@ -42,7 +46,7 @@ def score(case: Case) -> Finding | None:
         "normal_fit": wrong.normal_fit,
         "normal_fit_of_truth": right.normal_fit,
     }
-    return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right), evidence, True)
+    return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case)), evidence, True)
 
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
@@ -104,7 +108,16 @@ def _judged(case: Case, poses: Float) -> list[PoseScore]:
     return [found[k] for k in range(len(poses))]
 
 
-def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore) -> str:
+def _way(case: Case) -> str:
+    """Which way the answer is turned; empty where that is by little, or not known."""
+    assert case.answer is not None
+    way = turning_on(case.target, case.answer.T_cam_obj)
+    if way is None or max(way.tilt_deg, way.turn_deg) < WORTH_A_WAY_DEG:
+        return ""
+    return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_true):.0f}°: {way.in_words(0)})"
+
+
+def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore, way: str = "") -> str:
     """The sentence about a score that prefers a wrong pose, or gives it as much as the truth.
 
     Args:
@@ -112,8 +125,9 @@ def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore) -> st
         error: of the wrong pose, as a share of the diameter.
         wrong: its score.
         right: the truth's, which is not higher.
+        way: which way the pose is turned, in words.
     """
-    pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter"
+    pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter{way}"
     of_wrong, of_truth = told_apart(wrong.score, right.score, 3)
     if of_wrong == of_truth:
         return f"The score gives {pose} as much as the truth: {of_truth}."

@@ -13,6 +13,7 @@ from verefine_viz.diagnosis.of_refiner import outdone, refiner
 from verefine_viz.diagnosis.together import Pools
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.registry import SEARCH
 
 STARVED = 0.5
@@ -154,10 +155,12 @@ def pool(case: Case) -> Finding | None:
             f"refinement lost it: the error is {share(case.error)}."
         )
         return Finding(Cause.REFINER, said, evidence, False)
+    way = turning_on(case.target, case.target.instance.hypotheses[j].T_cam_obj)
+    told = f" ({way.in_words(0)})" if way is not None else ""
     return Finding(
         Cause.POOL,
         f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
-        f"{j + 1}) starts {far.rotation_deg:.0f}° and {far.translation_mm:.0f} mm away; started at the truth "
+        f"{j + 1}) starts {far.rotation_deg:.0f}°{told} and {far.translation_mm:.0f} mm away; started at the truth "
         f"{instead(again.error, case.error)}.",
         evidence,
         True,

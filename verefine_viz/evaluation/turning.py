@@ -9,6 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Target
 from verefine_viz.evaluation.errors import symmetric_angles_rad
 
 
@@ -25,6 +26,15 @@ class Turning:
     turn_deg: float
     """Angle of the turn about the axis; 0 where the tilt is 180° and none can be told [deg]."""
 
+    def in_words(self, digits: int = 1) -> str:
+        """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
+        none_deg = 0.5 * 10.0**-digits
+        if self.turn_deg < none_deg:
+            return "all of it tilt against the table"
+        if self.tilt_deg < none_deg:
+            return "all of it a turn on the table"
+        return f"{self.tilt_deg:.{digits}f}° of tilt against the table, {self.turn_deg:.{digits}f}° of turn on it"
+
 
 def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Turning:
     """The rotation from ground truth to the estimate, apart into tilt and turn.
@@ -40,6 +50,14 @@ def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Tur
     """
     nearest = model.symmetries[np.argmin(symmetric_angles_rad(model, T_est, T_gt)), :3, :3]
     return turning_of(T_est[:3, :3] @ (T_gt[:3, :3] @ nearest).T, up_cam)
+
+
+def turning_on(target: Target, T_est: Float) -> Turning | None:
+    """The same on the support plane that was found; None where it, or ground truth, is not known."""
+    T_gt, support = target.instance.T_cam_obj_gt, target.observation.support
+    if T_gt is None or support is None:
+        return None
+    return turning(target.model, T_est, T_gt, support.T_world_cam[:3, :3].T @ support.normal_world)
 
 
 def turning_of(R: Float, axis: Float) -> Turning:

@@ -6,9 +6,8 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
-from verefine_viz.core.problem import Target
 from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.evaluation.turning import Turning, turning
+from verefine_viz.evaluation.turning import Turning
 
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
@@ -55,23 +54,5 @@ def errors_in_words(errors: PoseErrors | None, way: Turning | None = None) -> st
     """
     if errors is None:
         return ""
-    told = f" ({_in_words(way)})" if way is not None and errors.rotation_deg >= _WORTH_A_WAY_DEG else ""
+    told = f" ({way.in_words()})" if way is not None and errors.rotation_deg >= _WORTH_A_WAY_DEG else ""
     return f"{errors.rotation_deg:.1f}°{told} and {errors.translation_mm:.1f} mm from the truth"
-
-
-def way_of(target: Target, T_cam_obj: Float) -> Turning | None:
-    """Tilt and turn of a pose against ground truth; None where that or the support plane is not known."""
-    T_gt, support = target.instance.T_cam_obj_gt, target.observation.support
-    if T_gt is None or support is None:
-        return None
-    up_cam = support.T_world_cam[:3, :3].T @ support.normal_world
-    return turning(target.model, T_cam_obj, T_gt, up_cam)
-
-
-def _in_words(way: Turning) -> str:
-    """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
-    if way.turn_deg < _NO_TURN_DEG:
-        return "all of it tilt against the table"
-    if way.tilt_deg < _NO_TURN_DEG:
-        return "all of it a turn on the table"
-    return f"{way.tilt_deg:.1f}° of tilt against the table, {way.turn_deg:.1f}° of turn on it"

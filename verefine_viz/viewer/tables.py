@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
@@ -18,7 +19,7 @@ from verefine_viz.viewer.plays import (
     what_the_mean_is_of,
     what_the_time_holds,
 )
-from verefine_viz.viewer.pose_words import shift_mm, turn, way_of
+from verefine_viz.viewer.pose_words import shift_mm, turn
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.view import View
@@ -149,7 +150,7 @@ def errors_table(view: View) -> str:
         if pose is None or pose.errors is None:
             continue
         e = pose.errors
-        is_truth, way = name == "ground truth", way_of(view.target, pose.T_cam_obj)
+        is_truth, way = name == "ground truth", turning_on(view.target, pose.T_cam_obj)
         cells = [
             f"{swatch(STAGE_COLORS[name])}{'truth' if is_truth else pose.label}",
             NONE if is_truth else _angle(e.rotation_deg),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from verefine_viz.evaluation.turning import turning_on
+from verefine_viz.methods.bandit import Ucb, next_choice
+from verefine_viz.methods.registry import SEARCH
 from verefine_viz.viewer.answer import beside_answer
 from verefine_viz.viewer.correct import is_correct
-from verefine_viz.viewer.pose_words import errors_in_words, movement, turn, way_of
+from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
+from verefine_viz.viewer.pose_words import errors_in_words, movement, turn
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.view import View
 
@@ -17,11 +21,24 @@ def chosen(view: View) -> str:
     if shown is None:
         if view.state.by_hand:
             return f"Nothing was chosen yet. Hypothesis {view.state.by_hand[0] + 1} was moved by hand: it comes first."
-        return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
+        return _to_choose(view)
     if shown.choice is None:
         works = f"it works on hypothesis {shown.arm + 1}"
         return f"{beside_answer(view)}{view.session.method.name} does not choose between hypotheses: {works}."
     return f"{beside_answer(view)}Iteration {shown.index} took {shown.choice.reason}."
+
+
+def _to_choose(view: View) -> str:
+    """What will be chosen first, where that is known."""
+    name = view.session.method.name
+    if name == SEARCH:
+        return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
+    if name not in CHOOSING:
+        return f"{name} does not choose between hypotheses."
+    if name not in WITH_UCB:
+        return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
+    first = next_choice(Ucb(view.session.method.exploration), view.state)
+    return f"Nothing was chosen yet, and each first pose counts as a play. First comes {first.reason}."
 
 
 def physics(view: View) -> str:
@@ -42,7 +59,9 @@ def physics(view: View) -> str:
         return f"{view.session.method.name} did not simulate in iteration {shown.index}."
     points = view.target.model.points
     steps = len(shown.path.Ts_cam_obj) - 1
-    said = beside_answer(view)
+    several = len(view.scene.objects) > 1
+    label = view.scene.object(view.target.instance.instance_id).label
+    said = (f"{label}: " if several else "") + beside_answer(view)
     said += f"In {steps} steps the simulation {movement(shown.stages[0].T_cam_obj, simulated.T_cam_obj, points)}"
     n = len(shown.path.contacts[-1].depths_m) if shown.path.contacts else 0
     said += f", ending with {n} contact{'s' if n != 1 else ''}."
@@ -65,7 +84,7 @@ def truth(view: View) -> str:
         return f"{view.name} has no pose to measure."
     verdict = "correct" if is_correct(best.errors) else "wrong"
     what = "answer" if best.is_of_best_scene else "best pose"
-    way = way_of(view.target, best.T_cam_obj)
+    way = turning_on(view.target, best.T_cam_obj)
     said = (
         f"The {what} so far is {errors_in_words(best.errors, way)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."

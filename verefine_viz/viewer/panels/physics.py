@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import viser
 
+from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import note, sentence, warning
 from verefine_viz.viewer.panels.pose_numbers import PoseNumbers
 from verefine_viz.viewer.plane import doubt
-from verefine_viz.viewer.pose_words import errors_in_words, way_of
+from verefine_viz.viewer.pose_words import errors_in_words
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
@@ -68,7 +69,7 @@ def edited_words(view: View) -> str:
         return ""
     said = f"Hypothesis {view.arm + 1} by hand scores {edited.score.score:.3f}"
     if edited.errors is not None:
-        said += f" and is {errors_in_words(edited.errors, way_of(view.target, edited.T_cam_obj))}"
+        said += f" and is {errors_in_words(edited.errors, turning_on(view.target, edited.T_cam_obj))}"
     if kept is not None and kept.score is not None:
         said += f"; the {kept.name} pose has {kept.score.score:.3f}"
     how = "Drag it in 3D, or type how far it is moved and turned (about its origin) from where you began"
