@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
-from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.core.settings import BreakpointSettings, MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.breakpoint_words import NAMES, breakpoint_words
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.objects_words import objects_words
+from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.panels.layers import ROWS, WITH_BOX
+from verefine_viz.viewer.panels.session import opened
 from verefine_viz.viewer.settings_words import settings_words
 from verefine_viz.viewer.view_words import view_words
+from verefine_viz.viewer.words import chosen, physics
 
 SESSION = Session(method=MethodSettings(iterations=2))
 LABELS = {
@@ -101,3 +107,61 @@ def test_the_sentence_follows_what_is_typed(tmp_path: Path) -> None:
             until(app, lambda: "K 2, not 5" in panel._words._handle.content)
     finally:
         app.stop()
+
+
+def test_breakpoints_say_where_a_run_stops_now() -> None:
+    assert breakpoint_words(BreakpointSettings()) == "A run stops nowhere before its end: tick what should stop it."
+    some = BreakpointSettings(jump_mm=25.0, error_grows_by_mm=2.0, unstable=True, physics_worse=True)
+    assert breakpoint_words(some) == (
+        "A run stops where: moved more than 25 mm, error grew more than 2 mm, unstable, physics made it worse."
+    )
+    flags = {name for name, value in BreakpointSettings() if value is False}
+    assert set(NAMES) == flags
+
+
+def test_the_list_of_objects_says_how_far_each_is() -> None:
+    d = Debugger(SESSION, None, FakeTools).carry_out([c.OpenFrame("0/2")])
+    assert objects_words(d.view()) == "2 wait."
+    assert objects_words(d.carry_out([c.Step()]).view()) == "box #0 is worked on, 1 waits."
+    assert objects_words(d.carry_out([c.Step()] * 6).view()) == "box #1 is worked on, 1 is done."
+    over = d.carry_out([c.RunUntil("end")]).view()
+    right = sum(o.errors is not None and o.errors.relative < 0.1 for o in over.scene.objects)
+    assert objects_words(over) == f"The run is over: {right} of 2 are within 10 % of their diameter."
+    objects = tuple(replace(o, errors=None) for o in over.scene.objects)
+    unknown = replace(over, scene=replace(over.scene, objects=objects))
+    assert objects_words(unknown) == "The run is over: 2 of 2 have a pose."
+
+
+def test_several_objects_are_told_apart() -> None:
+    view = Debugger(SESSION, None, FakeTools).carry_out([c.OpenFrame("0/2"), c.Step()]).view()
+    assert physics(view).startswith("box #0: In 3 steps the simulation ")
+    assert "accepted, truth; 1 other object. Off:" in view_words(view, WITH_BOX)
+
+
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [
+        ("rir", "Nothing was chosen yet, and each first pose counts as a play. First comes hypothesis "),
+        ("even", "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."),
+        ("pir", "pir does not choose between hypotheses."),
+    ],
+)
+def test_before_the_first_choice_it_says_what_comes(method: str, said: str) -> None:
+    d = Debugger(Session(method=MethodSettings(name=method)), None, FakeTools)
+    told = chosen(d.view())
+    assert told.startswith(said)
+    if method == "rir":
+        arm = d.carry_out([c.Step()]).view().at(1).arm
+        assert f"First comes hypothesis {arm + 1}:" in told
+
+
+def test_a_pose_that_a_method_never_makes_is_not_still_to_come() -> None:
+    d = Debugger(Session(method=MethodSettings(name="refine")), None, FakeTools)
+    assert compared(d.view()).startswith("No simulated and no refined pose here yet.")
+    assert compared(d.carry_out([c.Step()]).view()).startswith("No simulated pose here. ")
+
+
+def test_what_was_read_from_a_recording_is_called_so() -> None:
+    view = Debugger(SESSION, None, FakeTools).view()
+    assert "not from a file" in opened(view)
+    assert ", read from the recording run/a.rrd: frame" in opened(replace(view, recording=Path("run/a.rrd")))

@@ -19,7 +19,9 @@ def compared(view: View) -> str:
         return f"{label} has no pose to judge; give it a hypothesis."
     missing = [wanted for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
     lead = f"{label}: " if len(view.scene.objects) > 1 else ""
-    lead += f"No {' and no '.join(missing)} pose here yet. " if missing else ""
+    # An iteration that is told to its end will not make it any more.
+    yet = "" if view.shown is not None and not view.is_partial else " yet"
+    lead += f"No {' and no '.join(missing)} pose here{yet}. " if missing else ""
     return lead + _difference(a.pose, b.pose)
 
 

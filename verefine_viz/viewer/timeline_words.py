@@ -32,7 +32,7 @@ def _what(view: View) -> str:
     if view.is_current and view.shown is not None:
         place, stage = place_in_run(view.scene, view.shown), view.look.stage
         said = f"{view.name}, hypothesis {view.shown.arm + 1} of {view.n_arms}"
-        return ", ".join(filter(None, (place, said, f"up to {stage}" if stage else "")))
+        return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
     if view.cursor > len(view.iterations):
         return "told stage by stage"
     worked_on = view.at(view.cursor)

@@ -98,6 +98,8 @@ class View:
     problem: Problem
     doubts: tuple[str, ...]
     """What of the frame's data does not fit together, with what to check."""
+    recording: Path | None
+    """The file that the open branch was read from; None = it was computed here."""
     branches: tuple[BranchSummary, ...]
     branch: int
     cursor: int

@@ -23,7 +23,7 @@ def view_words(view: View, switches: Iterable[str]) -> str:
         drawn = "Drawn: the poses of A, solid, and of B, as an outline."
     else:
         poses = [name for name in STAGES if name in layers and name in view.poses]
-        drawn = f"Drawn of {view.name}: {_listed(poses) or 'no pose'}."
+        drawn = f"Drawn of {view.name}: {_listed(poses) or 'no pose'}{_others(view)}."
     waiting = [name for name in names if name in STAGES and name in layers and name not in view.poses]
     off = [name for name in names if name not in layers]
     return " ".join(
@@ -34,6 +34,11 @@ def view_words(view: View, switches: Iterable[str]) -> str:
             *_cloud(view),
         )
     )
+
+
+def _others(view: View) -> str:
+    n = sum(o.T_cam_obj is not None for o in view.scene.objects) - 1
+    return f"; {n} other object{'s' if n > 1 else ''}" if n > 0 and "others" in view.look.layers else ""
 
 
 def _cloud(view: View) -> list[str]:

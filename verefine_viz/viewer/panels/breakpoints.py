@@ -9,6 +9,7 @@ import viser
 
 from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.breakpoint_words import breakpoint_words
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
@@ -46,7 +47,6 @@ FLAGS = {
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
 """Field: (label that fits on one line, meaning)."""
-WORDS = "A run stops where something ticked here happened. Numbers: by more than this."
 ROW_PX = 25
 NUMBER_FROM_PX = 140
 """Where the numbers begin: behind the boxes, in the same rows."""
@@ -56,7 +56,7 @@ class BreakpointsPanel:
     """A box per reason to stop; with a number where it is a matter of how much."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        Block(gui).show(sentence(WORDS))
+        self._words = Block(gui, "brief tight")
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self.numbers: dict[str, viser.GuiNumberHandle[float]] = {}
         self._seen: dict[str, float] = {}
@@ -74,6 +74,7 @@ class BreakpointsPanel:
 
     def show(self, view: View) -> None:
         """Boxes and numbers as the breakpoints are set."""
+        self._words.show(sentence(breakpoint_words(view.session.breakpoints)))
         for name, box in self.boxes.items():
             box.value = getattr(view.session.breakpoints, name) not in (None, False)
         for name, threshold in THRESHOLDS.items():

@@ -8,7 +8,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arm_name
 from verefine_viz.viewer.carrying import alone_hint, carried
 from verefine_viz.viewer.correct import is_correct, verdict_mark
-from verefine_viz.viewer.markup import Row, link, swatch, table, text
+from verefine_viz.viewer.markup import Row, link, sentence, swatch, table, text
+from verefine_viz.viewer.objects_words import objects_words
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
 from verefine_viz.viewer.scene_words import TERMS, overlap_sentence
 from verefine_viz.viewer.standing import LIGHT_MEANING, LIGHTS
@@ -25,7 +26,7 @@ PHASES: dict[Phase, tuple[str, str]] = {
     "done": ("done", "it has used its budget, or the run is over"),
     "no pose": ("no pose", "it has no hypothesis, so it is left out"),
 }
-ROW_PX, HEAD_PX, MOST_PX = 17, 206, 388
+ROW_PX, HEAD_PX, MOST_PX = 17, 228, 388
 MOST_OVERLAPS = 3
 
 
@@ -47,7 +48,8 @@ def height_px(n_objects: int) -> int:
 
 def objects_html(view: View) -> str:
     """The whole content of the panel."""
-    return f"{filter_line(view)}{objects_table(view)}{legend(view)}{overlap_lines(view)}"
+    said = sentence(objects_words(view))
+    return f"{said}{filter_line(view)}{objects_table(view)}{legend(view)}{overlap_lines(view)}"
 
 
 def filter_line(view: View) -> str:

@@ -1,0 +1,31 @@
+"""The sentence above the breakpoints: where a run stops now."""
+
+from __future__ import annotations
+
+from verefine_viz.core.settings import BreakpointSettings
+from verefine_viz.session.breakpoints import LABELS, UNITS
+
+NAMES = {
+    "simulated_rejected": "simulated pose rejected",
+    "refined_rejected": "refined pose rejected",
+    "arm_switched": "other hypothesis",
+    "unstable": "unstable",
+    "physics_worse": "physics made it worse",
+    "empty_render": "empty render",
+}
+"""Breakpoints without a number, in words."""
+
+
+def breakpoint_words(settings: BreakpointSettings) -> str:
+    """As in: A run stops where: moved more than 25 mm, unstable."""
+    over = [
+        f"{LABELS[name]} more than {value:g}{UNITS[name]}"
+        if name != "error_grows_by_mm"
+        else f"error grew more than {value:g} mm"
+        for name in LABELS
+        if (value := getattr(settings, name)) is not None
+    ]
+    ticked = [words for name, words in NAMES.items() if getattr(settings, name)]
+    if not over and not ticked:
+        return "A run stops nowhere before its end: tick what should stop it."
+    return f"A run stops where: {', '.join((*over, *ticked))}."
