@@ -106,14 +106,14 @@ class Gallery:
 
     @cached_property
     def doubt(self) -> str:
-        """In how many frames the data are in doubt, and what about those of the first; empty where none are."""
+        """In how many frames the data are in doubt, and what to check of the first; empty where none are."""
         found = {(e.run, e.row.frame): e.doubt for e in self.entries if e.doubt}
         if not found:
             return ""
         n = len({(e.run, e.row.frame) for e in self.entries})
         (_, frame), said = next(iter(found.items()))
         where = f"frame {frame}" if len(found) == 1 else f"{len(found)} of {n} frames, such as {frame}"
-        return f"{DATA_FIRST} in {where}, {said}"
+        return f"{DATA_FIRST} in {where}, {said.partition(': ')[2] or said}"
 
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
