@@ -6,15 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, placed, ring, standing, table
+from tests.patience import ending_after
+from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, model, placed, ring, standing, table
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.physics.colliders import build
 from verefine_viz.physics.equilibrium import holds
 from verefine_viz.physics.plausibility import Plausibility, plausibility
 from verefine_viz.physics.simulator import BulletSimulator
@@ -142,6 +145,27 @@ def test_ball_in_a_ring_stands_inside(judge, cache: Path):
     assert found.penetration_mm < 0.1
     assert found.is_stable
     assert judge(standing(ball(), xy=(0.025, 0)), around).penetration_mm == pytest.approx(5, abs=0.5)
+
+
+def test_a_closed_hollow_mesh_need_not_be_taken_apart_to_know_its_centre_of_mass(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    thing = standing(ring())
+    expected = build(ring(), "decomposition").com_obj
+    monkeypatch.setattr("verefine_viz.physics.colliders.decomposed", lambda *_: pytest.fail("taken apart"))
+    found = plausibility(thing, (), table(), cache=tmp_path)
+    np.testing.assert_allclose(found.com_cam, (thing.T_cam_obj @ [*expected, 1])[:3], atol=1e-12)
+    np.testing.assert_array_equal(build(ring(), "hull").com_obj, expected)
+
+
+def test_a_mesh_with_a_hole_is_taken_apart_unless_nobody_waits(tmp_path: Path) -> None:
+    mesh = trimesh.Trimesh(ring().vertices, ring().faces[1:], process=False)
+    thing = standing(model(mesh))
+    with pytest.raises(Cancelled):
+        plausibility(thing, (), table(), cache=tmp_path, patience=ending_after(3))
+    assert [path.name.split("-")[1] for path in tmp_path.iterdir()] == ["hull"]
+    plausibility(thing, (), table(), cache=tmp_path)
+    assert {path.name.split("-")[1] for path in tmp_path.iterdir()} == {"hull", "decomposition"}
 
 
 def test_between_gap_and_floating_it_is_amber(judge):

@@ -217,6 +217,25 @@ def test_cancel_while_nothing_takes_long_does_nothing(app: App) -> None:
     assert [type(command) for command in app.debugger.log] == [c.Step, c.Step]
 
 
+def test_what_is_worked_out_aside_gives_way_to_whatever_is_asked_for(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Score maps and what physics says of the scene are worked out while nobody asks for anything."""
+    asking = threading.Event()
+
+    def for_ever() -> None:
+        while True:
+            asking.set()
+            app._patience.ask()
+            sleep(0.01)
+
+    monkeypatch.setattr(app.page, "go_on", for_ever)
+    for k in (1, 2):
+        asking.clear()
+        app.send(c.Step())
+        wait_for(lambda k=k: cursor(app) == k)
+        assert asking.wait(20)
+    assert app.debugger.message == ""
+
+
 def test_the_program_ends_though_something_takes_for_ever(app: App) -> None:
     begin(app, c.OpenFrame(SLOW))
     app.stop()

@@ -15,6 +15,7 @@ from verefine_viz.core.arrays import Float, finite, frozen
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import collider
@@ -84,6 +85,7 @@ def plausibility(
     settings: PhysicsSettings | None = None,
     cache: Path | None = None,
     surface_of: Callable[[ObjectModel], Surface] = Surface,
+    patience: Patience = ENDLESS,
 ) -> Plausibility:
     """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
 
@@ -97,14 +99,18 @@ def plausibility(
         settings: the simulator's settings; defaults if None.
         cache: folder of colliders already built; by default in the user's cache folder.
         surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
+        patience: asked where a collider has to be built.
 
     Raises:
         ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
+        Cancelled: a collider had to be built, and nobody waits for it any more.
     """
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
     normal = support.normal_world / np.linalg.norm(support.normal_world)
-    solid = collider(moving.model, settings.collider, cache)
+    solid = collider(moving.model, "hull", cache, patience)
+    if solid.mass_from == "parts":  # A closed mesh has its own centre of mass, however its collider is made.
+        solid = collider(moving.model, settings.collider, cache, patience)
     com = apply(T_world_obj, solid.com_obj[None])[0]
 
     # The plane: its distance to a mesh is a vertex's.

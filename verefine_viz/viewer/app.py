@@ -219,7 +219,8 @@ class App:
             if not self.debugger.is_busy or self.page.age_s > REFRESH_S:
                 self._show()
         else:
-            self.page.go_on()
+            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it anew.
+                self.page.go_on()
 
     def _look_around(self, command: Command) -> None:
         """Carries out what does not disturb what is being done, and goes on saying what that is."""

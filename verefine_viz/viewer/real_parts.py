@@ -23,5 +23,5 @@ def real_parts(
 
     surfaces = Surfaces()
     make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=patience))
-    checks = partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces)
+    checks = partial(plausibility, surface_of=surfaces, patience=patience), partial(overlap, surface_of=surfaces)
     return make_tools, *checks, tuple(demo_names())

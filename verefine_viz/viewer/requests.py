@@ -29,11 +29,12 @@ class Requests:
         self._idle = False
         self._can_cancel = False
         self._cancelled = False
+        self._is_aside = False
 
     @property
     def are_wanted(self) -> bool:
         """Whether what the worker is at is still wanted."""
-        return not (self._cancelled or self._stopping)
+        return not (self._cancelled or self._stopping or (self._is_aside and self._queue))
 
     @property
     def can_cancel(self) -> bool:
@@ -50,6 +51,15 @@ class Requests:
         finally:
             with self._wake:
                 self._can_cancel = self._cancelled = False
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """What the worker does inside is no longer wanted once somebody asks for anything."""
+        self._is_aside = True
+        try:
+            yield
+        finally:
+            self._is_aside = False
 
     def send(self, command: Command) -> None:
         """Puts a command into the queue; returns at once.
