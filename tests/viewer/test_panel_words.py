@@ -126,10 +126,10 @@ def test_the_list_of_objects_says_how_far_each_is() -> None:
     assert objects_words(d.carry_out([c.Step()] * 6).view()) == "box #1 is worked on, 1 is done."
     over = d.carry_out([c.RunUntil("end")]).view()
     right = sum(o.errors is not None and o.errors.relative < 0.1 for o in over.scene.objects)
-    assert objects_words(over) == f"The run is over: {right} of 2 are within 10 % of their diameter."
+    assert objects_words(over) == f"{right} of 2 answers are within 10 % of the diameter."
     objects = tuple(replace(o, errors=None) for o in over.scene.objects)
     unknown = replace(over, scene=replace(over.scene, objects=objects))
-    assert objects_words(unknown) == "The run is over: 2 of 2 have a pose."
+    assert objects_words(unknown) == "2 of 2 have an answer."
 
 
 def test_several_objects_are_told_apart() -> None:

@@ -12,8 +12,8 @@ def objects_words(view: View) -> str:
     if view.is_answer:
         known = [is_correct(o.errors) for o in objects if o.errors is not None]
         if known:
-            return f"The run is over: {sum(known)} of {len(objects)} are within 10 % of their diameter."
-        return f"The run is over: {sum(o.answer is not None for o in objects)} of {len(objects)} have a pose."
+            return f"{sum(known)} of {len(objects)} answers are within 10 % of the diameter."
+        return f"{sum(o.answer is not None for o in objects)} of {len(objects)} have an answer."
     working = [o.label for o in objects if o.phase == "working"]
     n = {
         phase: sum(o.phase == phase for o in objects)

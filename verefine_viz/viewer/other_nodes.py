@@ -31,6 +31,8 @@ MUTED = 0.45
 """Share of grey in the colour of a placed object."""
 GREY = np.array([128, 128, 128])
 MARKER_M, ABOVE_M = 0.005, 0.012
+LABEL, LABEL_IN_FOCUS = 0.6, 0.75
+"""Size of a name against viser's own: objects stand close, and names must not hide each other."""
 OVERLAP_COLOR = (255, 30, 30)
 OVERLAP_PX = 4.0
 
@@ -70,7 +72,7 @@ class OtherNodes:
         mesh.on_click(lambda _: send(Focus(target.instance.instance_id)))
         marker = self._scene.add_icosphere(f"{name}_marker", MARKER_M, color, visible=False, cast_shadow=False)
         text = self._scene.add_label(
-            f"{name}_name", label, font_screen_scale=0.75, anchor="bottom-center", visible=False
+            f"{name}_name", label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
         )
         return _Nodes(mesh, marker, text, target.model.points[::4])
 
@@ -91,6 +93,7 @@ class OtherNodes:
                 # What is still worked on is neither right nor wrong yet.
                 mark = verdict_mark(o.errors) if o.phase in ("placed", "done") else ""
                 nodes.label.text = f"{o.label} {mark}".strip()
+                nodes.label.font_screen_scale = LABEL_IN_FOCUS if in_focus else LABEL
 
     def _pose(self, view: View, o: ObjectNow, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""

@@ -26,7 +26,7 @@ PHASES: dict[Phase, tuple[str, str]] = {
     "done": ("done", "it has used its budget, or the run is over"),
     "no pose": ("no pose", "it has no hypothesis, so it is left out"),
 }
-ROW_PX, HEAD_PX, MOST_PX = 17, 228, 388
+ROW_PX, HEAD_PX, MOST_PX = 17, 226, 388
 MOST_OVERLAPS = 3
 
 
@@ -34,7 +34,7 @@ class ObjectsPanel:
     """The table, collisions in words, and what the page is filtered to."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._rows = Block(gui, "objects")
+        self._rows = Block(gui, "objects brief")
 
     def show(self, view: View) -> None:
         """All objects at the cursor."""
