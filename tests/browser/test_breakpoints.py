@@ -30,7 +30,10 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
     assert box(screen, "moved 25 mm").is_checked()
     assert box(screen, "fell by 0.5").is_checked()
     assert [number(screen, of).input_value() for of in ("moved", "fell by", "turned")] == ["25", "0.5", "10"]
-    for row in (screen.page.get_by_text("something ticked here happened"), box(screen, "empty render")):
+    for row in (
+        screen.page.get_by_text("A run stops where: fell by more than 0.5, moved more than 25 mm."),
+        box(screen, "empty render"),
+    ):
         assert is_seen(screen, row)
     for of in ("fell by", "moved", "turned", "error +"):
         assert is_seen(screen, number(screen, of))
