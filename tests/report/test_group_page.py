@@ -88,7 +88,7 @@ def test_where_the_runs_lie_is_said(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "runs" / "report.html").is_file()
     sweep(tmp_path / "runs" / "june", ("pir",), 1, 5)
     assert cli.main(["report", str(tmp_path / "runs")]) == 2
-    assert f"name one of them: {tmp_path / 'runs/june'} (1 run), " in capsys.readouterr().err
+    assert f"name one of them: {tmp_path / 'runs/june'} (1 run: pir-0); " in capsys.readouterr().err
 
 
 def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
