@@ -20,6 +20,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.recording import recorder
 from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import Recorded, read_recording
+from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import part_path
 from verefine_viz.recording.verdict import verdict, verify
 from verefine_viz.recording.viewer_process import free_port
@@ -163,6 +164,9 @@ def test_a_recording_that_was_cut_where_a_message_ends_is_said_to_end_early(tmp_
     content = (tmp_path / "run.rrd").read_bytes()
     ends = [end for end in ends_of_messages(content) if end < 0.98 * len(content)]
     n_read = set()
+    for end in ends:
+        (tmp_path / "cut.rrd").write_bytes(content[:end])
+        assert is_cut(tmp_path / "cut.rrd")
     for end in ends[len(ends) // 4 :: 9]:
         (tmp_path / "cut.rrd").write_bytes(content[:end])
         recorded = read_recording(tmp_path / "cut.rrd")

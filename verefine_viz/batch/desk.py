@@ -19,6 +19,7 @@ import verefine_viz
 from verefine_viz.batch.tasks import TaskName, task_named
 from verefine_viz.core.errors import UnavailableError, unknown
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
@@ -45,7 +46,7 @@ class Shipped:
     def frames(self) -> tuple[str, ...]:
         return tuple(self.problems)
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
         if frame not in self.problems:
             raise UnavailableError(unknown("frame", frame, self.problems))
         return self.problems[frame]

@@ -91,10 +91,11 @@ def is_cut(path: Path) -> bool:
     """Whether the end of an .rrd file that was finished is missing.
 
     A finished one ends with rerun's footer, or as ``RrdFile.close`` leaves it: with messages of a blueprint, one of
-    which puts it into use. Rerun takes what is left of a file for all of it.
+    which puts it into use. One that viewers watched has its blueprint first, and a footer. Rerun takes what is left of
+    a file for all of it.
     """
     size, at = path.stat().st_size, _HEAD_SIZE
-    is_in_use = is_blueprint = False
+    is_in_use = is_blueprint = has_chunks = False
     with path.open("rb") as file:
         while at + _MESSAGE.size <= size:
             file.seek(at)
@@ -103,8 +104,9 @@ def is_cut(path: Path) -> bool:
             if kind == _END:
                 # What follows the footer says where it begins.
                 return at > size
-            is_in_use |= kind == _USE
             is_blueprint = _is_blueprint(file.read(min(length, _STORE_SIZE)))
+            has_chunks |= kind == _CHUNK and not is_blueprint
+            is_in_use |= kind == _USE and has_chunks
     return at != size or not (is_in_use and is_blueprint)
 
 
