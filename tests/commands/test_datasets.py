@@ -166,10 +166,39 @@ def test_a_part_of_the_frames_of_the_targets_is_a_note_and_none_of_them_a_fault(
     assert Datasets("check", str(made.root)).run([]) == 1
 
 
-def test_without_models_the_rest_is_not_looked_at(made: Made) -> None:
+def test_without_models_the_rest_is_not_looked_at_and_not_called_missing(
+    made: Made, capsys: pytest.CaptureFixture[str]
+) -> None:
     (made.root / "models").rename(made.root / "_models")
-    (finding,) = check_split(made.root, "test").findings
-    assert "has no object models" in finding.found
+    parts = check_split(made.root, "test")
+    models, rest = parts.findings
+    assert "has no object models" in models.found
+    assert rest.found == "not looked at, because there are no models yet"
+    assert {lacking for _, lacking in what_can_be_run(parts)} == {"models; nothing else was looked at"}
+    assert Datasets("check", str(made.root)).run([]) == 1
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "not looked at, because" in line]
+    assert "ok" not in row.replace("looked", "")
+
+
+def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(made: Made) -> None:
+    (made.scene / "scene_camera.json").unlink()
+    parts = check_split(made.root, "test")
+    found = {f.name: f for f in parts.findings}
+    assert found["frames"].found == "0 in 1 scene"
+    assert found["all the rest"].found == "not looked at, because there are no frames yet"
+    assert not found["all the rest"].is_looked_at
+    assert "depth and colour" not in found
+    for _, lacking in what_can_be_run(parts):
+        assert lacking.startswith("frames: ")
+        assert "scene_camera.json" in lacking
+
+
+def test_without_ground_truth_the_checks_that_need_it_are_named(made: Made) -> None:
+    (made.scene / "scene_gt.json").unlink()
+    found = {f.name: f for f in check_split(made.root, "test").findings}
+    for name in ("sizes", "registration"):
+        assert found[name].found == "not checked, needs ground truth"
+        assert not found[name].is_looked_at
 
 
 def test_damaged_parts_are_findings_and_no_errors(made: Made, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,9 +48,14 @@ def check_split(folder: Path, split: str) -> Parts:
         dataset = BopDataset(folder, split)
     except VerefineError as error:
         parts.add("models", str(error), "fetch the archive with the models and unpack it here")
+        parts.leave("all the rest", "not looked at, because there are no models yet")
+        parts.before_all = "models; nothing else was looked at"
         return parts
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
+    if not frames:
+        parts.leave("all the rest", "not looked at, because there are no frames yet")
+        return parts
     _check_camera_poses(dataset, parts)
     sampled = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).round()]
     _check_images(dataset, sampled, parts)
@@ -60,6 +65,11 @@ def check_split(folder: Path, split: str) -> Parts:
         is_in_place = _check_sizes(dataset, sampled, parts)
         for found, advice in registration(dataset, sampled, is_in_place):
             parts.add("registration", found, advice)
+    else:
+        needed = {"models": parts.models, "depth": parts.depth, "ground truth": parts.ground_truth}
+        lacking = " and ".join(what for what, there in needed.items() if not there)
+        for name in ("sizes", "registration"):
+            parts.leave(name, f"not checked, needs {lacking}")
     return parts
 
 
@@ -96,14 +106,16 @@ def _without_diameter(dataset: BopDataset) -> list[str]:
 
 def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     frames: list[tuple[int, int]] = []
+    why = "no scene_camera.json lists any; nothing else was looked at"
     for scene_id in dataset.scene_ids:
         try:
             frames += [(scene_id, im_id) for im_id in dataset.image_ids(scene_id)]
         except VerefineError as error:
             parts.add(f"scene {scene_id}", "cannot be used", str(error))
-    parts.add(
-        "frames", f"{len(frames)} in {len(dataset.scene_ids)} scenes", "" if frames else "there is nothing to run"
-    )
+            why = str(error)
+    n = len(dataset.scene_ids)
+    parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
+    parts.before_all = "" if frames else f"frames: {why}"
     try:
         targets = dataset.targets()
     except VerefineError as error:

@@ -13,12 +13,16 @@ class Finding:
     found: str
     advice: str = ""
     """Empty where nothing needs to be done."""
+    is_looked_at: bool = True
+    """False where something else stands before it; ``found`` says what."""
 
 
 @dataclass
 class Parts:
     """What a split has; decides what can be run on it."""
 
+    before_all: str = ""
+    """What is missing without which nothing else could be looked at, and why; empty = nothing."""
     models: bool = False
     depth: bool = False
     masks: tuple[str, ...] = ()
@@ -37,6 +41,10 @@ class Parts:
         """Adds a row."""
         self.findings.append(Finding(name, found, advice))
 
+    def leave(self, name: str, why: str) -> None:
+        """Adds a row of what was not looked at."""
+        self.findings.append(Finding(name, why, is_looked_at=False))
+
     @property
     def names_objects(self) -> bool:
         """Whether anything says which object each mask is of."""
@@ -45,6 +53,10 @@ class Parts:
 
 def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
     """Pairs of something that can be done and what is missing for it ("" = nothing)."""
+    return [(what, parts.before_all or missing) for what, missing in _by_part(parts)]
+
+
+def _by_part(parts: Parts) -> list[tuple[str, str]]:
     scored = [word for word, there in (("models", parts.models), ("depth", parts.depth)) if not there]
     basics = [*scored, *([] if parts.masks else ["masks"])]
     truth = [] if parts.ground_truth else ["scene_gt.json"]

@@ -77,7 +77,7 @@ def _check(folder: Path) -> int:
         for column in ("part", "", "found"):
             table.add_column(column, no_wrap=column != "found")
         for row in parts.findings:
-            mark = "[yellow]look[/]" if row.advice else "[green]ok[/]"
+            mark = "[yellow]look[/]" if row.advice else "[green]ok[/]" if row.is_looked_at else "–"
             table.add_row(escape(row.name), mark, escape(row.found + (f"\n→ {row.advice}" if row.advice else "")))
             looks += [row.name] * bool(row.advice)
         console.print(table)
