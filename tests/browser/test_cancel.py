@@ -11,13 +11,13 @@ from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 pytestmark = pytest.mark.browser
 
 
-@pytest.mark.parametrize("how", ["link", "Escape"])
+@pytest.mark.parametrize("how", ["link", "Escape", "Escape in a box"])
 def test_looking_for_first_poses_is_cancelled_and_a_step_follows(look: Look, tmp_path: Path, how: str) -> None:
     path = saved(tmp_path, scene={"demo": "duck"}, hypotheses={"source": "pcs"}, pcs={"bases": 1_000_000})
     screen = look(SESSIONS / "mug.toml")
     screen.text("Ready, before iteration 1. mug")
     screen.tab("Session")
-    file = [box for box in screen.page.get_by_role("textbox").all() if box.is_visible()][2]
+    file = [box for box in screen.page.get_by_role("textbox").all() if box.is_visible()][1]
     file.fill(str(path), timeout=SLOW_MS)
     screen.until(lambda: screen.app.page.layout.session.path.value == str(path))
     screen.click("Open session file")
@@ -28,11 +28,13 @@ def test_looking_for_first_poses_is_cancelled_and_a_step_follows(look: Look, tmp
     if how == "link":
         cancel.first.click(timeout=SLOW_MS)
     else:
+        if how == "Escape in a box":
+            screen.page.get_by_role("textbox").first.click(timeout=SLOW_MS)
         screen.key("Escape")
     screen.text("^Cancelled: everything is as it was before")
     screen.text("Ready, before iteration 1. mug")
     assert not cancel.first.is_visible()
-    screen.shot(f"cancelled_by_{how}")
+    screen.shot(f"cancelled_by_{how.replace(' ', '_')}")
     screen.click("Step ▶")
     screen.at(1)
     assert screen.app.debugger.workspace.session.scene.demo == "mug"

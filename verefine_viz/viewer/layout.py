@@ -13,6 +13,7 @@ from verefine_viz.viewer.command_lines import from_json
 from verefine_viz.viewer.downloads import asked_by
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
+from verefine_viz.viewer.page_keys import page_keys
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
@@ -93,7 +94,7 @@ class Layout:
     def __init__(self, server: viser.ViserServer, send: Send, batch: Gallery | None = None) -> None:
         gui = server.gui
         set_theme(gui)
-        gui.add_html(small_window(RIGHT_PX))
+        gui.add_html(small_window(RIGHT_PX) + page_keys())
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)
@@ -212,4 +213,6 @@ class Layout:
 
     def _hide(self, gui: viser.GuiApi, handle: viser.GuiTextHandle) -> None:
         row = f'div:has(> .mantine-Flex-root label[for="{handle._impl.uuid}"])'
-        gui.add_html(f"<style>{row}{{position:absolute;width:1px;height:1px;overflow:hidden;opacity:0}}</style>")
+        gui.add_html(
+            f"<style>{row}{{position:absolute;width:1px;height:1px;overflow:hidden;visibility:hidden}}</style>"
+        )

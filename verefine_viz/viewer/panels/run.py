@@ -10,6 +10,7 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
 from verefine_viz.viewer.headline import HINTS, headline
 from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
+from verefine_viz.viewer.page_keys import CANCEL_CLASS
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
@@ -36,7 +37,7 @@ ANSWER = (
     "What the run hands on for each object: of all poses on the way the best one, or the last one where the method "
     "does not judge. The last iteration may have tried another."
 )
-CANCEL = f'<p class="dim">{link("Cancel", c.Cancel(), "everything stays as it was before")} (Escape)</p>'
+CANCEL = f'<p class="dim {CANCEL_CLASS}">{link("Cancel", c.Cancel(), "everything stays as it was before")} (Escape)</p>'
 
 
 ROW_PX = 26
