@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -35,3 +36,19 @@ def test_the_strip_explains_the_marks_that_it_shows() -> None:
     colors = {m.color for m in view.marks}
     assert colors, "else this shows nothing"
     assert {m.color for m in MEANINGS if f'color:rgb{m.color}"' in strip(view)} == colors
+
+
+def test_marks_of_one_iteration_lie_beside_each_other() -> None:
+    d = Debugger(Session(method=MethodSettings(iterations=2)), None, FakeTools)
+    view = d.carry_out([c.RunUntil("end")]).view()
+
+    def tips(*kinds: str) -> list[float]:
+        """Where the marks of iteration 3 point to [px]."""
+        html = strip(replace(view, marks=tuple(Mark(3, kind, kind, MARKED[kind]) for kind in kinds)))
+        return [float(found) for found in re.findall(r'points="[^"]* ([\d.]+),12"', html)]
+
+    (middle,) = tips("edited")
+    red, by_hand = sorted(tips("score_fell", "edited"))
+    assert by_hand - red >= 6
+    assert (red + by_hand) / 2 == pytest.approx(middle)
+    assert tips("score_fell", "unstable") == [middle, middle], "of one colour: one place"

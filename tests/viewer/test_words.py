@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
@@ -59,6 +60,39 @@ def test_a_far_start_is_found_until_the_run_arrives() -> None:
     assert said.calm, "nothing is wrong before the run"
     arrived = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(1, 1, 0.01))})
     assert findings(arrived) == ()
+
+
+def test_findings_about_hypotheses_name_the_object_where_there_are_several() -> None:
+    far = replace(after(c.OpenFrame("0/2"), c.Focus(0)), initial_errors=(off(41, 80, 0.9),) * 3)
+    far = replace(far, poses=far.poses | {"best": replace(far.poses["best"], errors=off(41, 80, 0.9))})
+    assert any(f.text.startswith("The nearest start of box #0 is off by 41°") for f in findings(far))
+    for frame, who in (("0/1", ""), ("0/2", " of box #0")):
+        view = after(c.OpenFrame(frame), c.RunUntil("end"), c.Focus(0))
+        assert view.state is not None
+        best = view.state.best
+        low = replace(view.state, best=replace(best, score=replace(best.score, score=0.41)))
+        said = f"All hypotheses{who} stay low: the best score is 0.41. Expect the answer to be wrong."
+        assert said in [f.text for f in findings(replace(view, state=low))]
+
+
+def test_contacts_that_are_not_shown_are_not_counted_twice() -> None:
+    view = after(c.Step())
+    assert view.shown is not None
+    path = view.shown.path
+    assert path is not None
+    assert ": 1 contact, 9.8 N in all.</p>" in tables.contacts_table(view)
+    one = path.contacts[-1]
+    nine = type(one)(
+        np.repeat(one.points_cam, 9, 0),
+        np.repeat(one.normals_cam, 9, 0),
+        np.full(9, 1e-4),
+        np.ones(9),
+        np.array([-1] * 9),
+    )
+    many = replace(view, shown=replace(view.shown, path=replace(path, contacts=(nine,) * len(path.contacts))))
+    html = tables.contacts_table(many)
+    assert ": 9 contacts, 9.0 N in all (8 of 9 shown).</p>" in html
+    assert html.count("<td>table</td>") == 8
 
 
 def test_a_far_start_that_led_nowhere_is_red_at_the_end_of_the_run_only() -> None:

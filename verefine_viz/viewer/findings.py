@@ -95,9 +95,12 @@ def _far_start(view: View) -> list[Finding]:
         f"{errors.relative:.0%} of the diameter."
     )
     if not _is_over(view):
-        text = f"The nearest start is off by {off} Refinement may get there or not: run it and see."
+        text = f"The nearest start{_whose(view)} is off by {off} Refinement may get there or not: run it and see."
         return [Finding(text, calm=True, command=c.SelectArm(j), label="show it")]
-    text = f"No hypothesis starts near: best initial error {off} Refinement did not help: look at the estimator first."
+    text = (
+        f"No hypothesis{_whose(view)} starts near: best initial error {off} Refinement did not help: look at the "
+        "estimator first."
+    )
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
 
 
@@ -110,6 +113,12 @@ def _alone(view: View) -> list[Finding]:
     answers = [view.scene.object(one.instance_id).errors for one in carried(view)]
     arrived = view.is_answer and all(is_correct(e) for e in answers)
     return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
+
+
+def _whose(view: View) -> str:
+    """As in: of mug. Nothing where there is one object."""
+    several = len(view.scene.objects) > 1
+    return f" of {view.scene.object(view.target.instance.instance_id).label}" if several else ""
 
 
 def _is_over(view: View) -> bool:
@@ -142,8 +151,8 @@ def _starved(view: View) -> list[Finding]:
         return []  # More turns would not have helped it.
     wider = max(2 * view.session.method.exploration, 0.05)
     text = (
-        f"Hypothesis {j + 1} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} of "
-        f"{sum(pulls)} times: its exploration bonus never won."
+        f"Hypothesis {j + 1}{_whose(view)} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} "
+        f"of {sum(pulls)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
@@ -195,4 +204,5 @@ def _low(view: View) -> list[Finding]:
     score = view.state.best.score.score
     if score >= LOW_SCORE:
         return []
-    return [Finding(f"All hypotheses stay low: the best score is {score:.2f}. Expect the answer to be wrong.")]
+    text = f"All hypotheses{_whose(view)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
+    return [Finding(text)]

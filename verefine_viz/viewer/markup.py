@@ -165,7 +165,8 @@ STYLE = """<style>
 .vz.line [data-cmd]{cursor:pointer}
 .vz.line .head{display:flex;gap:12px;font-size:12px}
 .vz.line .where{white-space:nowrap}
-.vz.line .legend{margin-left:auto;font-size:11px;display:flex;gap:10px;white-space:nowrap;overflow:hidden;cursor:help}
+.vz.line .legend{margin-left:auto;font-size:11px;display:flex;gap:7px;white-space:nowrap;min-width:0;cursor:help}
+.vz.line .legend>span{overflow:hidden;text-overflow:ellipsis;min-width:14px}
 .vz.line .blocks{display:flex;gap:6px;font-size:11px;white-space:nowrap;overflow:hidden}
 .vz.line .blocks>span{flex:0 1 auto;min-width:26px;overflow:hidden;text-overflow:ellipsis}
 .vz.line .blocks .cut{display:inline}

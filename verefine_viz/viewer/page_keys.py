@@ -12,7 +12,8 @@ CANCEL_CLASS = "cancel"
 
 _ON_ESCAPE = (
     "window.addEventListener('keydown',e=>{if(e.key==='Escape'&&e.target.matches('input,textarea,select')){"
-    f"const a=[...document.querySelectorAll('.vz .{CANCEL_CLASS} a')].find(a=>a.offsetParent);if(a)a.click();}}}},true);"
+    f"const a=[...document.querySelectorAll('.vz .{CANCEL_CLASS} a')].find(a=>a.offsetParent);"
+    "if(a)a.click();}},true);"
 )
 # A click that a key made has no detail: who moves by keys keeps the focus.
 _ON_TAB = (

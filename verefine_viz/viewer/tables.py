@@ -133,8 +133,8 @@ def contacts_table(view: View, most: int = 8) -> str:
         for i in order[:most]
     ]
     n, total = len(order), float(contacts.forces_n.sum())
-    more = f", {n - most} more" if n > most else ""
-    title = f"<p>After step {min(k, len(path.contacts))}: {n} contacts{more}, {total:.1f} N in all.</p>"
+    cut = f" ({most} of {n} shown)" if n > most else ""
+    title = f"<p>After step {min(k, len(path.contacts))}: {n} contact{'s' * (n != 1)}, {total:.1f} N in all{cut}.</p>"
     head = [
         ("with", ""), ("depth mm", "penetration; negative = a gap within Bullet's margin"),
         ("force N", "normal force"),

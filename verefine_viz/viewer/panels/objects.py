@@ -120,7 +120,7 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
     error = f"<b>{error}</b>" if is_correct(o.errors) else f"{error} {verdict_mark(o.errors)}".strip()
     cells = [
         f"{order}",
-        f'{swatch(o.color)}<span title="{text(o.label)}">{text(o.label)}</span>{_sinks(view, o)}',
+        f'{swatch(o.color)}{_sinks(view, o)}<span title="{text(o.label)}">{text(o.label)}</span>',
         _light(view, o),
         number(o.answer.score.score if o.answer else None, 2),
         *([error] if _has_errors(view) else []),
@@ -139,9 +139,9 @@ def _winner(o: ObjectNow) -> str:
 
 
 def _sinks(view: View, o: ObjectNow) -> str:
-    """A mark at what stands on other objects that the method does not know of."""
+    """A mark before the name of what stands on other objects that the method does not know of; a name may be cut."""
     why = alone_hint(view, o.instance_id)
-    return f' <b class="sinks" title="{text(why)}">⤓</b>' if why else ""
+    return f'<b class="sinks" title="{text(why)}">⤓</b> ' if why else ""
 
 
 def _light(view: View, o: ObjectNow) -> str:

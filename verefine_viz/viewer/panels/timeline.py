@@ -19,6 +19,7 @@ from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
 _WIDTH, _HEIGHT = 860, 43
 _NAME_PX, _PASS_PX, _CHARACTER_PX = 36, 30, 6.2
+_ASIDE_PX = 6
 ROW_PX = 25
 MOST_CELLS = 240
 """A longer run is drawn in fewer pieces."""
@@ -53,8 +54,9 @@ def strip(view: View) -> str:
     parts += _objects(view, cell)
     parts += _passes(view, cell)
     marks = [m for m in view.marks if is_shown(view, view.at(m.iteration))]
+    aside = _aside(marks)
     for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
-        x = (mark.iteration - 0.5) * cell
+        x = (mark.iteration - 0.5) * cell + aside[mark.iteration, mark.color]
         shape = _star(x) if mark.kind == "new_best_scene" else _triangle(x, small=mark.kind == "new_best")
         title = text(f"iteration {mark.iteration}: {mark.text}")
         to = carries(visit(view, view.at(mark.iteration)))
@@ -183,6 +185,19 @@ def _passes(view: View, cell: float) -> list[str]:
             )
             free = at + _PASS_PX
     return parts
+
+
+def _aside(marks: Sequence[Mark]) -> dict[tuple[int, RGB], float]:
+    """By iteration and colour, how far right of the middle [px]: marks of different colours lie beside each other."""
+    order = [meaning.color for meaning in MEANINGS]
+    colors: dict[int, set[RGB]] = {}
+    for mark in marks:
+        colors.setdefault(mark.iteration, set()).add(mark.color)
+    return {
+        (iteration, color): (k - (len(mine) - 1) / 2) * _ASIDE_PX
+        for iteration, mine in colors.items()
+        for k, color in enumerate(sorted(mine, key=order.index))
+    }
 
 
 def _star(x: float) -> str:
