@@ -180,6 +180,8 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     numbers = screen.app.page.layout.physics.numbers
     assert any(abs(x) > 0.5 for x in numbers.shift.value)
     field = screen.page.locator("xpath=//label[.='Moved mm']/ancestor::*[.//input][1]//input").last
+    letter = "e => getComputedStyle(e.closest('.mantine-NumberInput-root'), '::before').content"
+    assert field.evaluate(letter) == '"z"'
     field.fill("7", timeout=SLOW_MS)
     screen.until(lambda: numbers.shift.value[2] == 7.0)
     field.press("ArrowUp")

@@ -36,6 +36,7 @@ class PoseNumbers:
         for field in (self.shift, self.turn):
             field.precision = DIGITS
             field.on_update(by_person(lambda _: self._typed()))
+        gui.add_html(f"<style>{_lettered(self.shift)}{_lettered(self.turn)}</style>")
         self._sent = SentPoses()
         self._from: Float | None = None
         self._to: Float | None = None
@@ -75,6 +76,16 @@ class PoseNumbers:
         pose = tuple(float(x) for x in T.ravel())
         self._sent.add(pose)
         self._send(c.DragPose(pose))
+
+
+def _lettered(handle: Any) -> str:
+    """A style that writes x, y and z into the three boxes of a widget."""
+    boxes = f'.mantine-Flex-root:has(label[for="{handle._impl.uuid}"]) .mantine-NumberInput-root'
+    letters = "".join(f'{boxes}:nth-child({k})::before{{content:"{axis}"}}' for k, axis in enumerate("xyz", 1))
+    return (
+        f"{boxes}{{position:relative}}{boxes} input{{padding-left:14px!important}}"
+        f"{boxes}::before{{position:absolute;z-index:1;left:5px;top:3px;font-size:11px;opacity:.65}}{letters}"
+    )
 
 
 def _rounded(numbers: Any) -> tuple[float, float, float]:
