@@ -14,7 +14,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.marks import MEANINGS, QUIET, RED, Mark
 from verefine_viz.viewer.markup import text
-from verefine_viz.viewer.panels.timeline import legend, strip
+from verefine_viz.viewer.panels.settings import NAME_PX
+from verefine_viz.viewer.panels.timeline import legend, shortened, strip
 
 MARKED = {**{kind: color for kind, color in EVENT_COLORS.items() if kind not in QUIET}, "error_grew": RED}
 
@@ -52,3 +53,8 @@ def test_marks_of_one_iteration_lie_beside_each_other() -> None:
     assert by_hand - red >= 6
     assert (red + by_hand) / 2 == pytest.approx(middle)
     assert tips("score_fell", "unstable") == [middle, middle], "of one colour: one place"
+
+
+def test_a_long_name_is_shortened_to_fit_its_button() -> None:
+    assert shortened("003_cracker_box", NAME_PX) == "003_cracker_…"
+    assert shortened("mug", NAME_PX) == "mug"

@@ -11,6 +11,7 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.panels.timeline import shortened
 from verefine_viz.viewer.settings_words import settings_words
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
@@ -20,6 +21,8 @@ ROW_PX = 18
 PAIRS = ("method.iterations", "method.exploration"), ("score.tau_m", "score.alpha")
 """Numbers that share a row."""
 RIGHT_FROM_PX, LABEL_PX = 127, 42
+NAME_PX = 90
+"""Room for an object's name in the button that estimates."""
 
 
 class SettingsPanel:
@@ -108,7 +111,7 @@ class SettingsPanel:
         self._tell()
         self._focus = view.target.instance.instance_id
         self._estimated = dict(view.session.hypotheses.estimate)
-        self.estimate.label = f"Estimate {view.name} here"
+        self.estimate.label = f"Estimate {shortened(view.name, NAME_PX)} here"
         self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
