@@ -152,8 +152,9 @@ def test_words_that_make_no_command(words: list[str], expected: str, capsys: pyt
         (["--breakpoints.jump_mm=far"], "--breakpoints.jump-mm is 'far', expected a number"),
         (["--dependency.cut", "1"], "--dependency.cut is '1', expected groups of 2 integers, separated by blanks"),
         (
-            ["--hypotheses.estimate", "x", "ppf", "--scene.seed", "1"],
-            "--hypotheses.estimate is 'x ppf', expected groups of an integer and ppf or pcs, separated by blanks",
+            ["--hypotheses.estimate", "50/1", "x", "ppf", "--scene.seed", "1"],
+            "--hypotheses.estimate is '50/1 x ppf', expected groups of a word and an integer and ppf or pcs, "
+            "separated by blanks",
         ),
     ],
 )

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
         ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
         ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or say'),
         ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
-        ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [[0, "pcs"]]}}, r"\[ppf\] is set, but"),
+        ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
     ],
 )
 def test_a_forgotten_source_is_named(raw: dict[str, Any], expected: str) -> None:
@@ -42,7 +42,7 @@ def test_a_forgotten_source_is_named(raw: dict[str, Any], expected: str) -> None
         {"scene": {"dataset": "", "demo": "bowl"}},
         {"ppf": {"step": 0.1}, "hypotheses": {"source": "ppf"}},
         {"ppf": {"step": 0.1}, "hypotheses": {"source": "perturb"}},
-        {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [[0, "ppf"]]}},
+        {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "ppf"]]}},
         {"ppf": {}, "preset": "published"},
     ],
 )

@@ -63,8 +63,8 @@ class HypothesesSettings(Settings):
     """perturb: length of the disturbance in a random direction [mm]. Paper Sec. IV-C."""
     seed: Seed = 0
     """perturb: seed."""
-    estimate: tuple[tuple[Annotated[int, Field(ge=0)], Literal["ppf", "pcs"]], ...] = ()
-    """Instances whose first poses come from an estimator instead, as [[4, "ppf"]]."""
+    estimate: tuple[tuple[str, Annotated[int, Field(ge=0)], Literal["ppf", "pcs"]], ...] = ()
+    """Instances whose first poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
 class MethodSettings(Settings):

@@ -49,7 +49,7 @@ def check_sources(session: Session, layers: Sequence[Layer]) -> None:
         return
     for name in _ESTIMATORS:
         at = max((k for k, (_, raw) in enumerate(layers) if raw.get(name)), default=-1)
-        if at >= 0 and name not in (kind for _, kind in hypotheses.estimate):
+        if at >= 0 and name not in (kind for *_, kind in hypotheses.estimate):
             raise SettingsError(
                 f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{hypotheses.source}" and does not look '
                 f'at it; set hypotheses.source = "{name}", or say "{hypotheses.source}" there if that is meant'

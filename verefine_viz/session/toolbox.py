@@ -58,7 +58,7 @@ class Toolbox:
     def estimators(self) -> Mapping[str, Estimator]:
         """Those that the session's first poses come from, by name."""
         h = self.session.hypotheses
-        names = {h.source} & {"ppf", "pcs"} | {name for _, name in h.estimate}
+        names = {h.source} & {"ppf", "pcs"} | {name for *_, name in h.estimate}
         from verefine_viz.estimators.registry import make_estimator
 
         return {name: make_estimator(name, self.session) for name in sorted(names)}
@@ -133,7 +133,7 @@ class Toolbox:
     def _with_estimates(self, problem: Problem) -> Problem:
         """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted."""
         h = self.session.hypotheses
-        wanted = dict(h.estimate)
+        wanted = {instance_id: name for frame, instance_id, name in h.estimate if frame == problem.frame}
         instances, notes = list(problem.instances), list(problem.notes)
         for k, target in enumerate(problem.targets):
             instance = target.instance

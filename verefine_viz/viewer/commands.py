@@ -101,6 +101,14 @@ class Restart(Command):
     changes: Changes = ()
 
 
+@dataclass(frozen=True)
+class Estimate(Command):
+    """New first poses for one object of the open frame, as a new branch; the others of the frame stay."""
+
+    instance_id: int
+    estimator: Literal["ppf", "pcs"]
+
+
 # Choosing what to solve, and how
 
 
@@ -280,7 +288,7 @@ COMMANDS: dict[str, type[Command]] = {
     c.__name__: c
     for c in (
         Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, Cancel, TogglePause,
-        Restart, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
+        Restart, Estimate, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
         Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
         OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
         Export, *SIDE_COMMANDS, *ORDER_COMMANDS,

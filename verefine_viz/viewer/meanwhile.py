@@ -12,8 +12,8 @@ from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.requests import Requests
 
 LONG = (
-    c.OpenFrame, c.OpenAt, c.OpenDemo, c.OpenSession, c.OpenFailure, c.OpenPoint, c.Restart, c.Export,
-    s.OpenRecording, s.CompareRun, s.CompareRecording,
+    c.OpenFrame, c.OpenAt, c.OpenDemo, c.OpenSession, c.OpenFailure, c.OpenPoint, c.Restart, c.Estimate,
+    c.Export, s.OpenRecording, s.CompareRun, s.CompareRecording,
 )  # fmt: skip
 """What may take long, and changes nothing that is open before it is done."""
 LOOKING = (

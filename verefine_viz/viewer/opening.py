@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.estimating import estimated
 from verefine_viz.viewer.side_commands import OpenRecording
 
 if TYPE_CHECKING:
@@ -44,6 +46,10 @@ class Opening:
                 before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
                 workspace.restart(changes)
                 debugger.message = not_repeated(before, saved[-1] if saved else None)
+            case c.Estimate(instance_id, estimator):
+                debugger.message = estimated(workspace, instance_id, estimator)
+                debugger.look = replace(debugger.look.afresh(), focus=instance_id)
+                return True
             case c.OpenFrame(frame):
                 workspace.open_frame(frame)
             case c.OpenDemo(name):

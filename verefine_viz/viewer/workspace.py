@@ -101,6 +101,11 @@ class Workspace:
         return any(branch is other for work in self._works.values() for other in work.branches)
 
     @property
+    def has_other_frames(self) -> bool:
+        """Whether frames beside the shown one were looked at, and are as they were left."""
+        return len(self._works) > 1
+
+    @property
     def run(self) -> Run:
         return self.branch.run
 
@@ -140,6 +145,18 @@ class Workspace:
         if tools is not self.tools:  # The other frames were run with other settings.
             self._works = {}
         self.tools, self._works[self.frame] = tools, work
+
+    def estimate(self, instance_id: int, estimator: str, name: str) -> None:
+        """A new branch of the open frame, from before iteration 1: an estimator finds the first poses of one object.
+
+        The frame's other branches stay; other frames begin anew, with the first poses that they had.
+        """
+        before = self.work
+        wanted = {(frame, i): by for frame, i, by in self.branch.tools.session.hypotheses.estimate}
+        wanted[self.frame, instance_id] = estimator
+        self.restart((("hypotheses.estimate", tuple((*key, by) for key, by in sorted(wanted.items()))),))
+        self.branch.name = name
+        self._works[self.frame] = FrameWork([*before.branches, self.branch], len(before.branches))
 
     def fork(self, cursor: int, changes: Changes, edit: tuple[int, int, Float] | None = None) -> None:
         """A new branch that leaves the open one after iteration ``cursor``.

@@ -70,7 +70,7 @@ class SettingsPanel:
             "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
         )
         self.estimate = gui.add_button(
-            "Estimate here", hint="new first poses for the object in focus; the run begins anew"
+            "Estimate here", hint="new first poses for this object in this frame, as a new branch"
         )
         rows = (*self._fields.values(), self._estimator)
         pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)
@@ -83,11 +83,9 @@ class SettingsPanel:
         self._view: View | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
-        self._estimated: dict[int, str] = {}
 
         def estimate(_: bool) -> None:
-            pools = self._estimated | {self._focus: self._estimator.value}
-            send(c.Restart((("hypotheses.estimate", tuple(sorted(pools.items()))),)))
+            send(c.Estimate(self._focus, self._estimator.value))
 
         self.estimate.on_click(by_person(estimate))
 
@@ -110,7 +108,6 @@ class SettingsPanel:
         self._view = view
         self._tell()
         self._focus = view.target.instance.instance_id
-        self._estimated = dict(view.session.hypotheses.estimate)
         self.estimate.label = f"Estimate {shortened(view.name, NAME_PX)} here"
         self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"

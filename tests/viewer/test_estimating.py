@@ -1,0 +1,122 @@
+"""First poses by an estimator from the page: for one object of one frame, with the run before still there."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.scenes.bop_folder import make
+from tests.viewer.client import client, until
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.settings import Session
+from verefine_viz.estimators import registry
+from verefine_viz.session.files import load_session, resolve, save_session
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.app import App
+from verefine_viz.viewer.debugger import Debugger
+
+ESTIMATE = c.Estimate(1, "ppf")
+
+
+class Estimator:
+    """Finds the same two poses of everything."""
+
+    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
+        return tuple(Hypothesis(transform(np.eye(3), [0, 0.02 * k, 0.6]), 0.5, "ppf") for k in range(2))
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Session:
+    """Frames "7/3" and "8/3" with the same three instances."""
+    monkeypatch.setattr(registry, "make_estimator", lambda name, session: Estimator())
+    made = make(tmp_path / "data", targets=False)
+    shutil.copytree(made.scene, made.scene.parent / "000008")
+    raw: dict[str, Any] = {
+        "scene": {"source": "bop", "dataset": str(made.root), "model_points": 200},
+        "hypotheses": {"max_per_object": 3},
+        "method": {"iterations": 1},
+        "physics": {"enabled": False},
+        "score": {"renderer": "cpu"},
+    }
+    return resolve(raw)
+
+
+def methods(debugger: Debugger) -> list[set[str]]:
+    """Where the first poses of each instance of the open frame come from."""
+    return [{h.source.split()[0] for h in i.hypotheses} for i in debugger.workspace.work.problem.instances]
+
+
+FROM_SESSION = [{"perturbed"}] * 3
+ESTIMATED = [{"perturbed"}, {"ppf"}, {"perturbed"}]
+
+
+def test_they_hold_for_that_object_of_that_frame_and_are_still_there_when_one_comes_back(session: Session) -> None:
+    d = Debugger(session, None, Toolbox).carry_out([ESTIMATE])
+    assert methods(d) == ESTIMATED
+    assert d.view().target.instance.instance_id == 1
+    assert methods(d.carry_out([c.OpenFrame("8/3")])) == FROM_SESSION
+    assert methods(d.carry_out([c.OpenFrame("7/3")])) == ESTIMATED
+    d.carry_out([c.OpenFrame("8/3"), c.Estimate(0, "pcs")])
+    assert d.workspace.session.hypotheses.estimate == (("7/3", 1, "ppf"), ("8/3", 0, "pcs"))
+    assert methods(d.carry_out([c.OpenFrame("7/3")])) == ESTIMATED
+
+
+def test_a_saved_session_has_them_in_that_frame_alone(session: Session, tmp_path: Path) -> None:
+    d = Debugger(session, None, Toolbox).carry_out([ESTIMATE])
+    save_session(d.workspace.session, tmp_path / "s.toml")
+    again = Debugger(load_session(tmp_path / "s.toml"), None, Toolbox)
+    assert methods(again) == ESTIMATED
+    assert methods(again.carry_out([c.OpenFrame("8/3")])) == FROM_SESSION
+
+
+def test_the_run_before_stays_as_a_branch_and_the_page_says_so(session: Session) -> None:
+    d = Debugger(session, None, Toolbox).carry_out([c.RunUntil("end")])
+    before = d.workspace.run
+    d.carry_out([ESTIMATE])
+    label = d.view().scene.object(1).label
+    assert d.message.startswith(
+        f"{label} in frame 7/3 now has 2 first poses by ppf, instead of those from the disturbed ground truth. Other "
+        "objects and frames keep theirs. The way back: the run before is still there as the branch “first run”"
+    )
+    assert [b.name for b in d.workspace.work.branches] == ["first run", f"{label} from ppf"]
+    assert d.workspace.run.length == 0
+    d.carry_out([c.ShowBranch(0)])
+    assert d.workspace.run is before
+    assert methods(d) == FROM_SESSION
+    assert d.workspace.session.hypotheses.estimate == ()
+    assert methods(d.carry_out([c.Restart()])) == FROM_SESSION
+    again = Debugger(session, None, Toolbox).carry_out(d.log)
+    assert methods(again) == FROM_SESSION
+
+
+def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> None:
+    d = Debugger(session, None, Toolbox).carry_out([c.OpenFrame("8/3"), ESTIMATE])
+    assert "Other objects and frames keep theirs, but their runs begin anew." in d.message
+
+
+def test_an_object_that_is_not_there_is_refused_and_nothing_changes(session: Session) -> None:
+    d = Debugger(session, None, Toolbox)
+    with pytest.raises(InputError, match="unknown instance 9"):
+        d.apply(c.Estimate(9, "ppf"))
+    assert len(d.workspace.work.branches) == 1
+
+
+def test_the_button_asks_for_the_object_in_focus(session: Session, tmp_path: Path) -> None:
+    app = App(session, port=0, make_tools=Toolbox, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        app.send(c.Focus(1))
+        app.wait_until_idle()
+        with client(app.url) as browser:
+            browser.set(app.page.layout.settings.estimate, True)
+            until(app, lambda: methods(app.debugger) == ESTIMATED)
+    finally:
+        app.stop()
