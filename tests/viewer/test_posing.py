@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
@@ -53,10 +54,23 @@ def test_where_objects_take_turns_it_says_when() -> None:
     assert d.message.endswith("it is refined as soon as box #1 is next in turn.")
 
 
-def test_an_object_without_iterations_left_is_said_although_the_run_goes_on() -> None:
-    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), FAR, c.ForkFromPose()])
+def test_no_pose_is_edited_of_an_object_without_iterations_left_although_the_run_goes_on() -> None:
+    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0)])
+    with pytest.raises(InputError, match=r"is left for box #0 at iteration 7, so .*; go back on the time"):
+        d.apply(c.EditPose())
     assert not d.workspace.run.is_done
-    assert d.message == "The edited pose was scored, but no iteration is left for box #0; go back before you edit."
+    assert d.look.edited is None
+    assert len(d.workspace.work.branches) == 1
+    d.carry_out([c.Seek(1), c.EditPose(), FAR, c.ForkFromPose()])
+    assert d.message.startswith("Hypothesis ")
+
+
+@pytest.mark.parametrize("method", ["rir", "even", "expl", "vf_breadth", "vf_depth"])
+def test_at_the_end_of_a_run_no_pose_is_edited(method: str) -> None:
+    d = debugger(method).carry_out([c.RunUntil("end")])
+    with pytest.raises(InputError, match="no iteration is left for box"):
+        d.apply(c.EditPose())
+    assert len(d.workspace.work.branches) == 1
 
 
 def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:

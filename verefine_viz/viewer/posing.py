@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.view import View
+from verefine_viz.viewer.viewing import state_of
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger
@@ -53,10 +55,29 @@ class Posing:
         if view.state is None:
             raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
         arms = view.state.arms
-        T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
+        arm = min(view.arm, len(arms) - 1)
+        T = arms[arm].current.T_cam_obj
+        self._refuse_in_vain(view, arm, T)
         edited = tuple(float(x) for x in T.ravel())
         debugger.look = debugger.look.editing(edited, view.arm)
         debugger.message = BY_HAND
+
+    def _refuse_in_vain(self, view: View, arm: int, T_cam_obj: Float) -> None:
+        """Passes where a run could go on from a moved pose; a recording cannot, but what it has can be scored.
+
+        Raises:
+            InputError: no iteration is left for the object.
+        """
+        branch, instance_id = self._debugger.workspace.branch, view.target.instance.instance_id
+        if branch.recording is not None:
+            return
+        tried = branch.run.fork(branch.run.cursor, edit=(instance_id, arm, T_cam_obj))
+        if not state_of(tried.state, view.target).by_hand:
+            label = view.scene.object(instance_id).label
+            raise InputError(
+                f"no iteration is left for {label} at iteration {branch.run.cursor}, so nothing could go on from a "
+                "moved pose; go back on the timeline, then press Edit pose"
+            )
 
     def _drag(self, T_cam_obj: c.Pose) -> None:
         debugger = self._debugger
@@ -80,8 +101,6 @@ class Posing:
 def continued(view: View) -> str:
     """What becomes of the pose that was just put there, hypothesis ``view.arm`` of the object in focus."""
     label = view.scene.object(view.target.instance.instance_id).label
-    if not view.state.by_hand:
-        return f"The edited pose was scored, but no iteration is left for {label}; go back before you edit."
     who = f"Hypothesis {view.arm + 1}" + (f" of {label}" if len(view.scene.objects) > 1 else "")
     score = view.state.arms[view.arm].current.score.score
     when = "next"
