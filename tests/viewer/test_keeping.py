@@ -65,6 +65,14 @@ def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debug
     assert len(load_session(tmp_path / "mine.toml").edits) == 1
 
 
+def test_it_says_which_frame_alone_a_session_with_moved_poses_opens(debugger: Debugger, tmp_path: Path) -> None:
+    debugger.carry_out([c.SaveSession("both")])
+    assert debugger.message == f"Written: {tmp_path / 'both.toml'}"
+    debugger.carry_out([c.OpenFrame("0/2"), FORK, c.SaveSession("one")])
+    assert "one.toml; it opens frame 0/2 alone: settings changed later belong to it; it holds" in debugger.message
+    assert load_session(tmp_path / "one.toml").scene.frames == ("0/2",)
+
+
 def test_settings_that_the_shown_branch_lacks_are_kept_until_a_person_insists(debugger: Debugger) -> None:
     debugger.carry_out([FORK, c.SaveSession("new"), c.Restart()])
     with pytest.raises(Unconfirmed, match="holds settings changed on the way that the shown branch"):
@@ -84,7 +92,7 @@ def test_the_message_names_the_branch_where_there_are_several(debugger: Debugger
     debugger.carry_out([c.SaveSession("new")])
     assert debugger.message.endswith("new.toml")
     debugger.carry_out([FORK, c.SaveSession("forked")])
-    assert "forked.toml holds the shown branch, “exploration = 0.4, from iteration 0”" in debugger.message
+    assert "; it holds the shown branch, “exploration = 0.4, from iteration 0”" in debugger.message
 
 
 def test_what_was_written_of_one_session_is_not_lost_to_the_next(debugger: Debugger, tmp_path: Path) -> None:

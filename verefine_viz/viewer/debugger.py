@@ -174,9 +174,8 @@ class Debugger:
                 self.sessions = self._list_sessions()
                 self.message = f"Written: {self.kept[0].words}"
                 if isinstance(command, c.SaveSession) and len(self.workspace.work.branches) > 1:
-                    self.message += (
-                        f" holds the shown branch, “{self.workspace.branch.name}”; others are saved one by one"
-                    )
+                    name = self.workspace.branch.name
+                    self.message += f"; it holds the shown branch, “{name}”; others are saved one by one"
             case _:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
 

@@ -46,22 +46,24 @@ class Keeping:
     def __call__(self, debugger: Debugger, command: c.Command) -> Kept:
         """Writes one file, says which, and hands an export to the browser that asked for it."""
         if isinstance(command, c.SaveSession):
-            return Kept(self._session(debugger.workspace, command).resolve())
+            return self._session(debugger.workspace, command)
         assert isinstance(command, c.Export)
         path = self._export(debugger, command).resolve()
         return Kept(path, downloaded(self._server, command.client, path))
 
-    def _session(self, space: Workspace, command: c.SaveSession) -> Path:
+    def _session(self, space: Workspace, command: c.SaveSession) -> Kept:
         path = self._folder / f"{checked_name(command.name)}.toml"
-        session = space.session
+        session, note = space.session, ""
         if session.edits or session.changes:  # They belong to this frame.
             scene = session.scene.model_copy(update={"frames": (space.frame,)})
             session = session.model_copy(update={"scene": scene})
+            if len(space.frames) > 1:
+                note = f"it opens frame {space.frame} alone: {on_the_way(session)} belong to it"
         if not command.replace:
             refuse_loss(path, session, space, command)
         save_session(session, path)
         space.files[path.resolve()] = Saved(session, space.branch)
-        return path
+        return Kept(path.resolve(), note)
 
     def _export(self, debugger: Debugger, command: c.Export) -> Path:
         folder = self._folder / "runs" / "exports"
@@ -165,6 +167,12 @@ def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveS
     if what:
         said = f"{path} holds {what}. Nothing was written: choose another name, or"
         raise Unconfirmed(said, "replace it", replace(command, replace=True))
+
+
+def on_the_way(session: Session) -> str:
+    """What a run of a session does beside its method, in words."""
+    moved, changed = bool(session.edits) * ["poses moved by hand"], bool(session.changes) * ["settings changed later"]
+    return " and ".join(moved + changed)
 
 
 def lost(there: Session, saved: Saved | None, session: Session, space: Workspace) -> str:
