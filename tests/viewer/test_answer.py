@@ -165,5 +165,6 @@ def test_ground_truth_can_be_put_beside_the_answer() -> None:
     assert (view.look.a, view.look.b) == ("best", "ground truth")
 
 
-def test_along_the_path_it_is_the_last_iteration() -> None:
+def test_by_hand_and_along_the_path_it_is_the_last_iteration() -> None:
+    assert not debugger(n=1).carry_out([END, c.EditPose()]).view().is_answer
     assert not debugger(n=1).carry_out([END, c.PlayPath()]).view().is_answer

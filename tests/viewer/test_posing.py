@@ -54,22 +54,24 @@ def test_where_objects_take_turns_it_says_when() -> None:
     assert d.message.endswith("it is refined as soon as box #1 is next in turn.")
 
 
-def test_no_pose_is_edited_of_an_object_without_iterations_left_although_the_run_goes_on() -> None:
-    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0)])
-    with pytest.raises(InputError, match=r"is left for box #0 at iteration 7, so .*; go back on the time"):
-        d.apply(c.EditPose())
+def test_a_pose_without_iterations_left_is_scored_and_not_gone_on_from_although_the_run_goes_on() -> None:
+    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), FAR])
+    assert "No iteration is left here" in d.message
+    with pytest.raises(InputError, match=r"is left for box #0 at iteration 7, so .*; press “Cancel”, go back on the"):
+        d.apply(c.ForkFromPose())
     assert not d.workspace.run.is_done
-    assert d.look.edited is None
+    assert d.look.edited is not None
     assert len(d.workspace.work.branches) == 1
-    d.carry_out([c.Seek(1), c.EditPose(), FAR, c.ForkFromPose()])
+    d.carry_out([c.EditPose(on=False), c.Seek(1), c.EditPose(), FAR, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis ")
 
 
 @pytest.mark.parametrize("method", ["rir", "even", "expl", "vf_breadth", "vf_depth"])
-def test_at_the_end_of_a_run_no_pose_is_edited(method: str) -> None:
-    d = debugger(method).carry_out([c.RunUntil("end")])
+def test_nothing_goes_on_from_a_pose_at_the_end_of_a_run(method: str) -> None:
+    d = debugger(method).carry_out([c.RunUntil("end"), c.EditPose()])
+    assert "No iteration is left here" in d.message
     with pytest.raises(InputError, match="no iteration is left for box"):
-        d.apply(c.EditPose())
+        d.apply(c.ForkFromPose())
     assert len(d.workspace.work.branches) == 1
 
 

@@ -23,6 +23,11 @@ BY_HAND = (
     "to leave the pose as it was."
 )
 
+TO_TRY = (
+    "Drag the arrows and rings in 3D, or type numbers, to see how poses score. No iteration is left here to go on from "
+    "one: for that, press “Cancel”, go back on the timeline, then edit."
+)
+
 WITH_PASSES = ("vf_depth", "physim_mcts")
 """Methods in which an object may have to wait for others before it is placed."""
 
@@ -32,6 +37,8 @@ class Posing:
 
     def __init__(self, debugger: Debugger) -> None:
         self._debugger = debugger
+        self._hint = BY_HAND
+        """What can be done with the pose that is edited."""
 
     def do(self, command: Command) -> bool:
         """Carries out a command about the edited pose; False where it is about something else."""
@@ -55,29 +62,18 @@ class Posing:
         if view.state is None:
             raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
         arms = view.state.arms
-        arm = min(view.arm, len(arms) - 1)
-        T = arms[arm].current.T_cam_obj
-        self._refuse_in_vain(view, arm, T)
+        T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
         edited = tuple(float(x) for x in T.ravel())
         debugger.look = debugger.look.editing(edited, view.arm)
-        debugger.message = BY_HAND
+        is_read = debugger.workspace.branch.recording is not None
+        self._hint = BY_HAND if is_read or self._goes_on(view, T) else TO_TRY
+        debugger.message = self._hint
 
-    def _refuse_in_vain(self, view: View, arm: int, T_cam_obj: Float) -> None:
-        """Passes where a run could go on from a moved pose; a recording cannot, but what it has can be scored.
-
-        Raises:
-            InputError: no iteration is left for the object.
-        """
-        branch, instance_id = self._debugger.workspace.branch, view.target.instance.instance_id
-        if branch.recording is not None:
-            return
-        tried = branch.run.fork(branch.run.cursor, edit=(instance_id, arm, T_cam_obj))
-        if not state_of(tried.state, view.target).by_hand:
-            label = view.scene.object(instance_id).label
-            raise InputError(
-                f"no iteration is left for {label} at iteration {branch.run.cursor}, so nothing could go on from a "
-                "moved pose; go back on the timeline, then press Edit pose"
-            )
+    def _goes_on(self, view: View, T_cam_obj: Float) -> bool:
+        """Whether an iteration is left for the object in focus; the method itself is asked."""
+        run = self._debugger.workspace.run
+        tried = run.fork(run.cursor, edit=(view.target.instance.instance_id, view.arm, T_cam_obj))
+        return bool(state_of(tried.state, view.target).by_hand)
 
     def _drag(self, T_cam_obj: c.Pose) -> None:
         debugger = self._debugger
@@ -85,7 +81,7 @@ class Posing:
             raise InputError("no pose is being edited; press Edit pose first")
         T = as_rigid(np.reshape(T_cam_obj, (4, 4)) if len(T_cam_obj) == 16 else T_cam_obj, "edited pose")
         debugger.look = replace(debugger.look, edited=tuple(float(x) for x in T.ravel()))
-        debugger.message = BY_HAND
+        debugger.message = self._hint
 
     def _fork(self) -> None:
         debugger = self._debugger
@@ -93,6 +89,12 @@ class Posing:
         if T is None:
             raise InputError("no pose is being edited; press Edit pose first")
         run, instance_id = debugger.workspace.run, view.target.instance.instance_id
+        if debugger.workspace.branch.recording is None and not self._goes_on(view, T):
+            label = view.scene.object(instance_id).label
+            raise InputError(
+                f"no iteration is left for {label} at iteration {run.cursor}, so nothing could go on from the moved "
+                "pose; press “Cancel”, go back on the timeline, then edit"
+            )
         debugger.workspace.fork(run.cursor, (), (instance_id, view.arm, T))
         debugger.look = replace(debugger.look.moved(), focus=instance_id, arm=view.arm)
         debugger.message = continued(debugger.view(deep=False))
