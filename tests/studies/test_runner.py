@@ -10,6 +10,7 @@ import signal
 from multiprocessing import active_children
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from time import monotonic, sleep
 
 import psutil
 import pytest
@@ -60,6 +61,10 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_
     path = tmp_path / "x.jsonl"
     with pytest.raises(KeyboardInterrupt):
         run_study(Wanted("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
+    # The pool's own thread may have waited for a worker first, and tells its exit code a moment later.
+    deadline = monotonic() + 10
+    while None in [worker.exitcode for worker in workers] and monotonic() < deadline:
+        sleep(0.01)
     assert [worker.exitcode for worker in workers] == [-signal.SIGKILL] * 2
     kept = path.read_bytes().splitlines()
     assert len(kept) >= 2
