@@ -17,6 +17,7 @@ from verefine_viz.observation.frame import observe
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
+from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.fit import pose_notes, truth_notes
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
 from verefine_viz.scenes.perturb import perturbed
@@ -51,6 +52,7 @@ class BopSource:
         self._check_objects()
         self._detections = _detections(scene.masks)
         self._results = results_of(hypotheses)
+        check_asked(hypotheses, lambda frame: self._dataset.check(*parse_frame(frame)))
         chosen, notes = (named_frames(self._dataset, scene.frames), ()) if scene.frames else all_frames(self._dataset)
         self.notes: tuple[str, ...] = (*notes, *file_notes(self._results))
         self._chosen = self._holding(chosen) if scene.objects else chosen

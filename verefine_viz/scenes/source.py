@@ -8,6 +8,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.frames import parse_frame
 
 
@@ -78,9 +79,14 @@ class DemoSource:
         from verefine_viz.scenes.demo import demo_frames, demo_objects
 
         available = demo_frames(scene.demo)
-        for frame in scene.frames:
+
+        def check_frame(frame: str) -> None:
             if frame not in available:
                 raise InputError(f"{unknown('frame', frame, available)} (demo scene {scene.demo!r})")
+
+        for frame in scene.frames:
+            check_frame(frame)
+        check_asked(hypotheses, check_frame)
         objects = demo_objects(scene.demo)
         for obj_id in scene.objects:
             if obj_id not in objects:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
@@ -20,6 +20,7 @@ from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
+from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
@@ -131,10 +132,18 @@ class Toolbox:
         return found
 
     def _with_estimates(self, problem: Problem) -> Problem:
-        """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted."""
+        """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted.
+
+        Raises:
+            InputError: one is asked for an instance that the frame does not have.
+        """
         h = self.session.hypotheses
-        wanted = {instance_id: name for frame, instance_id, name in h.estimate if frame == problem.frame}
+        wanted = {i: name for (frame, i), name in asked_estimators(h).items() if frame == problem.frame}
         instances, notes = list(problem.instances), list(problem.notes)
+        there = [i.instance_id for i in instances]
+        absent = wanted.keys() - there - {o.instance_id for o in problem.left_out}
+        if absent and not self.session.scene.objects:  # Else it may be of an object that nobody asks for now.
+            raise InputError(f"hypotheses.estimate: {unknown('instance', min(absent), there)} (frame {problem.frame})")
         for k, target in enumerate(problem.targets):
             instance = target.instance
             name = wanted.get(instance.instance_id, h.source)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.viewer.scene_now import labels_of
 
 if TYPE_CHECKING:
@@ -41,5 +42,4 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
 def source_of(space: Workspace, instance_id: int) -> str:
     """Where the first poses of an object of the open branch come from."""
     h = space.branch.tools.session.hypotheses
-    wanted = {(frame, i): name for frame, i, name in h.estimate}
-    return wanted.get((space.frame, instance_id), h.source)
+    return asked_estimators(h).get((space.frame, instance_id), h.source)

@@ -12,6 +12,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
+from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer.branch import Branch, FrameWork
 from verefine_viz.viewer.changes import in_order, merged, nested
@@ -152,7 +153,7 @@ class Workspace:
         The frame's other branches stay; other frames begin anew, with the first poses that they had.
         """
         before = self.work
-        wanted = {(frame, i): by for frame, i, by in self.branch.tools.session.hypotheses.estimate}
+        wanted = asked_estimators(self.branch.tools.session.hypotheses)
         wanted[self.frame, instance_id] = estimator
         self.restart((("hypotheses.estimate", tuple((*key, by) for key, by in sorted(wanted.items()))),))
         self.branch.name = name
