@@ -157,6 +157,15 @@ def test_a_cluster_that_does_not_answer_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
+def test_only_workers_of_this_machine_are_counted_by_its_cores(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    many = ("--out", tmp_path / "out", "--workers", 4 * (os.cpu_count() or 1) + 1)
+    assert "or fewer, 4 for each core" in refused(capsys, session, *many, "--cluster", "local")
+    assert "no Dask scheduler answers" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")
+
+
 def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
     code = (
         "import sys\nsys.modules['dask'] = sys.modules['distributed'] = None\n"

@@ -30,8 +30,8 @@ class Batch:
     """Run everything with seeds 0 … N-1, of the first poses and of the method (hypotheses.seed, method.seed); none =
     the session's own. verefine-viz report OUT then compares the methods, with their spread over the seeds."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Worker processes, no more than 4 per core, of which no more are started than there are frames; the results are
-    the same for any number."""
+    """Worker processes of this machine, no more than 4 per core, of which no more are started than there are frames;
+    the results are the same for any number. A cluster that is running has its own."""
     worker_memory_gb: float | None = None
     """A worker that holds more than this after a frame is replaced by a new one; none = 80 % of the machine's memory
     shared by all."""
@@ -50,7 +50,8 @@ class Batch:
     def run(self, arguments: Sequence[str]) -> int:
         if not self.sessions:
             raise SettingsError("no session file given; say verefine-viz batch SESSION.toml --out FOLDER")
-        check_workers(self.workers)
+        if self.cluster in ("", "local"):
+            check_workers(self.workers)
         if self.worker_memory_gb is not None and not self.worker_memory_gb > 0:
             raise SettingsError(f"--worker-memory-gb is {self.worker_memory_gb:g}, expected more than 0")
         if self.ship and not self.cluster:
