@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 from dataclasses import replace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -91,3 +93,12 @@ def test_sinking_into_the_plane_counts_from_where_the_true_pose_is(
     assert said.light == light
     assert said.sentence.startswith(f"Sinks {depth_mm:.1f} mm into the support plane")
     assert ("so does the true pose, by 8.0 mm: it is the plane found" in said.sentence) == (light == "amber")
+
+
+def test_a_frame_that_nobody_looks_at_any_more_is_not_kept() -> None:
+    scene = Debugger(SESSION, None, Lowered).view().scene
+    verdict(sunk(-1, 12.9), scene.objects[0], scene)
+    target = ref(scene.objects[0].target)
+    del scene
+    gc.collect()
+    assert target() is None

@@ -21,8 +21,8 @@ from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import collider
 from verefine_viz.physics.equilibrium import holds
 from verefine_viz.physics.proximity import Surface, nearness
-from verefine_viz.physics.simulator import PLANE_ID, checked_pose
-from verefine_viz.physics.standing import IMPOSSIBLE_M, TOUCHING_M, UPWARDS
+from verefine_viz.physics.simulator import checked_pose
+from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
 
 Light = Literal["green", "amber", "red"]

@@ -23,14 +23,11 @@ from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
-from verefine_viz.physics.standing import Motion, Touch
+from verefine_viz.physics.standing import PLANE_ID, Motion, Touch
 from verefine_viz.physics.world import BodyKey, PlacedBody, World
 
 FARTHEST_M = 100.0
 """Poses further than this from the camera are refused: an unfinished estimate, or millimetres taken for metres."""
-
-PLANE_ID = -1
-"""What :class:`Contacts` calls the support plane."""
 
 
 @dataclass(frozen=True, eq=False)

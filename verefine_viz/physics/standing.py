@@ -31,6 +31,9 @@ TOPPLED_DEG = 10.0
 HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
 
+PLANE_ID = -1
+"""What :class:`core.records.Contacts` calls the support plane."""
+
 Point = tuple[float, float]
 """Seen from above, from the centre of mass [m]."""
 

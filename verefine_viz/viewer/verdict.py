@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Literal
 
-from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Target
-from verefine_viz.physics.standing import IMPOSSIBLE_M
+from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.scene_now import ObjectNow, SceneNow
 
 Light = Literal["green", "amber", "red", "grey"]
-
-_PLANE = -1
-"""The support plane's number among the instances that a pose can sink into."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +33,7 @@ def verdict(found: Any, o: ObjectNow, scene: SceneNow) -> Verdict:
         if is_placeholder(into):
             return Verdict("grey", f"{said}, which still waits at its first pose: nothing can be said yet.")
         return Verdict(found.light, f"{said}.")
-    if found.light == "red" and found.penetrates == _PLANE and found.penetration_mm > 1e3 * IMPOSSIBLE_M:
+    if found.light == "red" and found.penetrates == PLANE_ID and found.penetration_mm > 1e3 * IMPOSSIBLE_M:
         true_mm = _true_depth_mm(o.target)
         if true_mm > 0 and found.penetration_mm - true_mm <= 1e3 * IMPOSSIBLE_M:
             so = f"so does the true pose, by {true_mm:.1f} mm: it is the plane found that is off here"
@@ -46,14 +41,15 @@ def verdict(found: Any, o: ObjectNow, scene: SceneNow) -> Verdict:
     return Verdict(found.light, found.sentence)
 
 
-@lru_cache(maxsize=256)
 def _true_depth_mm(target: Target) -> float:
     """How deep the true pose sinks into the support plane; 0 where it does not, or is not known [mm]."""
     T_cam_obj, support = target.instance.T_cam_obj_gt, target.observation.support
     if T_cam_obj is None or support is None:
         return 0.0
-    heights_m = apply(support.T_world_cam @ T_cam_obj, target.model.vertices) @ support.normal_world
-    return max(-1e3 * float(heights_m.min()), 0.0)
+    T_world_obj, up = support.T_world_cam @ T_cam_obj, support.normal_world
+    # Turning the normal, not the vertices: this is asked several times whenever the page is drawn.
+    lowest_m = float((target.model.vertices @ (T_world_obj[:3, :3].T @ up)).min() + T_world_obj[:3, 3] @ up)
+    return max(-1e3 * lowest_m, 0.0)
 
 
 def is_placeholder(o: ObjectNow) -> bool:
