@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import argparse
 import re
-import shutil
-import socket
 import statistics
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 from rich.console import Console
 
 from bench.__main__ import table
+from bench.browser import headless_chromium
+from verefine_viz.recording.viewer_process import LOOPBACK, free_port
 
 REPEATS = 12
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
 SLOW_MS = 300_000
 PAUSE_MS = 1500
 """Between two clicks: the animation of a step is over."""
@@ -44,9 +44,7 @@ CLICK = """
 
 def main(session: str | None) -> None:
     """Serves the session, built-in if none is given, and prints the table."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     command = [sys.executable, "app.py", *([session] if session else []), "--port", str(port), "--no-open-browser"]
     root = Path(__file__).resolve().parents[1]
     server = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -55,16 +53,16 @@ def main(session: str | None) -> None:
         heard = next((line for line in server.stdout if str(port) in line), None)
         if heard is None:
             raise SystemExit("the page was not served")
-        Console(highlight=False).print(table("page", _measured(f"http://127.0.0.1:{port}/"), 0.0))
+        started = time.perf_counter()
+        rows = _measured(f"http://{LOOPBACK}:{port}/")
+        Console(highlight=False).print(table("page", rows, time.perf_counter() - started))
     finally:
         server.terminate()
         server.wait()
 
 
 def _measured(address: str) -> list[dict[str, Any]]:
-    with sync_playwright() as playwright:
-        found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-        browser = playwright.chromium.launch(executable_path=found, headless=True, args=FLAGS)
+    with headless_chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
         page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
@@ -72,7 +70,6 @@ def _measured(address: str) -> list[dict[str, Any]]:
         # The first steps of a page are not timed: software WebGL compiles its shaders then.
         steps = [_click(page, "Step ▶", k) for k in range(1, REPEATS + 1)][2:]
         backs = [_click(page, "◀ Back", k) for k in range(REPEATS - 1, 1, -1)]
-        browser.close()
     return [_row("an iteration forward, made anew", steps), _row("an iteration back", backs)]
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bench.browser import headless_chromium
+from verefine_viz.commands.chromium import find_chromium
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.viewer import commands as c
@@ -26,23 +27,14 @@ FAILED = pytest.StashKey[bool]()
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 SLOW_MS = 120_000
 """Software WebGL freezes the page while it compiles shaders, for over a minute where other work shares the cores."""
-FLAGS = [
-    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
-    "--disable-background-networking", "--disable-component-update", "--no-first-run",
-]  # fmt: skip
 
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if found is None:
+    if find_chromium() is None:
         pytest.skip("no Chromium on this machine: apt-get install chromium")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, headless=True, args=FLAGS)
+    with headless_chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.hookimpl(wrapper=True)

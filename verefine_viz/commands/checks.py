@@ -16,6 +16,7 @@ import numpy as np
 import platformdirs
 
 from verefine_viz.batch.machine import machine, package_versions
+from verefine_viz.commands.chromium import find_chromium
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
@@ -98,7 +99,7 @@ def bullet() -> Check:
 
 def chromium() -> Check:
     """The browser of the browser tests."""
-    found = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
+    found = find_chromium()
     if found is None:
         advice = "only the browser tests need it: apt-get install chromium"
         return Check("Chromium", "not found", ok=False, needed=False, advice=advice)
