@@ -73,7 +73,11 @@ class Recorder:
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
         self._live_port = live_port
-        self._block = min(block, 1 if live_port is not None else BLOCK_WITH_MAPS if self._verifier_of else block)
+        self._block = block
+        if self._verifier_of is not None:
+            self._block = min(block, BLOCK_WITH_MAPS)
+        if live_port is not None:
+            self._block = 1
         self._file: RrdFile | ThreadedFile | LiveFile | None = None
         self._pending: list[Entry] = []
         self._maps: tuple[int, Verifier, Maps] | None = None
