@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
+from verefine_viz.session.files import resolve
 from verefine_viz.viewer.changes import current_values
 
 MOST = 3
@@ -30,7 +30,7 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
             f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
         )
         return f"Not in use yet: {said}. Restart begins anew with it; Fork {kept}."
-    usual = current_values(_usual(session), tuple(labels))
+    usual = current_values(resolve({"preset": session.preset}), tuple(labels))
     other = [
         f"{labels[name]} {_shown(held[name])}, not {_shown(usual[name])}"
         for name in labels
@@ -40,12 +40,6 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     if not other:
         return f"All {of}. Changes wait for Restart or Fork."
     return f"{of.capitalize()}, but {_listed(other, '; ')}. Changes wait for Restart or Fork."
-
-
-def _usual(session: Session) -> Session:
-    """The settings of the same preset where nothing else was asked for."""
-    base: dict[str, Any] = PUBLISHED if session.preset == "published" else {}
-    return Session.model_validate({"preset": session.preset, **base})
 
 
 def _listed(said: list[str], between: str = ", ") -> str:
