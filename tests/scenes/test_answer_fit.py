@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenes.sizes import objects, scene, with_focal, written
+from tests.scenes.sizes import scene, with_focal, written
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.scenes.answer_fit import answer_notes
@@ -27,8 +27,8 @@ class WithoutTruth(Toolbox):
         return replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
 
 
-@pytest.mark.parametrize(("focal", "said"), [(0.8, "too small; about 1.2"), (1.0, ""), (1.25, "too large; about 0.8")])
-def test_answers_that_do_not_fill_their_masks_are_told_after_the_run(tmp_path: Path, focal: float, said: str) -> None:
+@pytest.mark.parametrize(("focal", "said"), [(0.8, "too small, about 1.2"), (1.0, ""), (1.25, "too large, about 0.8")])
+def test_a_wrong_focal_length_is_told_after_the_run(tmp_path: Path, focal: float, said: str) -> None:
     folder = written(tmp_path / "clutter", [CLUTTER], focal)
     session = Session(
         scene=SceneSettings(source="bop", dataset=str(folder)),
@@ -40,12 +40,15 @@ def test_answers_that_do_not_fill_their_masks_are_told_after_the_run(tmp_path: P
     view = debugger.carry_out([c.RunUntil("end")]).view(deep=False)
     assert bool(view.doubts) == bool(said)
     first = findings(view)[:1]
-    assert bool(first and "in the poses that were found" in first[0].text) == bool(said)
+    assert bool(first and "fx and fy of cam_K look" in first[0].text) == bool(said)
     assert all(said in one for one in view.doubts)
 
 
 def test_a_single_object_tells_nothing() -> None:
     camera = with_focal(CLUTTER.observation.camera, 0.85)
-    observation = replace(CLUTTER.observation, camera=camera)
-    assert answer_notes(objects(CLUTTER), observation)
-    assert not answer_notes(objects(CLUTTER)[:1], observation)
+    blind = tuple(replace(i, T_cam_obj_gt=None, hypotheses=()) for i in CLUTTER.instances)
+    seen = replace(CLUTTER, observation=replace(CLUTTER.observation, camera=camera), instances=blind)
+    answers = [i.T_cam_obj_gt for i in CLUTTER.instances]
+    (note,) = answer_notes(seen, answers)
+    assert "larger than their models in the poses that were found" in note
+    assert not answer_notes(seen.only([blind[0].instance_id]), answers[:1])

@@ -33,7 +33,8 @@ class Branch:
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
-    _doubts: tuple[str, ...] | None = None
+    _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
+    """By whether the run was over."""
 
     @cached_property
     def settings(self) -> Session:
@@ -61,18 +62,21 @@ class Branch:
         return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
 
     def doubts(self) -> tuple[str, ...]:
-        """What of the data does not fit together: as true poses show it, else, once the run is over, its answers."""
+        """What of the data does not fit together: as true poses show it, else its first poses and then its answers."""
         problem, run = self.run.problem, self.run
-        has_truth = any(i.T_cam_obj_gt is not None for i in problem.instances)
-        if problem.doubts or has_truth or not run.is_done:
+        if problem.doubts:
             return problem.doubts
-        if self._doubts is None:
-            from verefine_viz.scenes.answer_fit import answer_notes  # Loads what draws models.
+        if run.is_done not in self._doubts:
+            from verefine_viz.scenes.answer_fit import answer_notes, start_notes  # Loads what draws models.
 
-            pairs = zip(problem.targets, run.final_state.best, strict=True)
-            answers = [(t.model, best.T_cam_obj, t.instance.mask) for t, best in pairs if best is not None]
-            self._doubts = answer_notes(answers, problem.observation)
-        return self._doubts
+            if run.is_done:
+                found = answer_notes(
+                    problem, [None if best is None else best.T_cam_obj for best in run.final_state.best]
+                )
+            else:
+                found = start_notes(problem)
+            self._doubts[run.is_done] = found
+        return self._doubts[run.is_done]
 
 
 @dataclass

@@ -1,0 +1,47 @@
+"""A support plane that objects sink into, or float above, together is not what carries them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.scenes.sizes import scene
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Problem
+from verefine_viz.scenes.plane_gaps import plane_notes
+
+CLUTTER = scene()
+TRUE = [i.T_cam_obj_gt for i in CLUTTER.instances]
+
+
+def raised(by_mm: float) -> Problem:
+    """The scene with its plane found too high."""
+    support = CLUTTER.observation.support
+    assert support is not None
+    T = np.array(support.T_world_cam)
+    T[:3, 3] -= 1e-3 * by_mm * support.normal_world
+    return replace(CLUTTER, observation=replace(CLUTTER.observation, support=replace(support, T_world_cam=T)))
+
+
+@pytest.mark.parametrize(
+    ("by_mm", "said"),
+    [(80, "objects sink into the support plane, by"), (-200, "float above the support plane"), (0, ""), (10, "")],
+)
+def test_a_plane_that_carries_nothing_is_told(by_mm: float, said: str) -> None:
+    notes = plane_notes(raised(by_mm), TRUE)
+    assert [said in note for note in notes] == [True] * bool(said)
+
+
+def test_a_single_answer_or_no_plane_tells_nothing() -> None:
+    one: list[Float | None] = [TRUE[0], *[None] * (len(TRUE) - 1)]
+    assert not plane_notes(raised(40), one)
+    no_plane = replace(CLUTTER, observation=replace(CLUTTER.observation, support=None))
+    assert not plane_notes(no_plane, TRUE)
+
+
+def test_one_object_in_a_wrong_pose_is_no_fault_of_the_plane() -> None:
+    sunk = np.array(TRUE[0])
+    sunk[:3, 3] += CLUTTER.observation.support.T_world_cam[:3, :3].T @ [0, 0, -0.05]  # type: ignore[union-attr]
+    assert not plane_notes(CLUTTER, [sunk, *TRUE[1:]])
