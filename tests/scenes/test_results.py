@@ -264,7 +264,7 @@ def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path
 
 
 def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
-    rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": (("8/3", 1, "ppf"),)})
+    rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": (("7/3", 1, "ppf"),)})
     make(tmp_path).open(rows).check_first_poses()
 
 
