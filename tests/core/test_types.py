@@ -19,7 +19,8 @@ from verefine_viz.core.atomic import atomic
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.compare import differences, first_difference
 from verefine_viz.core.dependency_settings import DependencySettings
-from verefine_viz.core.errors import InputError, ShapeError, listed, unknown
+from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.listing import first_of, listed
 from verefine_viz.core.scores import Scores
 
 
@@ -157,6 +158,14 @@ def test_unknown_names_list_what_exists() -> None:
 )
 def test_long_lists_are_cut(names: Iterable[object], said: str) -> None:
     assert listed(names) == said
+
+
+def test_of_many_names_the_first_are_told_and_how_many_more_there_are() -> None:
+    assert first_of([], 2) == ""
+    assert first_of(["a", "b"], 2) == "a, b"
+    assert first_of(["a", "b", "c"], 2) == "a, b and 1 more"
+    assert first_of(["a", "b", "c"], 2, " or ") == "a or b and 1 more"
+    assert first_of(["a moved", "b fell", "c moved"], 2, "; ") == "a moved; b fell; and 1 more"
 
 
 def test_files_appear_whole_or_not_at_all(tmp_path: Path) -> None:

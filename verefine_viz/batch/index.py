@@ -15,14 +15,12 @@ from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.listing import MOST_NAMED, first_of
+from verefine_viz.core.places import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame"]
-LEVELS = 3
-"""How far below a folder runs are looked for."""
-MOST_NAMED = 6
-"""Runs that an error names."""
 ORDERS: tuple[Order, ...] = ("error", "score", "misleading", "cause", "object", "frame")
 
 
@@ -95,14 +93,16 @@ def find_runs(folder: Path) -> FoundRuns:
         return FoundRuns((folder,), "")
     if why := _no_folder(folder):
         raise InputError(f"{folder} {why}; expected the folder of a batch run, or of several")
-    below = _runs_below(folder, LEVELS)
+    below = _runs_below(folder, LEVELS_BELOW)
     here = below.pop(folder, ())
     listed = ", ".join(f"{path} ({_counted(runs)})" for path, runs in below.items())
     if here:
         left_out = f"Runs further down are left out; to look at them, name their folder: {listed}." if below else ""
         return FoundRuns(here, left_out)
     if len(below) > 1:
-        folders = (f"{p} ({_counted(runs)}: {_listed([run.name for run in runs])})" for p, runs in below.items())
+        folders = (
+            f"{p} ({_counted(runs)}: {first_of([run.name for run in runs], MOST_NAMED)})" for p, runs in below.items()
+        )
         raise InputError(
             f"{folder} holds no run itself, and several folders in it do; name one of them: {'; '.join(folders)}"
         )
@@ -132,7 +132,7 @@ def runs_in(folder: Path) -> tuple[Path, ...]:
     """All runs in ``folder`` and below, for those who named it by mistake; none where it is no folder."""
     if is_batch_folder(folder):
         return (folder,)
-    return tuple(run for runs in _runs_below(folder, LEVELS).values() for run in runs)
+    return tuple(run for runs in _runs_below(folder, LEVELS_BELOW).values() for run in runs)
 
 
 def named_runs(folder: Path, inside: str = "") -> str:
@@ -142,11 +142,7 @@ def named_runs(folder: Path, inside: str = "") -> str:
         folder: what was named.
         inside: what of each run is named.
     """
-    return _listed([str(run / inside) for run in runs_in(folder)])
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:MOST_NAMED]) + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
+    return first_of([run / inside for run in runs_in(folder)], MOST_NAMED)
 
 
 def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:

@@ -15,6 +15,7 @@ from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.listing import first_of
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
@@ -24,6 +25,8 @@ from verefine_viz.scenes.jsonfile import read_json
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
+MOST_FAULTS = 3
+"""Faults of one kind that are named."""
 
 
 def splits_of(folder: Path) -> tuple[str, ...]:
@@ -205,18 +208,13 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     parts.masks, parts.detections = (*kinds, *detections), bool(detections)
     none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
-    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join(_first_of(faults)))
+    parts.add("masks", ", ".join(parts.masks) or "none", none or first_of(faults, MOST_FAULTS, "; "))
     try:
         truths = {ids: dataset.ground_truth(*ids) or () for ids in sampled}
     except VerefineError as error:
         parts.add("ground truth", "damaged", str(error))
         return
     _check_truths(dataset, truths, parts)
-
-
-def _first_of(faults: Sequence[str]) -> list[str]:
-    """Three of some sentences, and how many more there are."""
-    return [*faults[:3], *[f"and {len(faults) - 3} more"] * (len(faults) > 3)]
 
 
 def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder]) -> Iterator[str]:
@@ -244,12 +242,12 @@ def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence
         faults.append(f"there is no model of object {', '.join(map(str, strangers))}; its instances are left out")
     where = f"in {n_with} of {len(truths)} frames looked at"
     parts.add("ground truth", where if n_with else "none: nothing can be measured, only looked at", "; ".join(faults))
-    unequal = _first_of(unequal_counts(dataset))
+    unequal = first_of(unequal_counts(dataset), MOST_FAULTS, "; ")
     if unequal:
-        more = [
+        needed = (
             "all must list the same instances in the same order; evaluate refuses images where scene_gt_info differs"
-        ]
-        parts.add("instances", "not the same in all files", "; ".join([*unequal, *more]))
+        )
+        parts.add("instances", "not the same in all files", f"{unequal}; {needed}")
 
 
 def _splits(folder: Path) -> list[str]:

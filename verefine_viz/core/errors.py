@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import accumulate
 
-LONGEST = 220
-"""A list of names in a message is cut when it is longer [characters]."""
-LONGEST_NUMBERS = 100
-"""The same of numbers, which say less."""
+from verefine_viz.core.listing import listed
 
 
 class VerefineError(Exception):
@@ -52,27 +48,3 @@ def unknown(kind: str, name: object, available: Iterable[object]) -> str:
     meant = [other for other in names if isinstance(name, str) and str(other).casefold() == name.strip().casefold()]
     hint = f"did you mean {meant[0]!r}? " if meant else ""
     return f"unknown {kind} {name!r}; {hint}available: {listed(names)}"
-
-
-def listed(names: Iterable[object]) -> str:
-    """Names in one line, numbers as "1-21, 30"; of more than a line takes the first ones, and how many there are."""
-    names = list(names)
-    numbers = [name for name in names if isinstance(name, int)]
-    are_numbers = len(numbers) == len(names)
-    texts, most = (_ranges(numbers), LONGEST_NUMBERS) if are_numbers else ([str(name) for name in names], LONGEST)
-    whole = ", ".join(texts)
-    if len(whole) <= most or len(texts) == 1:
-        return whole or "none"
-    n_shown = max(1, sum(end - 2 <= most for end in accumulate(len(text) + 2 for text in texts)))
-    return f"{', '.join(texts[:n_shown])}, … ({len(names)} in all)"
-
-
-def _ranges(numbers: Iterable[int]) -> list[str]:
-    """["1-21", "30", "31"] of 1, 2, …, 21, 30, 31: from four numbers on, those that follow each other are one."""
-    runs: list[list[int]] = []
-    for number in sorted(set(numbers)):
-        if runs and runs[-1][-1] == number - 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return [text for run in runs for text in ([f"{run[0]}-{run[-1]}"] if len(run) > 3 else map(str, run))]

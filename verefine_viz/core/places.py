@@ -11,6 +11,8 @@ from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 
+LEVELS_BELOW = 3
+"""How far below a folder, named by mistake, what was meant is looked for."""
 _ABOUT_PLACES = (
     errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
 )  # fmt: skip

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.listing import MOST_NAMED, first_of
+from verefine_viz.core.places import LEVELS_BELOW
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
 from verefine_viz.evaluation.coverage import Coverage, Covered, OwnPart, coverage, own_part, why_none
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
@@ -16,11 +18,6 @@ from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_ta
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results import HEADER
-
-LEVELS = 3
-"""How far below a folder, named by mistake, results files are looked for."""
-MOST_NAMED = 6
-"""Files that an error names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +156,10 @@ def _read(path: Path) -> PoseTable:
 
 def _inside(folder: Path) -> str:
     """The results files that somebody may have meant who named a folder."""
-    found = [p for depth in range(LEVELS + 1) for p in sorted(folder.glob("*/" * depth + "results.csv"))]
+    found = [p for depth in range(LEVELS_BELOW + 1) for p in sorted(folder.glob("*/" * depth + "results.csv"))]
     if not found:
         return ", such as a batch's results.csv"
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return f"; did you mean {' or '.join(map(str, found[:MOST_NAMED]))}{more}?"
+    return f"; did you mean {first_of(found, MOST_NAMED, ' or ')}?"
 
 
 def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:

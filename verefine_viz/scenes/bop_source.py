@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import LONGEST_NUMBERS, InputError, SettingsError, VerefineError, listed
+from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.listing import LONGEST_NUMBERS, listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem

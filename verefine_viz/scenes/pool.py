@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, SettingsError, listed
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.settings import HypothesesSettings

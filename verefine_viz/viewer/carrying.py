@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.geometry import apply
+from verefine_viz.core.listing import first_of
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.scene_now import labels_of
 from verefine_viz.viewer.scene_words import ALONE, method_name
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 RAISED_M = 0.02
 """By ground truth an object whose lowest point is higher above the support plane stands on something [m]."""
 MOST_NAMED = 3
+"""Objects that a warning names."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +70,11 @@ def alone_warning(view: View) -> str:
     found, labels = carried(view), labels_of(view.problem)
     if not found:
         return ""
-    said = "; ".join(f"{labels[one.instance_id]} {one.where}" for one in found[:MOST_NAMED])
-    more = f"; and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    said = first_of([f"{labels[one.instance_id]} {one.where}" for one in found], MOST_NAMED, "; ")
     they = "it sinks" if len(found) == 1 else "they sink"
     return (
         f"{method_name(view.session.method.name)} settles every object on the table alone, as if the others were not "
-        f"there: {said}{more}, so {they} in the simulation. VF_b and VF_d place what carries first."
+        f"there: {said}, so {they} in the simulation. VF_b and VF_d place what carries first."
     )
 
 

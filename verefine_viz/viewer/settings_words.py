@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer.changes import current_values
@@ -25,11 +26,11 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     held = current_values(session, tuple(labels))
     new = {name: value for name, value in typed.items() if value != held[name]}
     if new:
-        said = _listed([f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in new.items()])
+        changes = [f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in new.items()]
         kept = (
             f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
         )
-        return f"Not in use yet: {said}. Restart begins anew with it; Fork {kept}."
+        return f"Not in use yet: {first_of(changes, MOST)}. Restart begins anew with it; Fork {kept}."
     usual = current_values(resolve({"preset": session.preset}), tuple(labels))
     other = [
         f"{labels[name]} {_shown(held[name])}, not {_shown(usual[name])}"
@@ -39,12 +40,7 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     of = "as published" if session.preset == "published" else "as recommended"
     if not other:
         return f"All {of}. Changes wait for Restart or Fork."
-    return f"{of.capitalize()}, but {_listed(other, '; ')}. Changes wait for Restart or Fork."
-
-
-def _listed(said: list[str], between: str = ", ") -> str:
-    rest = len(said) - MOST
-    return between.join(said[:MOST]) + (f" and {rest} more" if rest > 0 else "")
+    return f"{of.capitalize()}, but {first_of(other, MOST, '; ')}. Changes wait for Restart or Fork."
 
 
 def _shown(value: Any) -> str:

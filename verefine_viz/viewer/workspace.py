@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.listing import first_of
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
@@ -247,8 +248,7 @@ def _read(tools: Tools, frame: str) -> Problem:
 
 def preparing(problem: Problem, session: Session) -> str:
     """What is done before iteration 1, in words."""
-    names = sorted({problem.models[i.obj_id].name for i in problem.instances})
-    shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
     parts = "convex parts for physics and " if session.physics.enabled else ""
     return f"Preparing: {parts}meshes to score of {shown}. Done once per model, up to half a minute; then it is kept."
 
