@@ -57,6 +57,17 @@ def test_a_recording_is_not_continued_but_can_be_run_again(tmp_path: Path) -> No
     assert sides(d).differences.first is None
 
 
+def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(tmp_path: Path) -> None:
+    path = record(tmp_path / "rir.rrd", SESSION)
+    d = page().carry_out([s.OpenRecording(str(path)), c.Seek(3), c.EditPose()])
+    assert "This run was read from a file, and cannot go on from one" in d.message
+    assert "Continue from here" not in d.message
+    with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued; .*press Restart"):
+        d.apply(c.ForkFromPose())
+    d.carry_out([c.EditPose(on=False), c.Restart(), c.EditPose(), c.ForkFromPose()])
+    assert d.message.startswith("Hypothesis ")
+
+
 def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> None:
     one = record(tmp_path / "one.rrd", SESSION)
     elsewhere = record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")

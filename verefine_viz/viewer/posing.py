@@ -28,6 +28,11 @@ TO_TRY = (
     "one: for that, press “Cancel”, go back on the timeline, then edit."
 )
 
+READ = (
+    "Drag the arrows and rings in 3D, or type numbers, to see how poses score. This run was read from a file, and "
+    "cannot go on from one: for that, press “Cancel”, then “Restart” to run it here, then edit."
+)
+
 WITH_PASSES = ("vf_depth", "physim_mcts")
 """Methods in which an object may have to wait for others before it is placed."""
 
@@ -65,15 +70,16 @@ class Posing:
         T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
         edited = tuple(float(x) for x in T.ravel())
         debugger.look = debugger.look.editing(edited, view.arm)
-        is_read = debugger.workspace.branch.recording is not None
-        self._hint = BY_HAND if is_read or self._goes_on(view, T) else TO_TRY
+        self._hint = self._hint_for(view, T)
         debugger.message = self._hint
 
-    def _goes_on(self, view: View, T_cam_obj: Float) -> bool:
-        """Whether an iteration is left for the object in focus; the method itself is asked."""
+    def _hint_for(self, view: View, T_cam_obj: Float) -> str:
+        """What can be done with a moved pose of the object in focus; the method itself is asked for iterations."""
+        if self._debugger.workspace.branch.recording is not None:
+            return READ
         run = self._debugger.workspace.run
         tried = run.fork(run.cursor, edit=(view.target.instance.instance_id, view.arm, T_cam_obj))
-        return bool(state_of(tried.state, view.target).by_hand)
+        return BY_HAND if state_of(tried.state, view.target).by_hand else TO_TRY
 
     def _drag(self, T_cam_obj: c.Pose) -> None:
         debugger = self._debugger
@@ -89,7 +95,7 @@ class Posing:
         if T is None:
             raise InputError("no pose is being edited; press Edit pose first")
         run, instance_id = debugger.workspace.run, view.target.instance.instance_id
-        if debugger.workspace.branch.recording is None and not self._goes_on(view, T):
+        if self._hint_for(view, T) == TO_TRY:
             label = view.scene.object(instance_id).label
             raise InputError(
                 f"no iteration is left for {label} at iteration {run.cursor}, so nothing could go on from the moved "
