@@ -7,12 +7,13 @@ from dataclasses import replace
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.breakpoint_settings import MOST, BreakpointSettings, ThresholdSettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Event, Iteration, Stage
-from verefine_viz.core.settings import BreakpointSettings, MethodSettings, ThresholdSettings
+from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
-from verefine_viz.session.breakpoints import LABELS, MOST, UNITS, hits, is_number, number_of, with_changes
+from verefine_viz.session.breakpoints import LABELS, UNITS, hits, is_number, number_of, with_changes
 from verefine_viz.session.engine import Run
 
 PROBLEM = box_problem(2)

@@ -12,12 +12,13 @@ import pytest
 
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.core.scores import Scores
-from verefine_viz.core.settings import BreakpointSettings, MethodSettings, PhysicsSettings, ScoreSettings
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, ScoreSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.rendering.cpu_verifier import CpuVerifier

@@ -9,7 +9,8 @@ import pytest
 
 from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
-from verefine_viz.core.settings import BreakpointSettings, MethodSettings, PhysicsSettings, Session
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s

@@ -1,8 +1,8 @@
 """Every number that can be set, once: name, unit, default, and the paper's or the code's reading of it.
 
 A session file (TOML) is a :class:`Session`; what only some runs need has a file of its own (refiners, estimators, the
-tree search, the order of objects). The field docstrings are what ``--help`` shows. Where the paper can be read in two
-ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
+tree search, the order of objects, breakpoints). The field docstrings are what ``--help`` shows. Where the paper can be
+read in two ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.estimator_settings import PcsSettings, PpfSettings
 from verefine_viz.core.fields import Count, Gravity, NonNegative, Positive, Seed, Settings
@@ -158,38 +159,6 @@ class PhysicsSettings(Settings):
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["static", "dynamic"] = "static"
     """Objects already placed stay where they are, or are pushed (authors' code)."""
-
-
-class ThresholdSettings(Settings):
-    """Breakpoints with a number; unset = never."""
-
-    score_falls_by: Annotated[float, Field(ge=0, le=1)] | None = None
-    """The accepted score is lower than the arm's previous one by more than this [score]."""
-    jump_mm: Annotated[float, Field(ge=0, le=10_000)] | None = None
-    """The accepted pose moved further than this [mm]."""
-    jump_deg: Annotated[float, Field(ge=0, le=180)] | None = None
-    """The accepted pose turned further than this [deg]."""
-    error_grows_by_mm: Annotated[float, Field(ge=0, le=10_000)] | None = None
-    """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
-
-
-class BreakpointSettings(ThresholdSettings):
-    """When a running method should stop and wait; unset = never."""
-
-    simulated_rejected: bool = False
-    """The refined pose was kept instead of the simulated one, by however little: the usual case."""
-    refined_rejected: bool = False
-    """The simulated pose was kept instead of the refined one."""
-    arm_switched: bool = False
-    """The bandit chose another hypothesis than before."""
-    unstable: bool = False
-    """The object touches something and would tip: its centre of mass is outside its support after the simulation."""
-    physics_worse: bool = False
-    """The simulated pose scores at least 0.2 less than the pose it began with."""
-    empty_render: bool = False
-    """A pose rendered to nothing, or its score was not a number."""
-    waiting: ThresholdSettings = ThresholdSettings()
-    """Numbers of breakpoints that are off, for when they are switched on: the page keeps them."""
 
 
 class RecordingSettings(Settings):

@@ -8,20 +8,18 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from verefine_viz.core.breakpoint_settings import MOST, BreakpointSettings
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.core.settings import BreakpointSettings
 from verefine_viz.evaluation.errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
 """Breakpoints with a threshold, and its unit as it is written behind the number."""
 LABELS = {"score_falls_by": "fell by", "jump_mm": "moved", "jump_deg": "turned", "error_grows_by_mm": "error +"}
 """The same as the page calls them."""
-MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
-"""The largest number of each; what happens never exceeds it."""
 _WAITING = "waiting."
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from verefine_viz.core.settings import BreakpointSettings
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.session.breakpoints import LABELS, UNITS
 
 NAMES = {

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import BreakpointSettings, Change, HypothesesSettings, Session
+from verefine_viz.core.settings import Change, HypothesesSettings, Session
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer.branch import Branch, FrameWork
