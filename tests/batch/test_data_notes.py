@@ -7,9 +7,16 @@ from pathlib import Path
 import pytest
 
 from tests.scenes.sizes import scene, written
+from tests.scenes.test_answer_fit import WithoutTruth
 from verefine_viz.batch.frame import explain_frame
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.rows import FrameResult
+from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer.gallery import Gallery
 
 
 @pytest.mark.parametrize(
@@ -30,4 +37,36 @@ def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
     )
     result = explain_frame(Toolbox(session), "0/0", tmp_path)
     assert any(row.cause for row in result.objects) == (translation_mm > 0)
-    assert any("fx and fy of cam_K look too small" in note for note in result.notes) == noted
+    assert any("fx and fy of cam_K look too small" in doubt for doubt in result.doubts) == noted
+
+
+@pytest.mark.parametrize(("focal", "in_doubt"), [(1.0, 0), (0.8, 1)])
+def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, focal: float, in_doubt: int) -> None:
+    folder = written(tmp_path / "clutter", [scene()], focal)
+    session = Session(
+        scene=SceneSettings(source="bop", dataset=str(folder)),
+        hypotheses=HypothesesSettings(max_per_object=2, rotation_deg=15, translation_mm=15),
+        method=MethodSettings(name="rir", iterations=2),
+        recording=RecordingSettings(keep="none"),
+    )
+    result = explain_frame(WithoutTruth(session), "0/0", tmp_path)
+    assert len(result.doubts) == in_doubt
+    assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.objects)
+    journal = Journal(tmp_path)
+    journal.keep(result)
+    assert journal.read("0/0") == result, "a batch that goes on later still knows"
+    totals = Totals()
+    rows = [row for one in totals.passing(journal.results(["0/0"])) for row in one.objects]
+    said = totals.as_json(1)["data_in_doubt"]
+    assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
+    assert Gallery([BatchIndex(tmp_path, session, {}, tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(in_doubt)
+
+
+def test_the_end_of_a_batch_counts_the_frames_and_names_the_first() -> None:
+    def result(k: int, *doubts: str) -> FrameResult:
+        return FrameResult(frame=f"0/{k}", failed=False, seconds=1.0, objects=(), doubts=doubts)
+
+    totals = Totals()
+    for _ in totals.passing([result(1), result(2, "it is odd: check it"), result(3, "it is odder: check it")]):
+        pass
+    assert totals.as_json(3)["data_in_doubt"] == f"{DATA_FIRST} in 2 of 3 frames, such as 0/2, it is odd: check it."

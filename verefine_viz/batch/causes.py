@@ -11,14 +11,14 @@ from verefine_viz.session.toolbox import Toolbox
 def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
     """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and whose true pose is known.
 
-    Where the data of such a frame do not fit together, a note says so.
+    Where the data of such a frame do not fit together, that is said as well.
     """
-    notes = result.notes
+    doubts = result.doubts
     try:
         diagnoses = diagnose(run, toolbox)
         found: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
         # Those of the frame stand in each.
-        notes += diagnoses[0].doubts if diagnoses else ()
+        doubts = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
         # The answers are there all the same.
         why = f"no diagnosis: {type(error).__name__}: {error}"
@@ -27,4 +27,4 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
     for row in result.objects:
         cause, sentence = found.get(row.instance_id, ("", ""))
         rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
-    return result.model_copy(update={"objects": tuple(rows), "notes": notes})
+    return result.model_copy(update={"objects": tuple(rows), "doubts": doubts})

@@ -89,6 +89,7 @@ def _print_line(outcome: Outcome) -> None:
     console = Console(highlight=False, soft_wrap=True)
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
     console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
+    _print_doubt(console, outcome)
     _print_failures(console, outcome)
 
 
@@ -97,6 +98,7 @@ def _print_summary(outcome: Outcome) -> None:
     numbers = outcome.totals
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
+    _print_doubt(console, outcome)
     if numbers["causes"]:
         console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in numbers["causes"].items()))
     for note, n in numbers["notes"].items():
@@ -104,6 +106,11 @@ def _print_summary(outcome: Outcome) -> None:
     _print_failures(console, outcome)
     if outcome.n_failed:
         console.print("The same command with --retry-failed tries them again.")
+
+
+def _print_doubt(console: Console, outcome: Outcome) -> None:
+    if outcome.totals["data_in_doubt"]:
+        console.print(f"[red]{escape(outcome.totals['data_in_doubt'])}[/]")
 
 
 def in_short(outcome: Outcome) -> str:

@@ -138,6 +138,8 @@ class FrameResult(Row):
     estimates: tuple[Estimate, ...] = ()
     notes: tuple[str, ...] = ()
     """What a person should know about the frame's data: objects left out, unknown names in a given order, …"""
+    doubts: tuple[str, ...] = ()
+    """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
 

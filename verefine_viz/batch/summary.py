@@ -15,7 +15,9 @@ from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.evaluation.errors import add_s_mm, pose_errors
+from verefine_viz.scenes.answer_fit import answer_notes
 from verefine_viz.session.engine import Run
 
 MUCH, MUCH_SCORE = 0.03, 0.01
@@ -25,12 +27,16 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def frame_result(run: Run, session: Session) -> FrameResult:
     """What a finished run of ``session`` says about its frame."""
     problem, state = run.problem, run.final_state
+    doubts = answer_notes(problem, [None if best is None else best.T_cam_obj for best in state.best])
     rows = tuple(
         _object_row(
             problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], session
         )
         for target in problem.targets
     )
+    if doubts:
+        told = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
+        rows = tuple(row.model_copy(update={"evidence": told}) if row.status == "ok" else row for row in rows)
     rows += tuple(_left_out_row(problem, one, session) for one in problem.left_out)
     estimates = tuple(
         Estimate(
@@ -43,7 +49,15 @@ def frame_result(run: Run, session: Session) -> FrameResult:
     )
     no_physics = _no_physics(problem, session)
     notes = (*problem.notes, no_physics) if no_physics else problem.notes
-    return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=rows, estimates=estimates, notes=notes)
+    return FrameResult(
+        frame=problem.frame,
+        failed=False,
+        seconds=0.0,
+        objects=rows,
+        estimates=estimates,
+        notes=notes,
+        doubts=doubts,
+    )
 
 
 def _no_physics(problem: Problem, session: Session) -> str:

@@ -51,6 +51,6 @@ def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, .
     else:
         return ()
     return (
-        f"all {n} objects {lie} in the poses that were found: the plane is not what carries them, or cam_K is wrong; give "
-        "scene.gravity, or switch physics off (physics.enabled)",
+        f"all {n} objects {lie} in the poses that were found: the plane is not what carries them, or cam_K is wrong; "
+        "give scene.gravity, or switch physics off (physics.enabled)",
     )

@@ -13,7 +13,7 @@ from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, ru
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import DATA_FIRST, cause_title
+from verefine_viz.diagnosis.words import DATA_FIRST, cause_title, doubted
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.gallery_commands import OpenAt
 
@@ -45,7 +45,7 @@ class Entry:
 
     @property
     def doubt(self) -> str:
-        """What of its frame's data does not fit together, as far as a diagnosis looked; else empty."""
+        """What of its frame's data does not fit together, as far as that was looked at; else empty."""
         return self.row.evidence.partition(DATA_FIRST)[2].strip()
 
     @property
@@ -112,8 +112,7 @@ class Gallery:
             return ""
         n = len({(e.run, e.row.frame) for e in self.entries})
         (_, frame), said = next(iter(found.items()))
-        where = f"frame {frame}" if len(found) == 1 else f"{len(found)} of {n} frames, such as {frame}"
-        return f"{DATA_FIRST} in {where}, {said.partition(': ')[2] or said}"
+        return doubted(len(found), n, frame, said.partition(": ")[2] or said)
 
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
