@@ -9,12 +9,16 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
+from tests.fakes import BOX_M, box_problem
 from verefine_viz import cli
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
 from verefine_viz.session.files import load_session, resolve
+from verefine_viz.session.toolbox import Toolbox
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -63,8 +67,21 @@ def test_every_shipped_session_is_one(path: Path) -> None:
     assert session.title
 
 
+def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code, _ = blocks("python")
+    problem = box_problem()
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box(BOX_M * 1000).export(tmp_path / "meshes" / "mug.stl")
+    seen, (instance,) = problem.observation, problem.instances
+    arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
+    monkeypatch.chdir(tmp_path)
+    exec(code, arrays | {"T_cam_obj": instance.hypotheses[0].T_cam_obj})
+    (kept,) = Toolbox(load_session(tmp_path / "kept" / "session.toml")).problem("1/1").instances
+    np.testing.assert_allclose(kept.hypotheses[0].T_cam_obj, instance.hypotheses[0].T_cam_obj, atol=1e-12)
+
+
 def test_its_refiner_runs(tmp_path: Path) -> None:
-    (code,) = blocks("python")
+    _, code = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
     script, out = tmp_path / "nudge.py", tmp_path / "out"
     script.write_text(code)

@@ -108,6 +108,12 @@ def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
     return np.ascontiguousarray(coco.decode(rle)).astype(bool)
 
 
+def encode_rle(mask: Mask) -> dict[str, Any]:
+    """The run-length encoding of a mask (H, W), compressed as COCO does; :func:`decode_rle` gives the mask back."""
+    encoded: Any = coco.encode(np.asfortranarray(mask, dtype=np.uint8))
+    return {"size": list(mask.shape), "counts": encoded["counts"].decode("ascii")}
+
+
 def _runs(counts: Any) -> list[int] | None:
     if isinstance(counts, str):
         return _string_runs(counts)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from verefine_viz.core.arrays import Mask
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -70,10 +71,13 @@ def size_text(shape: tuple[int, ...]) -> str:
 
 
 def write_image(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-    """Writes a PNG; it appears under its name only when it is whole."""
-    part = path.with_name(path.name + ".part")
-    Image.fromarray(pixels).save(part, format="PNG")
-    part.replace(path)
+    """Writes a PNG; it appears under its name only when it is whole.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic(path) as part:
+        Image.fromarray(pixels).save(part, format="PNG")
 
 
 def _read(path: Path) -> Image.Image:

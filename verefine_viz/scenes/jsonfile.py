@@ -1,4 +1,4 @@
-"""JSON files of a data set, read with errors that name the file and the place in it."""
+"""JSON files of a data set: read with errors that name the file and the place in it, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
 
 
@@ -38,6 +39,16 @@ def read_json(path: Path, kind: type[dict] | type[list]) -> Any:
         wanted = "an object {…}" if kind is dict else "a list […]"
         raise InputError(f"{path} holds a JSON {type(content).__name__}, expected {wanted}")
     return content
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Writes ``content``, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic(path) as part:
+        part.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
 def key_of(entry: Any, key: str, where: str) -> Any:

@@ -5,7 +5,6 @@ Reading it back gives the same problems, up to the depth's quantisation.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Mask
+from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.scenes.images import write_image
+from verefine_viz.scenes.jsonfile import write_json
+from verefine_viz.scenes.ply import ply_bytes, size_entry
 from verefine_viz.scenes.silhouette import silhouette
 
 TARGET_VISIB_FRACT = 0.1
@@ -59,11 +61,11 @@ def _write(folder: Path, problems: Sequence[Problem], split: str, depth_scale_mm
         for kind in ("rgb", "depth", "mask", "mask_visib"):
             (scene / kind).mkdir(parents=True)
         silhouettes = {p.im_id: _write_images(scene, p, depth_scale_mm) for p in mine}
-        _write_json(scene / "scene_camera.json", {str(p.im_id): _camera(p, depth_scale_mm) for p in mine})
-        _write_json(scene / "scene_gt.json", {str(p.im_id): [_pose(i) for i in p.instances] for p in mine})
+        write_json(scene / "scene_camera.json", {str(p.im_id): _camera(p, depth_scale_mm) for p in mine})
+        write_json(scene / "scene_gt.json", {str(p.im_id): [_pose(i) for i in p.instances] for p in mine})
         infos = {str(p.im_id): _infos(p, silhouettes[p.im_id]) for p in mine}
-        _write_json(scene / "scene_gt_info.json", infos)
-    _write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
+        write_json(scene / "scene_gt_info.json", infos)
+    write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
 
 
 def _check(folder: Path, problems: Sequence[Problem], depth_scale_mm: float) -> None:
@@ -99,41 +101,17 @@ def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     info: dict[str, Any] = {}
     for obj_id, model in sorted(models.items()):
-        _write_ply(folder / f"obj_{obj_id:06d}.ply", model)
-        low, high = model.vertices.min(axis=0) * 1e3, model.vertices.max(axis=0) * 1e3
-        entry: dict[str, Any] = {"diameter": model.diameter_m * 1e3}
-        entry |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
-        entry |= {f"size_{axis}": float(value) for axis, value in zip("xyz", high - low, strict=True)}
+        content = ply_bytes(model.vertices, model.faces, model.vertex_colors)
+        with atomic(folder / f"obj_{obj_id:06d}.ply") as part:
+            part.write_bytes(content)
+        entry = size_entry(model.vertices, model.diameter_m)
         if model.is_symmetric:
             in_mm = np.array(model.symmetries[1:])
             in_mm[:, :3, 3] *= 1e3
             entry["symmetries_discrete"] = in_mm.reshape(-1, 16).tolist()
         info[str(obj_id)] = entry
-    _write_json(folder / "models_info.json", info)
-    _write_json(folder / "obj_names.json", {str(i): m.name for i, m in sorted(models.items())})
-
-
-def _write_ply(path: Path, model: ObjectModel) -> None:
-    """Binary PLY in millimetres; doubles, so that the vertices come back as they were."""
-    fields: list[tuple[str, str]] = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
-    if model.vertex_colors is not None:
-        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
-    vertices = np.empty(len(model.vertices), dtype=fields)
-    for k, axis in enumerate("xyz"):
-        vertices[axis] = model.vertices[:, k] * 1e3
-    if model.vertex_colors is not None:
-        for k, channel in enumerate(("red", "green", "blue")):
-            vertices[channel] = model.vertex_colors[:, k]
-    faces = np.empty(len(model.faces), dtype=[("n", "u1"), ("vertex_indices", "<i4", 3)])
-    faces["n"], faces["vertex_indices"] = 3, model.faces
-    properties = "".join(f"property {'uchar' if kind == 'u1' else 'double'} {name}\n" for name, kind in fields)
-    header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(header.encode("ascii") + vertices.tobytes() + faces.tobytes())
-    part.replace(path)
+    write_json(folder / "models_info.json", info)
+    write_json(folder / "obj_names.json", {str(i): m.name for i, m in sorted(models.items())})
 
 
 def _write_images(scene: Path, problem: Problem, depth_scale_mm: float) -> list[Mask]:
@@ -208,9 +186,3 @@ def _targets(problems: Sequence[Problem]) -> list[dict[str, int]]:
             ids = {"im_id": problem.im_id, "inst_count": count, "obj_id": obj_id, "scene_id": problem.scene_id}
             entries.append(ids)
     return entries
-
-
-def _write_json(path: Path, content: Any) -> None:
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    part.replace(path)

@@ -1,0 +1,213 @@
+"""Frames that a pipeline kept are read back as they were, and what cannot be right is refused before it is written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.fakes import BOX_M, box_problem
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Problem
+from verefine_viz.session.files import load_session
+from verefine_viz.session.keep_frame import Found, keep_frame
+from verefine_viz.session.kept_folder import KeptFolder
+from verefine_viz.session.toolbox import Toolbox
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> Path:
+    return box_mesh(tmp_path / "box.stl")
+
+
+def box_mesh(path: Path, unit_m: float = 1.0) -> Path:
+    trimesh.creation.box(BOX_M / unit_m).export(path)
+    return path
+
+
+def kept(folder: Path, problem: Problem, objects: list[Found], **more: Any) -> str:
+    seen = problem.observation
+    return keep_frame(folder, seen.camera.K, seen.depth_m, seen.rgb, objects, **more)
+
+
+def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> Found:
+    instance = problem.instances[k]
+    poses = {"net": np.array([h.T_cam_obj for h in instance.hypotheses])}
+    return Found(mesh, instance.mask, poses, T_cam_obj_gt=instance.T_cam_obj_gt if with_truth else None)
+
+
+def reopened(folder: Path, overrides: Mapping[str, Any] | None = None) -> Toolbox:
+    return Toolbox(load_session(folder / "session.toml", overrides))
+
+
+def test_a_kept_frame_is_the_frame(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem(n_hypotheses=7, n_instances=2)
+    objects = [found(problem, mesh, k, with_truth=True) for k in range(2)]
+    assert kept(tmp_path / "kept", problem, objects) == "1/1"
+    toolbox = reopened(tmp_path / "kept")
+    assert toolbox.frames == ("1/1",)
+    got = toolbox.problem("1/1")
+    np.testing.assert_allclose(got.observation.depth_m, problem.observation.depth_m, atol=0.051e-3)
+    np.testing.assert_array_equal(got.observation.camera.K, problem.observation.camera.K)
+    np.testing.assert_array_equal(got.observation.rgb, problem.observation.rgb)
+    assert [m.name for m in got.models.values()] == ["box"]
+    for i, j in zip(got.instances, problem.instances, strict=True):
+        np.testing.assert_array_equal(i.mask, j.mask)
+        assert i.T_cam_obj_gt is not None
+        assert j.T_cam_obj_gt is not None
+        np.testing.assert_allclose(i.T_cam_obj_gt, j.T_cam_obj_gt, atol=1e-12)
+        assert [h.source for h in i.hypotheses] == ["net"] * 7
+        poses = np.array([h.T_cam_obj for h in i.hypotheses])
+        np.testing.assert_allclose(poses, [h.T_cam_obj for h in j.hypotheses], atol=1e-12)
+
+
+def test_frames_add_up_and_name_their_objects_alike(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem(n_instances=2)
+    one, two = found(problem, mesh), found(problem, mesh, 1)
+    other = replace(
+        two, mesh=box_mesh(tmp_path / "carton.ply"), poses={"icp": problem.instances[1].hypotheses[0].T_cam_obj}
+    )
+    names = [kept(tmp_path / "kept", problem, objects) for objects in ([one], [other, one], [two])]
+    assert names == ["1/1", "1/2", "1/3"]
+    toolbox = reopened(tmp_path / "kept")
+    assert toolbox.frames == ("1/1", "1/2", "1/3")
+    first, second, third = (toolbox.problem(frame) for frame in toolbox.frames)
+    assert [i.obj_id for i in first.instances] == [1]
+    assert {i.obj_id: i.hypotheses[0].source for i in second.instances} == {1: "net", 2: "icp"}
+    assert second.models[2].name == "carton"
+    np.testing.assert_array_equal(third.instances[0].mask, problem.instances[1].mask)
+    assert first.instances[0].T_cam_obj_gt is None
+    assert toolbox.run(first).finish().best
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1), st.floats(0.1, 10))
+def test_gravity_is_the_direction_that_was_given(
+    tmp_path_factory: pytest.TempPathFactory, direction: tuple[float, float, float], length: float
+) -> None:
+    folder = tmp_path_factory.mktemp("kept")
+    problem = box_problem()
+    mesh = box_mesh(folder.parent / f"{folder.name}.ply")
+    kept(folder, problem, [found(problem, mesh)], gravity_cam=np.array(direction) * length)
+    camera = json.loads((folder / "test" / "000001" / "scene_camera.json").read_text())["1"]
+    R_cam_world = np.reshape(camera["cam_R_w2c"], (3, 3))
+    np.testing.assert_allclose(R_cam_world.T @ R_cam_world, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R_cam_world) > 0
+    np.testing.assert_allclose(-R_cam_world[:, 2], np.array(direction) / np.linalg.norm(direction), atol=1e-12)
+    assert reopened(folder).session.scene.gravity == "world"
+
+
+def test_one_frame_without_gravity_makes_the_table_count(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    kept(tmp_path / "kept", problem, [found(problem, mesh)], gravity_cam=[0, 1, 0])
+    kept(tmp_path / "kept", problem, [found(problem, mesh)])
+    assert reopened(tmp_path / "kept").session.scene.gravity == "plane"
+
+
+def test_holes_in_the_depth_stay_holes_and_far_depth_fits(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    seen = problem.observation
+    depth = np.array(seen.depth_m, np.float64)
+    depth[:4] = [[np.nan], [np.inf], [500.0], [30.0]]
+    keep_frame(tmp_path / "kept", seen.camera.K, depth, None, [found(problem, mesh)])
+    got = reopened(tmp_path / "kept").problem("1/1").observation
+    assert not got.depth_m[:3].any()
+    np.testing.assert_allclose(got.depth_m[3], 30.0)
+    np.testing.assert_allclose(got.depth_m[4:], depth[4:], atol=0.51e-3)
+    assert got.rgb is None
+
+
+def test_millimetres_of_a_mesh_are_said_and_without_poses_they_are_looked_for(tmp_path: Path) -> None:
+    problem = box_problem()
+    mesh = box_mesh(tmp_path / "box.obj", unit_m=0.001)
+    kept(tmp_path / "kept", problem, [Found(mesh, problem.instances[0].mask, name="tea", unit_m=0.001)])
+    toolbox = reopened(tmp_path / "kept")
+    assert toolbox.session.hypotheses.source == "ppf"
+    model = toolbox.problem("1/1").models[1]
+    assert (model.name, model.diameter_m) == ("tea", pytest.approx(np.linalg.norm(BOX_M)))
+
+
+def test_a_frame_that_was_left_half_written_is_replaced(
+    tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = box_problem(n_instances=2)
+    folder = tmp_path / "kept"
+
+    def killed(self: KeptFolder, number: int, objects: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(KeptFolder, "_write_truth", killed)
+        kept(folder, problem, [found(problem, mesh, 0), found(problem, mesh, 1)])
+    assert kept(folder, problem, [found(problem, mesh, 1)]) == "1/1"
+    instances = reopened(folder).problem("1/1").instances
+    assert len(instances) == 1
+    assert len(instances[0].hypotheses) == 3
+
+
+def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    seen, good = problem.observation, found(problem, mesh)
+    T = np.array(problem.instances[0].hypotheses[0].T_cam_obj)
+    in_mm = T.copy()
+    in_mm[:3, 3] *= 1000
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected 3×3"),
+        ({"K": np.full((3, 3), np.nan)}, "K holds NaN or infinity"),
+        ({"depth_m": np.zeros((60, 80))}, "depth_m has no measured pixel"),
+        ({"depth_m": seen.depth_m * 1000}, "depth_m has a median of .*, expected metres; divide millimetres by 1000"),
+        ({"depth_m": -seen.depth_m}, "depth_m goes down to -"),
+        ({"depth_m": seen.depth_m[None]}, "depth_m has shape .*, expected n×n"),
+        ({"rgb": np.zeros((60, 80, 3))}, "rgb is of float64, expected uint8"),
+        ({"rgb": np.zeros((30, 80, 3), np.uint8)}, r"rgb has shape \(30, 80, 3\), expected 60×80×3"),
+        ({"gravity_cam": [0, 0, 0]}, "gravity_cam is 0, expected a direction"),
+        ({"objects": []}, "no object is given"),
+        ({"objects": [replace(good, mask=np.zeros((60, 80)))]}, r"mask of object 0 \(box\) is empty"),
+        ({"objects": [replace(good, mask=seen.depth_m == 0)]}, r"mask of object 0 \(box\) has no measured depth"),
+        ({"objects": [replace(good, mask=np.ones((6, 8)))]}, r"mask of object 0 \(box\) has shape \(6, 8\)"),
+        ({"objects": [replace(good, mesh=tmp_path / "cup.stl")]}, r"cup\.stl is missing"),
+        ({"objects": [replace(good, mesh="cup.step")]}, r"cup\.step is no mesh file; supported: ply"),
+        ({"objects": [replace(good, unit_m=0)]}, "unit_m of object 0 .* is 0, expected metres per unit"),
+        ({"objects": [replace(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit"),
+        ({"objects": [replace(good, unit_m=1000)]}, r"unit_m = 1000 was given, 1 would fit"),
+        ({"objects": [replace(good, poses={"../net": T})]}, r"estimator '\.\./net' of object 0"),
+        ({"objects": [replace(good, poses={"net": T[:3]})]}, r"pose of object 0 \(box\) by net has shape \(3, 4\)"),
+        ({"objects": [replace(good, poses={"net": [[1], [1, 2]]})]}, "pose of object 0 .* by net is no array"),
+        (
+            {"objects": [replace(good, poses={"net": in_mm})]},
+            "pose of object 0 .* m away, .* expected T_cam_obj in metres",
+        ),
+        ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
+        ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "true pose of object 0"),
+        ({"objects": [good, replace(good, T_cam_obj_gt=T)]}, "1 of 2 objects have a true pose; give all of them one"),
+    ]
+    for wrong, words in cases:
+        arguments = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "objects": [good], **wrong}
+        with pytest.raises(InputError, match=words):
+            keep_frame(tmp_path / "kept", **arguments)
+        assert not (tmp_path / "kept").exists(), words
+
+
+def test_folders_and_names_of_others_are_left_alone(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    good = found(problem, mesh)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "session.toml").write_text('[scene]\ndemo = "mug"\n')
+    with pytest.raises(InputError, match="mine holds something else; choose a new folder"):
+        kept(tmp_path / "mine", problem, [good])
+    with pytest.raises(InputError, match=r"box\.stl holds something else"):
+        kept(mesh, problem, [good])
+    kept(tmp_path / "kept", problem, [good])
+    before = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()}
+    trimesh.creation.box(BOX_M * 0.9).export(tmp_path / "other.stl")
+    with pytest.raises(InputError, match=r"box is another mesh than before in .*; give it another name"):
+        kept(tmp_path / "kept", problem, [replace(good, mesh=tmp_path / "other.stl", name="box")])
+    assert {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()} == before

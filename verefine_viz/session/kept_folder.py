@@ -1,0 +1,210 @@
+"""The folder of frames that a pipeline kept: BOP layout, detections, results files, and a session over all of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError
+from verefine_viz.scenes.detections import encode_rle
+from verefine_viz.scenes.images import write_image
+from verefine_viz.scenes.jsonfile import read_json, write_json
+from verefine_viz.scenes.meshes import Mesh
+from verefine_viz.scenes.ply import ply_bytes, size_entry
+from verefine_viz.scenes.results import ResultRow, read_results, write_results
+
+SCENE_ID = 1
+SESSION, DETECTIONS, NAMES = "session.toml", "detections.json", "obj_names.json"
+DEPTH_STEPS_MM = (0.1, 1.0)
+"""Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
+HEAD = "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
+
+
+@dataclass(frozen=True, eq=False)
+class KeptObject:
+    """An object of a frame, its arrays checked."""
+
+    name: str
+    mesh: Mesh
+    mask: Mask
+    poses: Mapping[str, Sequence[Float]]
+    """(4, 4) each [m], by estimator, best first."""
+    T_cam_obj_gt: Float | None
+
+
+@dataclass(frozen=True, eq=False)
+class KeptFrame:
+    """A frame, its arrays checked."""
+
+    K: Float
+    depth_m: Float
+    """(H, W) [m], 0 where nothing was measured, at most 60 m."""
+    rgb: NDArray[np.uint8] | None
+    objects: Sequence[KeptObject]
+    down_cam: Float | None
+    """(3,) where things fall, of any length."""
+
+
+class KeptFolder:
+    """Frames are numbered from 1, objects by the order in which their names came.
+
+    Args:
+        folder: is made with the first frame.
+
+    Raises:
+        InputError: it holds something else.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._scene = folder / "test" / f"{SCENE_ID:06d}"
+        if folder.exists() and not self._is_ours():
+            raise InputError(f"{folder} holds something else; choose a new folder, or one that frames were kept in")
+        self._names: dict[str, str] = _known(folder / NAMES, {})
+
+    def add(self, frame: KeptFrame) -> str:
+        """Adds a frame and returns its name.
+
+        Raises:
+            InputError: an object has another mesh than the one of its name before, or the disk refuses. The frame is
+                then not there.
+        """
+        new = self._new_models(frame.objects)
+        cameras = self._scene / "scene_camera.json"
+        number = 1 + max(map(int, _known(cameras, {})), default=0)
+        self._begin()
+        self._write_models(new)
+        step_mm = next(step for step in DEPTH_STEPS_MM if frame.depth_m.max() * 1e3 / step < 65535)
+        steps = np.round(frame.depth_m * 1e3 / step_mm).astype(np.uint16)
+        for kind, image in (("depth", steps), ("rgb", frame.rgb)):
+            if image is not None:
+                write_image(self._scene / kind / f"{number:06d}.png", image)
+        self._write_detections(number, frame.objects)
+        self._write_poses(number, frame.objects)
+        self._write_truth(number, frame.objects)
+        # The camera is last: the frame exists when it is there.
+        write_json(cameras, _known(cameras, {}) | {str(number): _camera(frame, step_mm)})
+        self._write_session()
+        return f"{SCENE_ID}/{number}"
+
+    def _is_ours(self) -> bool:
+        session = self._folder / SESSION
+        if session.is_file():
+            return session.read_text("utf-8", errors="replace").startswith(HEAD)
+        return self._folder.is_dir() and not any(self._folder.iterdir())
+
+    def _begin(self) -> None:
+        """Marks the folder as ours, so that a program that was killed in its first frame can go on."""
+        if not (self._folder / SESSION).is_file():
+            with atomic(self._folder / SESSION) as part:
+                part.write_text(HEAD, encoding="utf-8")
+
+    def _id(self, name: str) -> int:
+        return next(int(obj_id) for obj_id, known in self._names.items() if known == name)
+
+    def _model_path(self, obj_id: int) -> Path:
+        return self._folder / "models" / f"obj_{obj_id:06d}.ply"
+
+    def _new_models(self, objects: Sequence[KeptObject]) -> dict[int, Mesh]:
+        """The models that are not there yet, by their new obj_id."""
+        new: dict[int, Mesh] = {}
+        for one in objects:
+            if one.name not in self._names.values():
+                new[len(self._names) + 1] = one.mesh
+                self._names[str(len(self._names) + 1)] = one.name
+            obj_id = self._id(one.name)
+            there = _ply(new[obj_id]) if obj_id in new else self._model_path(obj_id).read_bytes()
+            if there != _ply(one.mesh):
+                raise InputError(f"{one.name} is another mesh than before in {self._folder}; give it another name")
+        return new
+
+    def _write_models(self, new: Mapping[int, Mesh]) -> None:
+        for obj_id, mesh in new.items():
+            with atomic(self._model_path(obj_id)) as part:
+                part.write_bytes(_ply(mesh))
+        if new:
+            info = self._folder / "models" / "models_info.json"
+            sizes = {str(obj_id): size_entry(mesh.vertices_m, mesh.diameter_m) for obj_id, mesh in new.items()}
+            write_json(info, _known(info, {}) | sizes)
+            write_json(self._folder / NAMES, self._names)
+
+    def _write_detections(self, number: int, objects: Sequence[KeptObject]) -> None:
+        path = self._folder / DETECTIONS
+        # What is already there of this frame is of a program that was killed in the middle of it.
+        entries = [entry for entry in _known(path, []) if entry["image_id"] != number]
+        ids = {"scene_id": SCENE_ID, "image_id": number}
+        for one in objects:
+            entries.append(
+                {**ids, "category_id": self._id(one.name), "score": 1.0, "segmentation": encode_rle(one.mask)}
+            )
+        write_json(path, entries)
+
+    def _write_poses(self, number: int, objects: Sequence[KeptObject]) -> None:
+        for estimator in sorted({name for one in objects for name, poses in one.poses.items() if poses}):
+            path = self._folder / f"{estimator}_kept-test.csv"
+            rows = [row for row in read_results(path) if row.im_id != number] if path.is_file() else []
+            for one in objects:
+                for k, T_cam_obj in enumerate(one.poses.get(estimator, ())):
+                    rows.append(ResultRow(SCENE_ID, number, self._id(one.name), 1 / (1 + k), T_cam_obj))
+            write_results(path, rows)
+
+    def _write_truth(self, number: int, objects: Sequence[KeptObject]) -> None:
+        entries: list[dict[str, Any]] = []
+        for one in objects:
+            if one.T_cam_obj_gt is not None:
+                R, t_mm = one.T_cam_obj_gt[:3, :3].ravel().tolist(), (one.T_cam_obj_gt[:3, 3] * 1e3).tolist()
+                entries.append({"cam_R_m2c": R, "cam_t_m2c": t_mm, "obj_id": self._id(one.name)})
+        if entries:
+            path = self._scene / "scene_gt.json"
+            write_json(path, _known(path, {}) | {str(number): entries})
+
+    def _write_session(self) -> None:
+        cameras = _known(self._scene / "scene_camera.json", {})
+        files = sorted(self._folder.glob("*_kept-test.csv"))
+        # Every pose of an object is to be tried, whatever the number of estimators.
+        often = Counter((row.im_id, row.obj_id) for path in files for row in read_results(path))
+        hypotheses: dict[str, Any] = {"source": "ppf"}
+        if files:
+            names = [path.name for path in files]
+            hypotheses = {"source": "results", "files": names, "max_per_object": max(often.values())}
+        scene = {
+            "source": "bop",
+            "dataset": ".",
+            "masks": DETECTIONS,
+            "gravity": "world" if all("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
+        }
+        session = {"title": self._folder.resolve().name, "scene": scene, "hypotheses": hypotheses}
+        with atomic(self._folder / SESSION) as part:
+            part.write_text(HEAD + tomli_w.dumps(session), encoding="utf-8")
+
+
+def _known(path: Path, empty: Any) -> Any:
+    return read_json(path, type(empty)) if path.is_file() else empty
+
+
+def _ply(mesh: Mesh) -> bytes:
+    return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors)
+
+
+def _camera(frame: KeptFrame, step_mm: float) -> dict[str, Any]:
+    entry: dict[str, Any] = {"cam_K": frame.K.ravel().tolist(), "depth_scale": step_mm}
+    if frame.down_cam is not None:
+        entry["cam_R_w2c"] = _R_cam_world(frame.down_cam).ravel().tolist()
+    return entry
+
+
+def _R_cam_world(down_cam: Float) -> Float:
+    """(3, 3) for a world whose z is up; where its x points is of no matter."""
+    up = -down_cam / np.linalg.norm(down_cam)
+    side = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
+    side /= np.linalg.norm(side)
+    return np.column_stack([side, np.cross(up, side), up])
