@@ -14,8 +14,8 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import angle_between, axis_angle
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
-from verefine_viz.core.records import SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.simulated import SimulatedPath
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.physics.standing import TOPPLED_DEG, is_inside

@@ -12,9 +12,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
-from verefine_viz.core.records import Best, Iteration, SimulatedPath
+from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.core.simulated import SimulatedPath
 
 
 class Refiner(Protocol):

@@ -12,7 +12,8 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
-from verefine_viz.core.records import SimulatedPath, Stage, StageName
+from verefine_viz.core.records import Stage, StageName
+from verefine_viz.core.simulated import SimulatedPath
 
 
 @dataclass(frozen=True, eq=False)

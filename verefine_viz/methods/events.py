@@ -7,7 +7,8 @@ from itertools import pairwise
 
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.records import Event, Iteration, SimulatedPath, Stage, Tipping
+from verefine_viz.core.records import Event, Iteration, Stage
+from verefine_viz.core.simulated import SimulatedPath, Tipping
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.chain import Draft
 

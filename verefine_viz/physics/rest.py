@@ -10,7 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.protocols import Simulator
-from verefine_viz.core.records import SimulatedPath
+from verefine_viz.core.simulated import SimulatedPath
 
 
 def settle_to_rest(

@@ -19,8 +19,8 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
-from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.simulated import Contacts, SimulatedPath
 from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.standing import PLANE_ID, Motion, Touch

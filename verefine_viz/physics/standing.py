@@ -16,7 +16,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.records import Tipping
+from verefine_viz.core.simulated import Tipping
 
 TOUCHING_M = 0.002
 """Surfaces closer than this touch; less penetration than this is none (METHODS 7: 2 to 5 mm)."""
@@ -32,7 +32,7 @@ HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
 
 PLANE_ID = -1
-"""What :class:`core.records.Contacts` calls the support plane."""
+"""What :class:`core.simulated.Contacts` calls the support plane."""
 
 Point = tuple[float, float]
 """Seen from above, from the centre of mass [m]."""

@@ -12,7 +12,8 @@ import numpy as np
 import ormsgpack
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Contacts, Iteration, SimulatedPath, Tipping
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.simulated import Contacts, SimulatedPath, Tipping
 
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 

@@ -11,7 +11,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.records import Contacts
+from verefine_viz.core.simulated import Contacts
 from verefine_viz.viewer.camera_nodes import IMAGE_PLANE_M, CameraNodes
 from verefine_viz.viewer.cloud import Cloud, clicked_pixel, cloud_colors, cloud_of
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
@@ -66,6 +66,7 @@ class SceneView:
         if view.deep:
             self._show_cloud(view)
             self._camera.show_map(view)
+        if view.has_judged_standing:
             self._show_polygon(view)
         self._others.show_overlaps(view)
 
