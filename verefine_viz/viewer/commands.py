@@ -101,14 +101,6 @@ class Restart(Command):
     changes: Changes = ()
 
 
-@dataclass(frozen=True)
-class Estimate(Command):
-    """New first poses for one object of the open frame, as a new branch; the others of the frame stay."""
-
-    instance_id: int
-    estimator: Literal["ppf", "pcs"]
-
-
 # Choosing what to solve, and how
 
 
@@ -131,6 +123,14 @@ class OpenSession(Command):
     """A session file."""
 
     path: str
+
+
+@dataclass(frozen=True)
+class Estimate(Command):
+    """New first poses for one object of the open frame, as a new branch; the others of the frame stay."""
+
+    instance_id: int
+    estimator: Literal["ppf", "pcs"]
 
 
 @dataclass(frozen=True)

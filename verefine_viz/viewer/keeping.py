@@ -21,9 +21,10 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_lines import to_json
 from verefine_viz.viewer.downloads import Kept, downloaded
 from verefine_viz.viewer.refusal import Unconfirmed
+from verefine_viz.viewer.saved import Saved
 from verefine_viz.viewer.scene_page import scene_page
 from verefine_viz.viewer.sheet import maps_sheet
-from verefine_viz.viewer.workspace import Saved, Workspace
+from verefine_viz.viewer.workspace import Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.debugger import Debugger

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,24 +20,11 @@ from verefine_viz.viewer.branch import Branch, FrameWork
 from verefine_viz.viewer.changes import in_order, merged, nested
 from verefine_viz.viewer.command import Changes
 from verefine_viz.viewer.judge import Judge
+from verefine_viz.viewer.saved import Saved
 from verefine_viz.viewer.tools import Tools
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
-
-
-@dataclass(frozen=True, eq=False)
-class Saved:
-    """What a file holds of the open session."""
-
-    session: Session
-    branch: Branch | None = None
-    """Which it was written of; None = the session was read from there."""
-
-    @property
-    def repeats(self) -> bool:
-        """Whether a run of it moves poses or changes settings on the way."""
-        return bool(self.session.edits or self.session.changes)
 
 
 class Workspace:
