@@ -208,6 +208,59 @@ def test_damaged_parts_are_findings_and_no_errors(made: Made, capsys: pytest.Cap
     assert capsys.readouterr().out.endswith("\n1 part needs a look, hence exit code 1: depth and colour.\n")
 
 
+@pytest.mark.parametrize("name", ["scene_gt.json", "scene_gt_info.json"])
+def test_damaged_ground_truth_is_called_damaged_and_not_missing(made: Made, name: str) -> None:
+    (made.scene / name).write_text("{")
+    parts = check_split(made.root, "test")
+    found = {f.name: f for f in parts.findings}
+    assert found["ground truth"].found == "damaged"
+    assert f"{made.scene / name} is not JSON" in found["ground truth"].advice
+    lacking = [lacks for what, lacks in what_can_be_run(parts) if not what.startswith("gravity")]
+    assert all(f"ground truth that can be read ({made.scene / name} is not JSON" in lacks for lacks in lacking)
+
+
+def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -> None:
+    shutil.copytree(made.scene, made.scene.parent / "000008")
+    (made.scene / "scene_gt.json").write_text("")
+    parts = check_split(made.root, "test")
+    found = {f.name: f for f in parts.findings}
+    assert found["ground truth"].found == "in 2 of 4 frames looked at"
+    assert "000007/scene_gt.json is not JSON" in found["ground truth"].advice
+    assert found["registration"].is_looked_at
+    assert missing(parts)["study:"] == ""
+
+
+def test_keys_that_are_no_images_are_named(made: Made) -> None:
+    made.edit("scene_gt.json", lambda content: content.update(a1=content.pop("1")))
+    assert "scene_gt.json has 'a1' for an image, expected its number" in advice(made)["ground truth"]
+
+
+def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
+    (made.root / "models" / "models_info.json").write_text("[]")
+    parts = check_split(made.root, "test")
+    models, rest = parts.findings
+    assert models.found == "damaged"
+    assert "models_info.json holds a JSON list, expected an object" in models.advice
+    assert rest.found == "not looked at, because the models cannot be read"
+    assert all("models_info.json holds a JSON list" in lacks for _, lacks in what_can_be_run(parts))
+
+
+def test_a_folder_of_models_without_meshes_needs_a_look(made: Made) -> None:
+    for mesh in (made.root / "models").glob("*.ply"):
+        mesh.rename(mesh.with_suffix(".txt"))
+    assert advice(made)["models"].startswith("expected meshes, obj_000001.ply and so on")
+    assert "ground truth" not in advice(made), "all objects lack their model, which is said already"
+
+
+def test_a_scene_without_frames_and_one_without_masks_are_named(made: Made) -> None:
+    shutil.copytree(made.scene, made.scene.parent / "000008")
+    shutil.rmtree(made.scene / "mask")
+    shutil.rmtree(made.scene / "mask_visib")
+    assert "a folder mask_visib/ in every scene, also in 000007, or a detections JSON" in advice(made)["masks"]
+    (made.scene / "scene_camera.json").write_text("{}")
+    assert advice(made)["scene 7"] == "its scene_camera.json lists none"
+
+
 def test_camera_poses_are_counted(made: Made) -> None:
     def only_the_first(content: dict[str, Any]) -> None:
         content["0"]["cam_R_w2c"] = [1, 0, 0, 0, 1, 0, 0, 0, 1]

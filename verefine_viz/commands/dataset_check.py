@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -10,23 +10,21 @@ from typing import get_args
 
 import numpy as np
 
-from verefine_viz.commands.dataset_parts import Parts
-from verefine_viz.commands.instance_check import unequal_counts
+from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
+from verefine_viz.commands.truth_check import check_truths
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.listing import first_of
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
-from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.jsonfile import read_json
 
 SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
-MOST_FAULTS = 3
-"""Faults of one kind that are named."""
 
 
 def splits_of(folder: Path) -> tuple[str, ...]:
@@ -50,9 +48,14 @@ def check_split(folder: Path, split: str) -> Parts:
     try:
         dataset = BopDataset(folder, split)
     except VerefineError as error:
-        parts.add("models", str(error), "fetch the archive with the models and unpack it here")
-        parts.leave("all the rest", "not looked at, because there are no models yet")
-        parts.before_all = "models; nothing else was looked at"
+        if any(folder.glob("models*/obj_*")):
+            parts.add("models", "damaged", str(error))
+            parts.leave("all the rest", "not looked at, because the models cannot be read")
+            parts.before_all = f"models that can be read ({error}); nothing else was looked at"
+        else:
+            parts.add("models", str(error), "fetch the archive with the models and unpack it here")
+            parts.leave("all the rest", "not looked at, because there are no models yet")
+            parts.before_all = "models; nothing else was looked at"
         return parts
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
@@ -87,6 +90,8 @@ def _check_models(dataset: BopDataset, parts: Parts) -> None:
         except VerefineError as error:
             broken.append(str(error))
     parts.models = len(broken) < len(library.ids)
+    if not library.ids:
+        broken.append("expected meshes, obj_000001.ply and so on: fetch the archive with the models and unpack it here")
     parts.add("models", f"{len(library.ids)} in {library.folder.name}/", "; ".join([*broken, *notes]))
     if not (dataset.folder / "models_eval").is_dir() and library.folder.name != "models_eval":
         parts.add(
@@ -112,7 +117,10 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     why = "no scene_camera.json lists any; nothing else was looked at"
     for scene_id in dataset.scene_ids:
         try:
-            frames += [(scene_id, im_id) for im_id in dataset.image_ids(scene_id)]
+            mine = dataset.image_ids(scene_id)
+            frames += [(scene_id, im_id) for im_id in mine]
+            if not mine:
+                parts.add(f"scene {scene_id}", "no frames", "its scene_camera.json lists none")
         except VerefineError as error:
             parts.add(f"scene {scene_id}", "cannot be used", str(error))
             why = str(error)
@@ -206,15 +214,18 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     ]
     detections = dataset.detection_files()
     parts.masks, parts.detections = (*kinds, *detections), bool(detections)
-    none = "" if parts.masks else "masks are needed: a folder mask_visib/ per scene, or a detections JSON"
+    none = "" if parts.masks else f"masks are needed: {_without_masks(scenes)}, or a detections JSON"
     faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
     parts.add("masks", ", ".join(parts.masks) or "none", none or first_of(faults, MOST_FAULTS, "; "))
-    try:
-        truths = {ids: dataset.ground_truth(*ids) or () for ids in sampled}
-    except VerefineError as error:
-        parts.add("ground truth", "damaged", str(error))
-        return
-    _check_truths(dataset, truths, parts)
+    check_truths(dataset, sampled, parts)
+
+
+def _without_masks(scenes: Sequence[Path]) -> str:
+    """What lacks; folders of masks count where every scene has one."""
+    lacking = [scene.name for scene in scenes if not any((scene / kind).is_dir() for kind in get_args(MaskFolder))]
+    if not lacking or len(lacking) == len(scenes):
+        return "a folder mask_visib/ per scene"
+    return f"a folder mask_visib/ in every scene, also in {first_of(lacking, MOST_FAULTS)}"
 
 
 def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder]) -> Iterator[str]:
@@ -226,28 +237,6 @@ def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[Mask
                 dataset.mask(*ids, truth.gt_id, kind, shape)
             except VerefineError as error:
                 yield str(error)
-
-
-def _check_truths(dataset: BopDataset, truths: Mapping[tuple[int, int], Sequence[GroundTruth]], parts: Parts) -> None:
-    n_with = sum(bool(mine) for mine in truths.values())
-    parts.ground_truth = n_with > 0
-    faults = [t.fault for mine in truths.values() for t in mine if t.fault][:3]
-    if parts.masks and not parts.names_objects:
-        faults.append(
-            "nothing says which object is where: add scene_gt.json to the scenes, or a detections JSON (its name "
-            f"holds “detect”) to {dataset.folder}"
-        )
-    strangers = sorted({t.obj_id for mine in truths.values() for t in mine} - set(dataset.models.ids))
-    if strangers:
-        faults.append(f"there is no model of object {', '.join(map(str, strangers))}; its instances are left out")
-    where = f"in {n_with} of {len(truths)} frames looked at"
-    parts.add("ground truth", where if n_with else "none: nothing can be measured, only looked at", "; ".join(faults))
-    unequal = first_of(unequal_counts(dataset), MOST_FAULTS, "; ")
-    if unequal:
-        needed = (
-            "all must list the same instances in the same order; evaluate refuses images where scene_gt_info differs"
-        )
-        parts.add("instances", "not the same in all files", f"{unequal}; {needed}")
 
 
 def _splits(folder: Path) -> list[str]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+MOST_FAULTS = 3
+"""Faults of one kind that are named."""
+
 
 @dataclass
 class Finding:
@@ -30,6 +33,8 @@ class Parts:
     detections: bool = False
     """Whether some of the masks are detections, which say themselves which object they are of."""
     ground_truth: bool = False
+    damaged_truth: str = ""
+    """What is wrong with the ground truth where none of it can be used; empty where there is none, or some is good."""
     scoring: str = ""
     """What BOP scores lack besides ground truth and depth; empty = nothing."""
     frames: int = 0
@@ -59,8 +64,9 @@ def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
 def _by_part(parts: Parts) -> list[tuple[str, str]]:
     scored = [word for word, there in (("models", parts.models), ("depth", parts.depth)) if not there]
     basics = [*scored, *([] if parts.masks else ["masks"])]
-    truth = [] if parts.ground_truth else ["scene_gt.json"]
-    unnamed = "what says which object is where: scene_gt.json, or a detections JSON"
+    damaged = f"ground truth that can be read ({parts.damaged_truth})" if parts.damaged_truth else ""
+    truth = [] if parts.ground_truth else [damaged or "scene_gt.json"]
+    unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"
     named = [unnamed] if parts.masks and not parts.names_objects else []
     some = 0 < parts.with_camera_pose < parts.frames
     how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
