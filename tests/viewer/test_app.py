@@ -330,4 +330,4 @@ def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
 def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
     run, physics = app.page.layout.run, app.page.layout.physics
     assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
-    assert physics.edit.order < physics._edited._handle.order < physics._standing._handle.order
+    assert physics.edit.order < physics._words._handle.order < physics._standing._handle.order

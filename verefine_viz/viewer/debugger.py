@@ -136,7 +136,7 @@ class Debugger:
         self.look = self.look.moved()
 
     def view(self, deep: bool = True) -> View:
-        """What is to be seen now; without score maps and plausibility if not ``deep``."""
+        """What is to be seen now; if not ``deep`` without score maps, and plausibility only of an edited pose."""
         return view_of(self, deep)
 
     # What the commands do

@@ -32,7 +32,7 @@ _SIZE = 92
 
 
 def standing_html(view: View) -> str:
-    """Plausibility before the simulation and of the kept pose; empty where it is not known."""
+    """Plausibility before the simulation, of the kept and of the edited pose; empty where it is not known."""
     support = view.target.observation.support
     if not view.plausible or support is None:
         return ""
@@ -55,7 +55,7 @@ def standing_html(view: View) -> str:
     return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div>{note}'
 
 
-_WHEN = {"current": "Before", "accepted": "Kept", "best": "Answer"}
+_WHEN = {"current": "Before", "accepted": "Kept", "best": "Answer", "edited": "Edited"}
 _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("gap mm", "distance to the nearest surface", lambda p: f"{p.gap_mm:.1f}"),
     ("overlap mm", "deepest penetration, and into what", lambda p: _overlap(p)),
@@ -79,7 +79,9 @@ def _overlap(found: Any) -> str:
 
 
 def telling(view: View) -> str | None:
-    """The stage whose support is drawn: the kept pose, unless the one before the simulation could not stand."""
+    """The stage whose support is drawn: edited, or else kept, unless the pose before the simulation could not stand."""
+    if "edited" in view.plausible:
+        return "edited"
     before = view.plausible.get("current")
     if before is not None and (not before.is_stable or "accepted" not in view.plausible):
         return "current"
@@ -109,8 +111,9 @@ def _drawing(view: View) -> str:
     x, y = place(centre)[0]
     color = LIGHTS[verdict(found, view.scene.object(view.target.instance.instance_id), view.scene).light]
     title = f"{_WHEN[name].lower()}, from above: object (dots), support polygon, centre of mass (cross)"
+    shrinks = f"flex:0 1 {_SIZE}px;min-width:44px;height:{_SIZE}px"
     return (
-        f'<svg width="{_SIZE}" height="{_SIZE}" style="flex:none"><title>{text(title)}</title>'
+        f'<svg viewBox="0 0 {_SIZE} {_SIZE}" style="{shrinks}"><title>{text(title)}</title>'
         f'<g fill="currentColor" opacity="0.25">{dots}</g>'
         f'<polygon points="{corners}" fill="rgb{color}" fill-opacity="0.25" stroke="rgb{color}" stroke-width="2"/>'
         f'<path d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10" stroke="currentColor" stroke-width="2"/></svg>'

@@ -125,8 +125,8 @@ class View:
     a: Side | None
     b: Side | None
     plausible: dict[str, Any]
-    """Plausibility by stage: of the pose before the simulation ("current") and of the one that was kept ("accepted");
-    empty where it is not known."""
+    """Plausibility by stage, where it is known: of the pose before the simulation ("current"), of the one that was kept
+    ("accepted") or the answer ("best"), and of the one under the hand ("edited")."""
     initial_errors: tuple[PoseErrors | None, ...]
     """Per hypothesis of the object in focus."""
     error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]
@@ -144,7 +144,8 @@ class View:
     physics: ScenePhysics
     """What is known by now about the scene."""
     deep: bool = True
-    """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs."""
+    """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
+    pose is edited plausibility always is: it has to follow the hand."""
     message: str = ""
     """What just happened or went wrong, in a sentence."""
     refused: bool = False
@@ -169,6 +170,11 @@ class View:
     def is_whole_scene(self) -> bool:
         """Whether panels show the scene instead of one object."""
         return self.look.whole_scene and len(self.scene.objects) > 1
+
+    @property
+    def has_judged_standing(self) -> bool:
+        """Whether ``plausible`` is up to date."""
+        return self.deep or self.look.edited is not None
 
     @property
     def n_arms(self) -> int:

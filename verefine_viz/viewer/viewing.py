@@ -102,7 +102,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         look=look,
         a=a,
         b=b,
-        plausible=_plausible(judge, target, poses, scene) if deep else {},
+        plausible=_plausible(judge, target, poses, scene) if deep or look.edited is not None else {},
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, iterations),
         truth=truth,
@@ -196,16 +196,21 @@ def _poses(
 
 
 def _plausible(judge: Judge, target: Target, poses: dict[str, Judged], scene: SceneNow) -> dict[str, Any]:
-    """Of the poses whose standing is shown; among other objects only what was worked out already."""
+    """Of the poses whose standing is shown; among other objects only what was worked out already, and of the pose under
+    the hand at once: whoever moves it waits for nothing else.
+    """
     others = others_of(scene, target.instance.instance_id)
-    ask = judge.known_plausibility if others else judge.plausibility
-    found = {k: ask(target, poses[k].T_cam_obj, others) for k in standing(poses)}
+    found = {}
+    for k in standing(poses):
+        ask = judge.known_plausibility if others and k != "edited" else judge.plausibility
+        found[k] = ask(target, poses[k].T_cam_obj, others)
     return {k: v for k, v in found.items() if v is not None}
 
 
 def standing(poses: dict[str, Judged]) -> tuple[str, ...]:
-    """Poses whose plausibility is told: before the simulation and what was kept, or the answer."""
-    return tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
+    """Poses whose plausibility is told: before the simulation and what was kept, or the answer; then the edited one."""
+    told = tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
+    return (*told, *(k for k in ("edited",) if k in poses))
 
 
 def later(view: View, judge: Judge) -> Iterator[None]:

@@ -7,6 +7,7 @@ from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import SEARCH
 from verefine_viz.viewer.answer import beside_answer
 from verefine_viz.viewer.correct import is_correct
+from verefine_viz.viewer.edited_words import edited_error
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
 from verefine_viz.viewer.pose_words import errors_in_words, movement, turn
 from verefine_viz.viewer.revealing import is_revealed
@@ -82,6 +83,9 @@ def truth(view: View) -> str:
     best = view.poses.get("best")
     if best is None or best.errors is None or best.score is None or view.truth.score is None:
         return f"{view.name} has no pose to measure."
+    by_hand = edited_error(view)
+    if by_hand:
+        return f"{by_hand} The best pose so far is off by {best.errors.add_s_mm:.1f} mm."
     verdict = "correct" if is_correct(best.errors) else "wrong"
     what = "answer" if best.is_of_best_scene else "best pose"
     way = turning_on(view.target, best.T_cam_obj)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import viser
 
-from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.markup import note, sentence, warning
+from verefine_viz.viewer.edited_words import edited_score
+from verefine_viz.viewer.markup import sentence, warning
 from verefine_viz.viewer.panels.pose_numbers import PoseNumbers
 from verefine_viz.viewer.plane import doubt
-from verefine_viz.viewer.pose_words import errors_in_words
 from verefine_viz.viewer.revealing import is_revealed
 from verefine_viz.viewer.standing import standing_html
 from verefine_viz.viewer.tables import changes_table, contacts_table
@@ -22,14 +21,13 @@ class PhysicsPanel:
     """Changes per stage, the simulated path with its contacts, plausibility, and moving a pose by hand."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._words = Block(gui)
         # No hint: it would cover the numbers below while the pointer rests on a button that was pressed.
         self.edit = gui.add_button_group("By hand", ["Edit pose", "Continue from here", "Cancel"])
         gui.add_html(f"<style>{unlabelled(self.edit)}</style>")
         actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
         self.edit.on_click(by_person(lambda v: send(actions[v])))
         self.numbers = PoseNumbers(gui, send)
-        self._edited = Block(gui)
+        self._words = Block(gui)  # Below: while a pose is moved it changes, and must not push what moves it.
         self._standing = Block(gui)
         self._changes = Block(gui)
         self.path = gui.add_slider("Sim. pose", 0, 1, 1, 0, hint="0 = start, then one per step", visible=False)
@@ -40,8 +38,9 @@ class PhysicsPanel:
 
     def show(self, view: View) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
-        self._words.show(sentence(physics(view)) + plane_warning(view))
-        if view.deep:
+        # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
+        self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
+        if view.has_judged_standing:
             self._standing.show(standing_html(view))
         self._changes.show(changes_table(view))
         path = view.shown.path if view.shown and is_revealed(view, "simulated") else None
@@ -52,7 +51,6 @@ class PhysicsPanel:
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(view) if path is not None else "")
         self.numbers.show(view)
-        self._edited.show(note(edited_words(view)) if view.look.edited is not None else "")
 
 
 def plane_warning(view: View) -> str:
@@ -60,17 +58,3 @@ def plane_warning(view: View) -> str:
     support = view.target.observation.support
     said = doubt(support) if support is not None else ""
     return warning(said) if said else ""
-
-
-def edited_words(view: View) -> str:
-    """What the pose under the hand scores."""
-    edited, kept = view.poses.get("edited"), view.poses.get("accepted") or view.poses.get("current")
-    if edited is None or edited.score is None:
-        return ""
-    said = f"Hypothesis {view.arm + 1} by hand scores {edited.score.score:.3f}"
-    if edited.errors is not None:
-        said += f" and is {errors_in_words(edited.errors, turning_on(view.target, edited.T_cam_obj))}"
-    if kept is not None and kept.score is not None:
-        said += f"; the {kept.name} pose has {kept.score.score:.3f}"
-    how = "Drag it in 3D, or type how far it is moved and turned (about its origin) from where you began"
-    return f"{said}. {how}; Continue from here makes a new branch."

@@ -1,0 +1,79 @@
+"""What panels say of the pose under the hand, as soon as it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_verdict import sunk
+from tests.viewer.tools import FakeTools
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.physics.plausibility import Plausibility
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.edited_words import edited_score
+from verefine_viz.viewer.pair_words import compared
+from verefine_viz.viewer.standing import standing_html, telling
+from verefine_viz.viewer.words import truth
+
+
+def deep_by_x(moving: Placed, others: Sequence[Placed], support: Support) -> Plausibility:
+    """Every pose sinks into the support plane, by as many millimetres as it has centimetres of x."""
+    x_m = float(moving.T_cam_obj[0, 3])
+    return replace(sunk(-1, 100 * x_m), polygon_cam=np.zeros((3, 3)))
+
+
+def moved(x_m: float) -> c.DragPose:
+    return c.DragPose(tuple(float(x) for x in transform(np.eye(3), [x_m, 0.08, 0.7]).ravel()))
+
+
+@pytest.fixture(params=["0/1", "0/2"])
+def debugger(request: pytest.FixtureRequest) -> Debugger:
+    """After an iteration; one object, or two."""
+    session = Session(title="boxes", method=MethodSettings(iterations=2))
+    opened = Debugger(session, None, FakeTools, plausibility=deep_by_x)
+    return opened.carry_out([c.OpenFrame(request.param), c.Step()])
+
+
+def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_drawn(debugger: Debugger) -> None:
+    assert ">edited</th>" not in standing_html(debugger.view())
+    for x_m, said in ((0.071, "7.1"), (0.093, "9.3")):
+        view = debugger.carry_out([c.EditPose(), moved(x_m)]).view(deep=False)
+        assert view.has_judged_standing
+        shown = standing_html(view)
+        assert ">edited</th>" in shown
+        assert f"Edited: Sinks {said} mm into the support plane." in shown
+        assert f"<td>{said} table</td>" in shown
+        assert telling(view) == "edited"
+    after = debugger.carry_out([c.EditPose(on=False)]).view()
+    assert ">edited</th>" not in standing_html(after)
+    assert telling(after) != "edited"
+
+
+def test_errors_and_score_say_that_they_judge_the_edited_pose(debugger: Debugger) -> None:
+    assert truth(debugger.view()).startswith("The best pose so far is")
+    view = debugger.carry_out([c.SelectArm(1), c.EditPose(), moved(0.071)]).view()
+    assert truth(view).startswith("The edited pose (hypothesis 2) is")
+    assert "wrong by the usual 10 %. The best pose so far is off by" in truth(view)
+    assert "Edited 0." in compared(view)
+    assert "The pose that you edit" not in compared(view)
+    score = view.poses["edited"].score
+    assert score is not None
+    other = debugger.carry_out([c.Compare(a="current", b="accepted")]).view()
+    assert f"The pose that you edit scores {score.score:.3f}; choose “edited” as A or B" in compared(other)
+
+
+def test_a_kept_pose_of_another_hypothesis_is_told_from_the_edited_one(debugger: Debugger) -> None:
+    shown = debugger.view().shown
+    assert shown is not None
+    same, other = shown.arm, (shown.arm + 1) % 3
+    assert "; the accepted pose has 0." in edited_score(debugger.carry_out([c.SelectArm(same), c.EditPose()]).view())
+    said = edited_score(debugger.carry_out([c.SelectArm(other), c.EditPose()]).view())
+    assert said.startswith(f"Hypothesis {other + 1} by hand scores 0.")
+    assert f"; the accepted pose (of hypothesis {same + 1}) has 0." in said
