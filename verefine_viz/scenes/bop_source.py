@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.listing import LONGEST_NUMBERS, listed
@@ -21,6 +19,7 @@ from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.fit import pose_notes, truth_notes
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
+from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.perturb import perturbed
 from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
@@ -106,7 +105,7 @@ class BopSource:
                 *model_notes,
                 *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
                 *pose_notes(self._results, instances, models),
-                *self._instance_notes(instances, models, image),
+                *instance_notes(instances, models, self._hypotheses.source, self._results),
             ),
             left_out=self._asked_for(of_frame.left_out) + without_model,
         )
@@ -183,33 +182,6 @@ class BopSource:
             segment.T_cam_obj_gt,
             segment.visib_fract,
         )
-
-    def _instance_notes(
-        self, instances: Sequence[Instance], models: dict[int, ObjectModel], image: BopImage
-    ) -> tuple[str, ...]:
-        notes: list[str] = []
-        for instance in instances:
-            name = f"{models[instance.obj_id].name} (#{instance.instance_id})"
-            if len(instance.points_cam) == 0:
-                notes.append(f"{name} has no depth inside its mask")
-            if not instance.hypotheses and self._hypotheses.source in ("results", "perturb"):
-                notes.append(f"{name} has no hypothesis: {self._why_no_pool(instance)}")
-            if instance.T_cam_obj_gt is not None and len(instance.points_cam):
-                seen_m, true_m = float(np.median(instance.points_cam[:, 2])), float(instance.T_cam_obj_gt[2, 3])
-                if true_m <= 0:
-                    notes.append(f"{name}: its ground truth lies behind the camera ({true_m:.3g} m)")
-                elif not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > models[instance.obj_id].diameter_m:
-                    notes.append(
-                        f"{name}: depth inside its mask is {seen_m:.3g} m, its ground truth says {true_m:.3g} m; "
-                        "check 'depth_scale' in scene_camera.json, and that 'cam_t_m2c' in scene_gt.json is in "
-                        "millimetres"
-                    )
-        return tuple(notes)
-
-    def _why_no_pool(self, instance: Instance) -> str:
-        if self._hypotheses.source == "results":
-            return f"no row for object {instance.obj_id} of this frame in {', '.join(r.method for r in self._results)}"
-        return "there is no ground truth to disturb; set hypotheses.source to 'results' and name results files"
 
     def _check_objects(self) -> None:
         library = self._dataset.models
