@@ -102,6 +102,12 @@ def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> N
     assert "Other objects and frames keep theirs, but their runs begin anew." in d.message
 
 
+def test_a_built_in_scene_opens_without_what_was_estimated_elsewhere(session: Session) -> None:
+    d = Debugger(session, None, Toolbox, demos=("mug",)).carry_out([ESTIMATE, c.OpenDemo("mug")])
+    assert d.workspace.session.scene.demo == "mug"
+    assert methods(d) == [{"perturbed"}]
+
+
 def test_an_object_that_is_not_there_is_refused_and_nothing_changes(session: Session) -> None:
     d = Debugger(session, None, Toolbox)
     with pytest.raises(InputError, match="unknown instance 9"):

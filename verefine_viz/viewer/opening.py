@@ -77,7 +77,7 @@ class Opening:
                 return
         old = workspace.tools.session
         scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
-        hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": ()})
+        hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
         update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
         workspace.open(old.model_copy(update=update), None)
 
