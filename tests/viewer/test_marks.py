@@ -12,7 +12,7 @@ from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.marks import MEANINGS, QUIET, RED, Mark
+from verefine_viz.viewer.marks import MEANINGS, QUIET, RED, Mark, once_per_object
 from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.panels.settings import NAME_PX
 from verefine_viz.viewer.panels.timeline import legend, shortened, strip
@@ -58,3 +58,15 @@ def test_marks_of_one_iteration_lie_beside_each_other() -> None:
 def test_a_long_name_is_shortened_to_fit_its_button() -> None:
     assert shortened("003_cracker_box", NAME_PX) == "003_cracker_…"
     assert shortened("mug", NAME_PX) == "mug"
+
+
+def test_what_stays_so_is_marked_once_per_object_and_says_how_often() -> None:
+    d = Debugger(Session(method=MethodSettings(iterations=2)), None, FakeTools)
+    made = d.carry_out([c.RunUntil("end")]).view().iterations[:5]
+    iterations = [replace(made[0], index=k + 1, instance_id=owner) for k, owner in enumerate((0, 0, 1, 0, 1))]
+    worse = [Mark(i.index, "physics_worse", "Worse.", RED) for i in iterations]
+    fell = Mark(4, "score_fell", "Fell.", RED)
+    marks = [[], [worse[1]], [worse[2]], [worse[3], fell], []]
+    found = once_per_object(list(zip(iterations, marks, strict=True)))
+    assert [(m.iteration, m.kind) for m in found] == [(2, "physics_worse"), (3, "physics_worse"), (4, "score_fell")]
+    assert [m.text for m in found] == ["Worse. So it is in 2 of 3 iterations of this object.", "Worse.", "Fell."]

@@ -12,7 +12,7 @@ from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
 from verefine_viz.viewer.changes import in_order, merged
 from verefine_viz.viewer.judge import Judge
-from verefine_viz.viewer.marks import Mark, marks_of
+from verefine_viz.viewer.marks import Mark, marks_of, once_per_object
 from verefine_viz.viewer.sides import Sides
 from verefine_viz.viewer.tools import Tools
 
@@ -59,7 +59,7 @@ class Branch:
             growth = after.add_s_mm - before.add_s_mm if before and after else None
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
-        return tuple(m for i, marks in pairs if instance_id in (None, i.instance_id) for m in marks)
+        return once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
 
     def doubts(self) -> tuple[str, ...]:
         """What of the data does not fit together: as true poses show it, else its first poses and then its answers."""

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from verefine_viz.core.palette import EVENT_COLORS, RGB
 from verefine_viz.core.records import Event, Iteration
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
+
+ONCE = frozenset({"physics_worse"})
+"""Stays so for an object that stands on another one, or on a wrong plane: marked where it first happens to an object.
+
+With every iteration marked, nothing is: in a frame whose eraser lies on a box 25 of 75 iterations of RIR were, in the
+built-in stack 116 of 225, and the score fell in none of them. Where it does fall, that is a mark of its own.
+"""
 
 RED = (220, 50, 47)
 FALL = 0.01
@@ -33,7 +41,8 @@ class Meaning:
 MEANINGS: tuple[Meaning, ...] = (
     Meaning(
         "trouble",
-        "The score fell, the simulated pose scores far less than the pose it began with, the object would tip where "
+        "The score fell, the simulated pose scores far less than the pose it began with (marked the first time that it "
+        "happens to an object, with how often), the object would tip where "
         "the simulation leaves it, a pose rendered to nothing or its score is not a number, the refiner found nothing "
         "to hold on to, or the error against ground truth grew although the score did not fall.",
         RED,
@@ -116,6 +125,27 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
             f"The score rose ({before.score:.3f} → {after.score:.3f}) while the error grew by {error_growth_mm:.1f} mm."
         )
         found.append(Mark(iteration.index, "error_grew", text, RED))
+    return tuple(found)
+
+
+def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:
+    """The marks of iterations in their order; of those that stay so (:data:`ONCE`) the first of each object, which says
+    how often it happens.
+    """
+    total = Counter(iteration.instance_id for iteration, _ in marked)
+    times = Counter((i.instance_id, m.kind) for i, marks in marked for m in marks if m.kind in ONCE)
+    found: list[Mark] = []
+    for iteration, marks in marked:
+        for mark in marks:
+            # Taken out where it is told, so that there is none left for the next one.
+            n = times.pop((iteration.instance_id, mark.kind), 0)
+            if mark.kind not in ONCE:
+                found.append(mark)
+            elif n:
+                often = (
+                    f" So it is in {n} of {total[iteration.instance_id]} iterations of this object." if n > 1 else ""
+                )
+                found.append(replace(mark, text=mark.text + often))
     return tuple(found)
 
 

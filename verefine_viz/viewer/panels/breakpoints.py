@@ -42,7 +42,8 @@ FLAGS = {
     "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
     "physics_worse": (
         "physics worse",
-        "the simulated pose scores at least 0.2 less than the pose it began with: a red mark on the timeline",
+        "the simulated pose scores at least 0.2 less than the pose it began with; the timeline marks the first of each "
+        "object",
     ),
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
