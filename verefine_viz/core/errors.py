@@ -23,10 +23,6 @@ class ShapeError(VerefineError):
     """An array does not have the shape, type or values (finite, rigid, …) that were asked for."""
 
 
-class NoHypothesisError(VerefineError):
-    """An object has no initial pose to start from."""
-
-
 class NoSupportError(VerefineError):
     """No support plane or gravity is known, and the request needs physics."""
 

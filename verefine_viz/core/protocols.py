@@ -6,7 +6,7 @@ Every answer depends on the arguments only: the same call after any history give
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Observation, Support
@@ -173,6 +173,3 @@ class Watcher(Protocol[S_contra]):
     def on_start(self, state: S_contra) -> None: ...
     def on_iteration(self, state: S_contra, iteration: Iteration) -> None: ...
     def on_finish(self, state: S_contra) -> None: ...
-
-
-AnyMethod = Method[Any]
