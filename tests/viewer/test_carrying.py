@@ -109,13 +109,13 @@ def test_an_object_near_the_table_stands_on_it() -> None:
     assert carried(replace(blind, problem=replace(blind.problem, instances=instances))) == ()
 
 
-def test_height_is_that_of_the_lowest_point() -> None:
+def test_height_is_that_of_the_lowest_vertex() -> None:
     target = view_of(raised(0.05)).problem.targets[-1]
     support, truth = target.observation.support, target.instance.T_cam_obj_gt
     assert support is not None
     assert truth is not None
     heights = []
-    for point in target.model.points:
+    for point in target.model.vertices:
         in_world = support.T_world_cam @ truth @ np.append(point, 1.0)
         heights.append(in_world[:3] @ support.normal_world)
     assert height_above_plane_m(target) == pytest.approx(min(heights))

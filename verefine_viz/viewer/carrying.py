@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from verefine_viz.core.geometry import apply
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.scene_now import labels_of
@@ -57,12 +56,13 @@ def _carried(problem: Problem) -> tuple[Carried, ...]:
 
 
 def height_above_plane_m(target: Target) -> float | None:
-    """How high the lowest point of an object is above the support plane, by ground truth [m]; None without either."""
+    """How high the lowest vertex of an object is above the support plane, by ground truth [m]; None without either."""
     T_cam_obj, support = target.instance.T_cam_obj_gt, target.observation.support
     if T_cam_obj is None or support is None:
         return None
-    points_world = apply(support.T_world_cam @ T_cam_obj, target.model.points)
-    return float((points_world @ support.normal_world).min())
+    T_world_obj, up = support.T_world_cam @ T_cam_obj, support.normal_world
+    # Turning the normal, not the vertices: the page asks this several times whenever it is drawn.
+    return float((target.model.vertices @ (T_world_obj[:3, :3].T @ up)).min() + T_world_obj[:3, 3] @ up)
 
 
 def alone_warning(view: View) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from verefine_viz.core.problem import Target
 from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
+from verefine_viz.viewer.carrying import height_above_plane_m
 from verefine_viz.viewer.scene_now import ObjectNow, SceneNow
 
 Light = Literal["green", "amber", "red", "grey"]
@@ -34,22 +34,12 @@ def verdict(found: Any, o: ObjectNow, scene: SceneNow) -> Verdict:
             return Verdict("grey", f"{said}, which still waits at its first pose: nothing can be said yet.")
         return Verdict(found.light, f"{said}.")
     if found.light == "red" and found.penetrates == PLANE_ID and found.penetration_mm > 1e3 * IMPOSSIBLE_M:
-        true_mm = _true_depth_mm(o.target)
+        height_m = height_above_plane_m(o.target)
+        true_mm = 0.0 if height_m is None else -1e3 * height_m
         if true_mm > 0 and found.penetration_mm - true_mm <= 1e3 * IMPOSSIBLE_M:
             so = f"so does the true pose, by {true_mm:.1f} mm: it is the plane found that is off here"
             return Verdict("amber", f"{found.sentence.removesuffix('.')}; {so}.")
     return Verdict(found.light, found.sentence)
-
-
-def _true_depth_mm(target: Target) -> float:
-    """How deep the true pose sinks into the support plane; 0 where it does not, or is not known [mm]."""
-    T_cam_obj, support = target.instance.T_cam_obj_gt, target.observation.support
-    if T_cam_obj is None or support is None:
-        return 0.0
-    T_world_obj, up = support.T_world_cam @ T_cam_obj, support.normal_world
-    # Turning the normal, not the vertices: this is asked several times whenever the page is drawn.
-    lowest_m = float((target.model.vertices @ (T_world_obj[:3, :3].T @ up)).min() + T_world_obj[:3, 3] @ up)
-    return max(-1e3 * lowest_m, 0.0)
 
 
 def is_placeholder(o: ObjectNow) -> bool:
