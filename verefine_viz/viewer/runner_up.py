@@ -10,9 +10,11 @@ from verefine_viz.viewer.plays import BEST_OF_ALL
 from verefine_viz.viewer.view import View
 
 NO_LEAD = 1e-6
+"""A smaller lead is none [score]."""
 NEAR_TIE = 0.03
-"""A smaller lead says little about which pose is better. Of refined pairs on real frames, the one that scores less is
-more than 1 mm nearer the truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never beyond."""
+"""A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
+less is more than 1 mm nearer the truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
+beyond."""
 WORTH_MM = 1.0
 """A runner-up that is nearer to the truth by less is as good."""
 

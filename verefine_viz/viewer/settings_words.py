@@ -15,7 +15,7 @@ MOST = 3
 
 
 def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any], cursor: int) -> str:
-    """As in: Not usual: c 0.4, not 0.7. Change a field, then restart or fork.
+    """As in: As recommended, but c 0.4, not 0.7. Changes wait for Restart or Fork.
 
     Args:
         session: the settings that hold.

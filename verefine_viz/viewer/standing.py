@@ -10,6 +10,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB
+from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer.markup import text
 from verefine_viz.viewer.plane import share_hint
 from verefine_viz.viewer.verdict import verdict
@@ -75,7 +76,7 @@ _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
 def _overlap(found: Any) -> str:
     if found.penetrates is None:
         return "none"
-    return f"{found.penetration_mm:.1f} {'table' if found.penetrates == -1 else 'object'}"
+    return f"{found.penetration_mm:.1f} {'table' if found.penetrates == PLANE_ID else 'object'}"
 
 
 def telling(view: View) -> str | None:

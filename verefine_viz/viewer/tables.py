@@ -5,6 +5,7 @@ from __future__ import annotations
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
+from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
 from verefine_viz.viewer.look import STAGES
@@ -125,7 +126,7 @@ def contacts_table(view: View, most: int = 8) -> str:
     rows = [
         Row(
             [
-                "table" if contacts.others[i] == -1 else text(names.get(int(contacts.others[i]), "object")),
+                "table" if contacts.others[i] == PLANE_ID else text(names.get(int(contacts.others[i]), "object")),
                 f"{contacts.depths_m[i] * 1000:.2f}",
                 f"{contacts.forces_n[i]:.1f}",
             ]
