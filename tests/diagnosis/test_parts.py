@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 from bench.made_up_frames import CAMERA, frame_of, level, model, moved, near, small_carton, standing
 from bench.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
-from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.errors_of import ErrorOf
 from verefine_viz.diagnosis.plane import carrying_plane
 from verefine_viz.diagnosis.registration import registration
 from verefine_viz.diagnosis.symmetry import nearby_symmetry
-from verefine_viz.diagnosis.table import COLUMNS, causes_csv, counted
 from verefine_viz.diagnosis.truth import FrameTruth
 from verefine_viz.evaluation.errors import pose_errors
 
@@ -134,15 +132,3 @@ def test_the_outline_is_what_is_seen_of_the_object() -> None:
 def test_level_directions_are_level() -> None:
     assert level(1.3)[2] == 0
     assert np.linalg.norm(level(1.3)) == pytest.approx(1)
-
-
-def test_causes_are_written_and_counted() -> None:
-    other = Finding(Cause.SCORE, "Score.", {"score": 0.5}, False)
-    one = Diagnosis(3, Cause.MASK, 'It says "no".', {"leak_share": 0.3, "error": float("inf")}, True, (other,), 1)
-    two = replace(one, instance_id=4, cause=Cause.POOL, others=())
-    lines = causes_csv({"48/1": (one, two), "50/2": (), "50/3": (two,)}).splitlines()
-    assert lines[0] == ",".join(COLUMNS)
-    assert lines[1].startswith('48,1,3,mask,mask leaks or misses,1,"It says ""no"".",score,1,')
-    assert "Infinity" not in lines[1]
-    assert len(lines) == 4
-    assert counted([one, two, two]) == {Cause.POOL: 2, Cause.MASK: 1}
