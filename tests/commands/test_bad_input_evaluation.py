@@ -24,7 +24,7 @@ from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import Made, cut, make
 from verefine_viz import cli
 from verefine_viz.batch import cluster, pool
-from verefine_viz.commands.dataset_check import splits_of
+from verefine_viz.commands.splits import splits_of
 from verefine_viz.scenes.results import HEADER
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"

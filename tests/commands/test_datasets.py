@@ -17,9 +17,10 @@ from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from tests.scenes.sizes import scene, written
 from verefine_viz.commands.dataset_catalogue import CATALOGUE
-from verefine_viz.commands.dataset_check import check_split, splits_of
+from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
+from verefine_viz.commands.splits import splits_of
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 
 
@@ -323,6 +324,13 @@ def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
         splits_of(tmp_path / "none")
     (tmp_path / "test").mkdir()
     with pytest.raises(InputError, match="holds no split with scenes"):
+        splits_of(tmp_path)
+
+
+def test_of_many_data_sets_in_a_folder_the_first_are_named_and_how_many_more_there_are(tmp_path: Path) -> None:
+    for k in range(8):
+        (tmp_path / f"data{k}" / "test" / "000001").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"did you mean \S+/data0 or .*/data5 and 2 more\?$"):
         splits_of(tmp_path)
 
 

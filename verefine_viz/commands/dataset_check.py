@@ -27,21 +27,6 @@ SAMPLES = 6
 """Frames of a split that are opened, spread evenly."""
 
 
-def splits_of(folder: Path) -> tuple[str, ...]:
-    """The folders in a data set that hold scenes.
-
-    Raises:
-        InputError: the folder does not exist, or holds none.
-    """
-    if not folder.is_dir():
-        why = "is a file" if folder.exists() else "does not exist"
-        raise InputError(f"{folder} {why}; give the folder that holds models/ and the splits (test/, …)")
-    found = _splits(folder)
-    if not found:
-        raise InputError(f"{folder} holds no split with scenes; {_meant(folder)}")
-    return tuple(found)
-
-
 def check_split(folder: Path, split: str) -> Parts:
     """Looks at one split of a data set. What is missing or wrong is a finding, not an error."""
     parts = Parts()
@@ -237,21 +222,3 @@ def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[Mask
                 dataset.mask(*ids, truth.gt_id, kind, shape)
             except VerefineError as error:
                 yield str(error)
-
-
-def _splits(folder: Path) -> list[str]:
-    return [d.name for d in sorted(folder.iterdir()) if d.is_dir() and any(_scene_folders(d))]
-
-
-def _meant(folder: Path) -> str:
-    """Which folder a person may have meant who named one without splits."""
-    if any(_scene_folders(folder)):
-        return f"it is a split itself: name the data set's folder, {folder.resolve().parent}"
-    inside = [d for d in sorted(folder.iterdir()) if d.is_dir() and _splits(d)]
-    if inside:
-        return f"did you mean {' or '.join(map(str, inside[:5]))}?"
-    return f"expected for example {folder / 'test' / '000001'}"
-
-
-def _scene_folders(split: Path) -> Iterator[Path]:
-    return (d for d in split.iterdir() if d.is_dir() and d.name.isdecimal())

@@ -65,8 +65,9 @@ def _check(folder: Path) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from verefine_viz.commands.dataset_check import check_split, splits_of
+    from verefine_viz.commands.dataset_check import check_split
     from verefine_viz.commands.dataset_parts import what_can_be_run
+    from verefine_viz.commands.splits import splits_of
 
     console = Console(highlight=False)
     looks: list[str] = []
