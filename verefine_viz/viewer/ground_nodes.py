@@ -28,14 +28,9 @@ class GroundNodes:
         self._grid = scene.add_grid(
             "/world/grid", side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
             section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
+            plane_color=(120, 150, 190), plane_opacity=0.22,
         )  # fmt: skip
         place(self._grid, T)
-        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * side / 2
-        self._plane = scene.add_mesh_simple(
-            "/world/plane", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=(120, 150, 190), opacity=0.22,
-            side="double", cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
-        place(self._plane, T)
         radius = float(np.percentile(np.linalg.norm(points - points.mean(axis=0), axis=1), 90))
         away = apply(T_world_cam, np.zeros((1, 3)))[0] - centre
         beside = np.cross(away, [0.0, 0.0, 1.0])
@@ -53,5 +48,5 @@ class GroundNodes:
     def show(self, view: View) -> None:
         """Shows or hides it; where no support is known there is nothing to show."""
         layers, is_known = view.look.layers, view.problem.observation.support is not None
-        self._plane.visible = self._grid.visible = "plane" in layers and is_known
+        self._grid.visible = "plane" in layers and is_known
         self._gravity.visible = "gravity" in layers and is_known

@@ -76,9 +76,10 @@ class StageNodes:
         self._ghosts = None
         if n_arms:
             colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
+            # Front faces alone: transparent ones of both sides are drawn in two passes, which software renderers feel.
             self._ghosts = scene.add_batched_meshes_simple(
                 f"/cam/hypotheses/{key}", vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
-                batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.16, lod="off", side="double",
+                batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.25, lod="off", side="front",
                 cast_shadow=False, receive_shadow=False, visible=False,
             )  # fmt: skip
 
