@@ -13,6 +13,7 @@ from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import make_method
 from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
 
@@ -37,7 +38,8 @@ class FakeTools:
     def problem(self, frame: str) -> Problem:
         if frame not in self.frames:
             raise InputError(f"no frame {frame}")
-        return box_problem(n_hypotheses=3, n_instances=int(frame[-1]), seed=3)
+        n = int(frame[-1])
+        return replace(box_problem(n_hypotheses=3, n_instances=n, seed=3), im_id=n)
 
     def changed(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
         return type(self)(changed(self.session, settings))
@@ -51,4 +53,5 @@ class FakeTools:
 
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         changes = {c.after_iteration: self.changed(c.settings).method for c in self.session.changes}
-        return Run(self.method, problem, watchers, self.session.edits, changes)
+        edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1)
+        return Run(self.method, problem, watchers, edits, changes)

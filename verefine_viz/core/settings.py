@@ -181,6 +181,8 @@ class Edit(Settings):
     """Index of the hypothesis, from 0."""
     T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
     """The new pose, row by row [m]."""
+    frame: str = ""
+    """The frame in which it was moved, as "scene/image"; "" = every frame that has the hypothesis."""
 
 
 class Change(Settings):

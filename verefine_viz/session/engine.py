@@ -226,7 +226,10 @@ class Run:
         if edit is not None:
             instance_id, arm, T_cam_obj = edit
             values = tuple(float(x) for x in np.asarray(T_cam_obj).ravel())
-            edits = (*edits, Edit(after_iteration=k, instance=instance_id, hypothesis=arm, T_cam_obj=values))
+            edit_here = Edit(
+                after_iteration=k, instance=instance_id, hypothesis=arm, T_cam_obj=values, frame=self.problem.frame
+            )
+            edits = (*edits, edit_here)
         plan = Plan(self._plan.method, changes, edits)
         last = plan.after(k, self._made[k - 1]) if k else plan.begun(self.problem)
         forked = Run.__new__(Run)

@@ -22,6 +22,7 @@ from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
 
@@ -201,9 +202,8 @@ class Toolbox:
                 self.simulator.collider(target.model)
 
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
-        """A run of the session's method on ``problem``, with the edits and changes that the session holds."""
+        """A run of the session's method on ``problem``, with its frame's edits and the changes of the session."""
         self.prepare(problem)
         changes = {k: toolbox.method for k, toolbox in self._later}
-        ids = {i.instance_id for i in problem.instances}
-        edits = [e for e in self.session.edits if e.instance in ids]
+        edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
         return Run(self.method, problem, watchers, edits, changes)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from verefine_viz.core.settings import Edit
@@ -13,14 +15,28 @@ MOST = 3
 
 
 def moved_by_hand(view: View) -> str:
-    """Which hypotheses the open run moves, when and how far; "" where it moves none of this frame.
+    """Which hypotheses the open run moves, when and how far, and which poses the session moves in other frames.
 
-    As in: Hypothesis 4 was moved by hand before iteration 1, 12.0 mm and 20.0° from its first pose.
+    As in: Hypothesis 4 was moved by hand before iteration 1, 12.0 mm and 20.0° from its first pose. "" where none is.
     """
-    ids = [o.instance_id for o in view.scene.objects]
-    edits = [edit for edit in view.session.edits if edit.instance in ids]
-    said = " ".join(_one(view, edit) for edit in edits[:MOST])
-    return f"{said} {len(edits) - MOST} more are moved by hand." if len(edits) > MOST else said
+    edits = view.edits
+    said = [_one(view, edit) for edit in edits[:MOST]]
+    if len(edits) > MOST:
+        said.append(f"{len(edits) - MOST} more are moved by hand.")
+    elsewhere = [edit for edit in view.session.edits if edit not in edits]
+    return " ".join((*said, *([_elsewhere(elsewhere)] if elsewhere else [])))
+
+
+def _elsewhere(edits: Sequence[Edit]) -> str:
+    """That this frame lacks what some edits move."""
+    frames = sorted({edit.frame for edit in edits if edit.frame})
+    if frames:
+        where = f"frame{'s' if len(frames) > 1 else ''} {', '.join(frames)}"
+        n = len(edits)
+        return f"{n} pose{'s' * (n > 1)} moved by hand belong{'s' * (n == 1)} to {where}."
+    what = f"hypothesis {edits[0].hypothesis + 1} of instance {edits[0].instance}"
+    more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""
+    return f"The session moves {what}{more} by hand, which this frame does not have; the frame that has it does so."
 
 
 def _one(view: View, edit: Edit) -> str:

@@ -16,6 +16,7 @@ from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
+from verefine_viz.session.edits import edits_of
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_lines import to_json
@@ -55,9 +56,10 @@ class Keeping:
     def _session(self, space: Workspace, command: c.SaveSession) -> Kept:
         path = self._folder / f"{checked_name(command.name)}.toml"
         session, note = space.session, ""
-        if session.edits or session.changes:  # They belong to this frame.
+        here = edits_of(session.edits, space.work.problem, is_only_frame=len(space.frames) == 1)
+        if here or session.changes:  # They belong to this frame.
             scene = session.scene.model_copy(update={"frames": (space.frame,)})
-            session = session.model_copy(update={"scene": scene})
+            session = session.model_copy(update={"scene": scene, "edits": here})
             if len(space.frames) > 1:
                 note = f"it opens frame {space.frame} alone: {on_the_way(session)} belong to it"
         if not command.replace:

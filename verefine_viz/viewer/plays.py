@@ -31,7 +31,7 @@ def what_n_counts(view: View) -> str:
     if view.session.method.name not in CHOOSING:
         return ""
     said = "n: 1 for the first pose, and 1 for each pull before this choice"
-    if any(edit.instance == view.target.instance.instance_id for edit in view.session.edits):
+    if any(edit.instance == view.target.instance.instance_id for edit in view.edits):
         said += "; a pose moved by hand begins anew at 1"
     if view.session.method.name == "vf_depth" and view.session.method.discount < 1:
         said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"

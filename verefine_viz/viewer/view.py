@@ -12,8 +12,9 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import Edit, Session
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.session.edits import edits_of
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.downloads import Kept
 from verefine_viz.viewer.gallery import Entry, Gallery
@@ -184,6 +185,11 @@ class View:
     def is_current(self) -> bool:
         """Whether the iteration at the cursor is the one that is shown."""
         return self.shown is not None and self.shown.index == self.cursor
+
+    @cached_property
+    def edits(self) -> tuple[Edit, ...]:
+        """The poses that the session moves by hand in this frame."""
+        return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
 
     @cached_property
     def own_iterations(self) -> tuple[Iteration, ...]:

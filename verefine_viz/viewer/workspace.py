@@ -15,6 +15,7 @@ from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Change, HypothesesSettings, Session
 from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer.branch import Branch, FrameWork
 from verefine_viz.viewer.changes import in_order, merged, nested
@@ -62,7 +63,7 @@ class Workspace:
         frames = tools.frames
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
-        first = frame if frame is not None else frames[0]
+        first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
         work = self._begin(tools, _read(tools, first))
         self.tools, self.path, self.frames = tools, path, frames
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
@@ -101,9 +102,11 @@ class Workspace:
 
     @property
     def session(self) -> Session:
-        """What a session file has to say to repeat the run that is open."""
+        """What a session file has to say to repeat the run that is open; poses moved in other frames stay with it."""
         branch = self.branch
-        moved = branch.start.edits if branch.recording else branch.run.edits
+        here = edits_of(branch.start.edits, branch.run.problem, is_only_frame=len(self.frames) == 1)
+        elsewhere = tuple(edit for edit in branch.start.edits if edit not in here)
+        moved = branch.start.edits if branch.recording else (*elsewhere, *branch.run.edits)
         return branch.start.model_copy(
             update={"edits": moved, "changes": branch.changes, "breakpoints": self.breakpoints}
         )

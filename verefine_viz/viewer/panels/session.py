@@ -65,7 +65,7 @@ def opened(view: View) -> str:
     title = view.session.title or "untitled"
     file = f", from {view.session_path}" if view.session_path else ", not from a file"
     file = f", read from the recording {view.recording}" if view.recording else file
-    moved = len(view.session.edits)
+    moved = len(view.edits)
     n = len(view.problem.instances)
     said = f"Session “{title}”{file}: frame {view.frame} of {len(view.frames)}, {n} object{'s' if n != 1 else ''}."
     if moved:
