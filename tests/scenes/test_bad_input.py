@@ -298,6 +298,12 @@ def test_of_many_objects_the_ids_are_shown_as_ranges(tmp_path: Path) -> None:
     assert refusal(made, objects=(99,)) == "unknown object 99 in scene.objects; available: 1-21, 30"
 
 
+def test_of_many_images_the_ids_are_shown_as_ranges(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda content: content.update({str(k): content["3"] for k in range(4, 60)}))
+    assert refusal(made, frames=("7/99",)).endswith("available: 3-59")
+
+
 def test_an_unknown_frame_asked_for_later_is_refused_too(tmp_path: Path) -> None:
     source = make(tmp_path).open()
     for frame, words in (("7/4", "unknown image 4"), ("8/3", "unknown scene 8"), ("x", 'is not "scene/image"')):

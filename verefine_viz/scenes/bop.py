@@ -18,6 +18,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.listing import listed
 from verefine_viz.scenes.images import find_image, read_color, read_depth, read_mask, size_text
 from verefine_viz.scenes.jsonfile import integer_of, number_of, numbers_of, read_json
 from verefine_viz.scenes.models import ModelLibrary
@@ -117,9 +118,8 @@ class BopDataset:
         """
         ids = self.image_ids(scene_id)
         if im_id not in ids:
-            listed = ", ".join(map(str, ids[:10])) + (f", … ({len(ids)} images, last {ids[-1]})" if ids[10:] else "")
             place = f"scene {scene_id} of {self.name}/{self.split}"
-            raise InputError(f"unknown image {im_id} in {place}; available: {listed or 'none'}")
+            raise InputError(f"unknown image {im_id} in {place}; available: {listed(ids)}")
 
     def image(self, scene_id: int, im_id: int) -> BopImage:
         """Camera, depth and colour of one image.

@@ -11,9 +11,11 @@ import numpy as np
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.listing import listed
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.detections import Detection, DetectionsFile
+from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.scenes.silhouette import overlap, silhouette
 
@@ -205,5 +207,4 @@ def _left_out(dataset: BopDataset, entry: GroundTruth, why: str, instance_id: in
 
 
 def _images_text(file: DetectionsFile) -> str:
-    listed = [f"{scene_id}/{im_id}" for scene_id, im_id in file.images[:10]]
-    return f"it has {', '.join(listed) or 'none'}{', …' if file.images[10:] else ''}"
+    return f"it has {listed(frame_name(ids) for ids in file.images)}"
