@@ -18,6 +18,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.markup import text
+from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.panels.bandit import pull_lines
 from verefine_viz.viewer.panels.physics import plane_warning
 from verefine_viz.viewer.plays import what_n_counts
@@ -119,12 +120,41 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
         poses=view.poses | {"best": replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))},
         truth=replace(truth, score=replace(best.score, score=0.82)),
     )
-    texts = [f.text for f in findings(view)]
-    assert any(
-        t.startswith("The score prefers a wrong pose: best 0.94 (127° and 45 mm off) against 0.82") for t in texts
+    (said,) = (f.text for f in findings(view) if f.text.startswith("The score prefers"))
+    assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
+    assert ": 0.940 against 0.820 for the truth" in said
+    assert said.endswith("More iterations cannot help: look at the depth there and at the score's settings.")
+    assert "The score prefers this wrong pose to the true pose: 0.940 against 0.820. More iterations" in words.truth(
+        view
     )
     view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
+
+
+def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
+    view = after(c.RunUntil("end"), c.ScoreGroundTruth())
+    best, true = view.poses["best"], view.truth
+    assert best.score is not None
+    assert true is not None
+
+    def scored(own: float, of_truth: float) -> View:
+        assert best.score is not None
+        near = replace(best, errors=off(2, 4, 0.02), score=replace(best.score, score=own))
+        truth = replace(true, score=replace(best.score, score=of_truth))
+        poses = view.poses | {"best": near, "ground truth": truth}
+        assert view.a is not None
+        assert view.b is not None
+        sides = {"a": replace(view.a, pose=near), "b": replace(view.b, pose=truth)}
+        return replace(view, poses=poses, truth=truth, **sides)  # type: ignore[arg-type]
+
+    preferred = scored(0.755, 0.714)
+    said = "The score prefers it to the true pose: 0.755 against 0.714. More iterations bring it no nearer"
+    assert said in words.truth(preferred)
+    assert compared(preferred).endswith("The score prefers best to the true pose.")
+    known = scored(0.714, 0.755)
+    assert words.truth(known).endswith("The true pose scores more: 0.755 against 0.714.")
+    assert "prefers" not in compared(known)
+    assert words.truth(scored(0.7, 0.7)).endswith("The true pose scores as much: 0.700.")
 
 
 def test_a_weak_plane_and_a_missing_one_are_found() -> None:

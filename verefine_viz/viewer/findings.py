@@ -10,6 +10,7 @@ from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.plane import doubt
+from verefine_viz.viewer.truth_score import preferred_wrong, prefers
 from verefine_viz.viewer.view import View
 
 FAR = 0.25
@@ -147,7 +148,7 @@ def _starved(view: View) -> list[Finding]:
     best = view.poses["best"]
     if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
         return []
-    if _prefers_wrong(view):
+    if prefers(view.poses["best"], view.truth):
         return []  # More turns would not have helped it.
     wider = max(2 * view.session.method.exploration, 0.05)
     text = (
@@ -158,11 +159,6 @@ def _starved(view: View) -> list[Finding]:
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
 
 
-def _prefers_wrong(view: View) -> bool:
-    best, truth = view.poses["best"].score, view.truth.score if view.truth else None
-    return best is not None and truth is not None and best.score >= truth.score
-
-
 def _wrong_score(view: View) -> list[Finding]:
     best, truth = view.poses.get("best"), view.truth
     if not _is_over(view) or best is None or truth is None or truth.score is None:
@@ -170,13 +166,10 @@ def _wrong_score(view: View) -> list[Finding]:
     if best.errors is None or best.score is None or is_correct(best.errors):
         return []
     wrong, true = best.score, truth.score
-    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
-    if _prefers_wrong(view):
-        text = (
-            f"The score prefers a wrong pose: best {wrong.score:.2f} ({how}) against {true.score:.2f} for the ground "
-            f"truth ({true.shares['protruding']:.0%} of its pixels protrude, {true.shares['missed']:.0%} are missed)."
-        )
+    if prefers(best, truth):
+        text = preferred_wrong(view, wrong, true)
         return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
     text = (
         f"The search missed it: the ground truth would score {true.score:.2f}, the best pose found {wrong.score:.2f} "
         f"({how}). More iterations or better hypotheses can help; another score cannot."

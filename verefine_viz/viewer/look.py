@@ -61,8 +61,6 @@ class Look:
     batch_only: Mapping[str, str] = field(default_factory=dict)
     """Filters of the batch's answers, by what they filter."""
     batch_page: int = 0
-    judged_truth: bool = False
-    """Whether the score of the ground truth was asked for."""
 
     @property
     def T_cam_obj_edited(self) -> Float | None:
@@ -145,5 +143,5 @@ def changed(look: Look, command: c.Command) -> Look | None:
             return replace(look, batch_page=max(page, 0))
         case c.ScoreGroundTruth():
             layers = look.layers | {"ground truth", "best"}
-            return replace(look, a="best", b="ground truth", judged_truth=True, layers=layers)
+            return replace(look, a="best", b="ground truth", layers=layers)
     return None

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer.edited_words import edited_beside
+from verefine_viz.viewer.truth_score import truth_beside
 from verefine_viz.viewer.view import Judged, View
 
 _SAME = 1e-6
@@ -23,7 +24,7 @@ def compared(view: View) -> str:
     # An iteration that is told to its end will not make it any more.
     yet = "" if view.shown is not None and not view.is_partial else " yet"
     lead += f"No {' and no '.join(missing)} pose here{yet}. " if missing else ""
-    return lead + _difference(a.pose, b.pose) + edited_beside(view)
+    return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(view)
 
 
 def score_digits(scores: Sequence[PoseScore | None]) -> int:

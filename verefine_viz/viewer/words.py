@@ -11,6 +11,7 @@ from verefine_viz.viewer.edited_words import edited_error
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
 from verefine_viz.viewer.pose_words import errors_in_words, movement, turn
 from verefine_viz.viewer.revealing import is_revealed
+from verefine_viz.viewer.truth_score import truth_score
 from verefine_viz.viewer.view import View
 
 
@@ -97,10 +98,7 @@ def truth(view: View) -> str:
         said += (
             f" Initial is where hypothesis {view.arm + 1} began; the {what} is of hypothesis {view.state.best.arm + 1}."
         )
-    if view.look.judged_truth:
-        relation = ">" if best.score.score > view.truth.score.score else "≤"
-        said += f" Scored: {best.label} {best.score.score:.3f} {relation} ground truth {view.truth.score.score:.3f}."
-    return said
+    return f"{said} {truth_score(view)}"
 
 
 def remaining(seconds: float | None) -> str:
