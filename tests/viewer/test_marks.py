@@ -37,6 +37,7 @@ def test_the_strip_explains_the_marks_that_it_shows() -> None:
     colors = {m.color for m in view.marks}
     assert colors, "else this shows nothing"
     assert {m.color for m in MEANINGS if f'color:rgb{m.color}"' in strip(view)} == colors
+    assert strip(view).index("</svg>") < strip(view).index('class="legend"'), "the long words above leave it no room"
 
 
 def test_marks_of_one_iteration_lie_beside_each_other() -> None:

@@ -163,11 +163,10 @@ STYLE = """<style>
 .vz .curves.many .sw{width:8px;height:8px;margin-right:2px;vertical-align:0}
 .vz.line svg{display:block;width:100%}
 .vz.line [data-cmd]{cursor:pointer}
-.vz.line .head{display:flex;gap:12px;font-size:12px}
-.vz.line .where{white-space:nowrap}
-.vz.line .legend{margin-left:auto;font-size:11px;display:flex;gap:7px;white-space:nowrap;min-width:0;cursor:help}
-.vz.line .legend>span{overflow:hidden;text-overflow:ellipsis;min-width:14px}
-.vz.line .blocks{display:flex;gap:6px;font-size:11px;white-space:nowrap;overflow:hidden}
+.vz.line .head{font-size:12px;white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
+.vz.line .colors{display:flex;gap:12px;justify-content:space-between;font-size:11px;white-space:nowrap}
+.vz.line .legend{display:flex;gap:7px;cursor:help}
+.vz.line .blocks{display:flex;gap:6px;min-width:0;overflow:hidden}
 .vz.line .blocks>span{flex:0 1 auto;min-width:26px;overflow:hidden;text-overflow:ellipsis}
 .vz.line .blocks .cut{display:inline}
 [data-dock-tab]{padding:0 7px!important}

@@ -65,8 +65,9 @@ def strip(view: View) -> str:
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
-    head = f'<div class="head"><span class="where">{timeline_words(view, marks)}</span>{legend(marks)}</div>'
-    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{blocks_legend(view)}"
+    head = f'<div class="head">{timeline_words(view, marks)}</div>'
+    colors = f'<div class="colors">{blocks_legend(view)}{legend(marks)}</div>'
+    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{colors}"
 
 
 def blocks_legend(view: View) -> str:
@@ -74,9 +75,11 @@ def blocks_legend(view: View) -> str:
     several = len(view.scene.objects) > 1
     if view.is_whole_scene:
         return '<div class="blocks">Blocks: objects, in the colours of the list of objects.</div>'
-    label = view.scene.object(view.target.instance.instance_id).label
-    said = f"Blocks: hypotheses, line below: objects. Of {label}:" if several else "Blocks: hypotheses"
-    return f'<div class="blocks">{text(said)} {arms_legend(view.target)}</div>'
+    said, tip = "Blocks: hypotheses", ""
+    if several:
+        said += f" of {view.scene.object(view.target.instance.instance_id).label}:"
+        tip = ' title="The line below the blocks has the colours of the objects."'
+    return f'<div class="blocks"{tip}>{text(said)} {arms_legend(view.target)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:
