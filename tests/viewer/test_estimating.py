@@ -97,6 +97,22 @@ def test_the_run_before_stays_as_a_branch_and_the_page_says_so(session: Session)
     assert methods(again) == FROM_SESSION
 
 
+def test_a_reopened_session_gives_an_object_its_own_first_poses_back(session: Session, tmp_path: Path) -> None:
+    d = Debugger(session, None, Toolbox).carry_out([ESTIMATE, c.OpenFrame("8/3"), c.Estimate(0, "pcs")])
+    save_session(d.workspace.session, tmp_path / "s.toml")
+    again = Debugger(load_session(tmp_path / "s.toml"), None, Toolbox).carry_out([c.OpenFrame("7/3")])
+    assert methods(again) == ESTIMATED
+    again.carry_out([c.Estimate(1, "session")])
+    label = again.view().scene.object(1).label
+    assert methods(again) == FROM_SESSION
+    assert again.message.startswith(
+        f"{label} in frame 7/3 now has 3 first poses from the disturbed ground truth, instead of those by ppf. "
+    )
+    assert again.workspace.session.hypotheses.estimate == (("8/3", 0, "pcs"),)
+    with pytest.raises(InputError, match="already has the session's first poses, from the disturbed ground truth; to"):
+        again.apply(c.Estimate(1, "session"))
+
+
 def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> None:
     d = Debugger(session, None, Toolbox).carry_out([c.OpenFrame("8/3"), ESTIMATE])
     assert "Other objects and frames keep theirs, but their runs begin anew." in d.message
@@ -124,5 +140,11 @@ def test_the_button_asks_for_the_object_in_focus(session: Session, tmp_path: Pat
         with client(app.url) as browser:
             browser.set(app.page.layout.settings.estimate, True)
             until(app, lambda: methods(app.debugger) == ESTIMATED)
+            settings = app.page.layout.settings
+            assert settings.estimate.label.startswith("Estimate ")
+            browser.set(settings.estimator, "the session's")
+            until(app, lambda: settings.estimate.label.startswith("Restore "))
+            browser.set(settings.estimate, True)
+            until(app, lambda: methods(app.debugger) == FROM_SESSION)
     finally:
         app.stop()

@@ -130,7 +130,8 @@ class Estimate(Command):
     """New first poses for one object of the open frame, as a new branch; the others of the frame stay."""
 
     instance_id: int
-    estimator: Literal["ppf", "pcs"]
+    estimator: Literal["ppf", "pcs", "session"]
+    """session: back to those that the session gives its other objects."""
 
 
 @dataclass(frozen=True)

@@ -18,25 +18,42 @@ SOURCES = {"results": "the results files", "perturb": "the disturbed ground trut
 def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     """Opens a branch whose first poses of one object come from ``estimator``, and says in words what that changes.
 
+    Args:
+        space: what is open.
+        instance_id: of the object.
+        estimator: its name; "session" = back to where the session's other first poses come from.
+
     Raises:
-        VerefineError: the frame has no such instance, or it cannot be read again; everything is as before.
+        VerefineError: the frame has no such instance, it has the session's poses already, or it cannot be read again;
+            everything is as before.
         Cancelled: nobody waits for it any more; everything is as before.
     """
     labels = labels_of(space.work.problem)
     if instance_id not in labels:
         raise InputError(unknown("instance", instance_id, list(labels)))
     label, before, source = labels[instance_id], space.branch.name, source_of(space, instance_id)
-    others = space.has_other_frames
-    space.estimate(instance_id, estimator, f"{label} from {estimator}")
+    others, h = space.has_other_frames, space.branch.tools.session.hypotheses
+    now = h.source if estimator == "session" else estimator
+    if estimator == "session" and (space.frame, instance_id) not in asked_estimators(h):
+        raise InputError(
+            f"{label} in frame {space.frame} already has the session's first poses, {_of(now)}; to estimate others, "
+            "choose ppf or pcs"
+        )
+    space.estimate(instance_id, estimator, f"{label} from {SOURCES.get(now, now)}")
     n = next(len(i.hypotheses) for i in space.work.problem.instances if i.instance_id == instance_id)
-    said = f"{label} in frame {space.frame} now has {n} first pose{'s' if n != 1 else ''} by {estimator}"
-    if source != estimator:
-        said += f", instead of those from {SOURCES.get(source, source)}"
+    said = f"{label} in frame {space.frame} now has {n} first pose{'s' if n != 1 else ''} {_of(now)}"
+    if source != now:
+        said += f", instead of those {_of(source)}"
     anew = ", but their runs begin anew" if others else ""
     return (
         f"{said}. Other objects and frames keep theirs{anew}. "
         f"The way back: the run before is still there as the branch “{before}”, in the table below."
     )
+
+
+def _of(source: str) -> str:
+    """As in: from the results files, by ppf."""
+    return f"from {SOURCES[source]}" if source in SOURCES else f"by {source}"
 
 
 def source_of(space: Workspace, instance_id: int) -> str:

@@ -140,13 +140,16 @@ class Workspace:
         self.tools, self._works[self.frame] = tools, work
 
     def estimate(self, instance_id: int, estimator: str, name: str) -> None:
-        """A new branch of the open frame, from before iteration 1: an estimator finds the first poses of one object.
+        """A new branch of the open frame, from before iteration 1: an estimator finds the first poses of one object, or
+        it has those of the session again ("session").
 
         The frame's other branches stay; other frames begin anew, with the first poses that they had.
         """
         before = self.work
         wanted = asked_estimators(self.branch.tools.session.hypotheses)
-        wanted[self.frame, instance_id] = estimator
+        wanted.pop((self.frame, instance_id), None)
+        if estimator != "session":
+            wanted[self.frame, instance_id] = estimator
         self.restart((("hypotheses.estimate", tuple((*key, by) for key, by in sorted(wanted.items()))),))
         self.branch.name = name
         self._works[self.frame] = FrameWork([*before.branches, self.branch], len(before.branches))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import viser
 
@@ -21,6 +21,7 @@ ROW_PX = 18
 PAIRS = ("method.iterations", "method.exploration"), ("score.tau_m", "score.alpha")
 """Numbers that share a row."""
 RIGHT_FROM_PX, LABEL_PX = 127, 42
+ESTIMATORS: dict[str, Literal["ppf", "pcs", "session"]] = {"ppf": "ppf", "pcs": "pcs", "the session's": "session"}
 NAME_PX = 90
 """Room for an object's name in the button that estimates."""
 
@@ -66,13 +67,14 @@ class SettingsPanel:
                 "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
             ),
         }
-        self._estimator = gui.add_dropdown(
-            "Estimator", ("ppf", "pcs"), hint="point pair features, or congruent point sets (Super4PCS)"
-        )
+        self.estimator = gui.add_dropdown(
+            "Estimator", tuple(ESTIMATORS),
+            hint="point pair features, congruent point sets (Super4PCS), or back to the first poses of the session",
+        )  # fmt: skip
         self.estimate = gui.add_button(
             "Estimate here", hint="new first poses for this object in this frame, as a new branch"
         )
-        rows = (*self._fields.values(), self._estimator)
+        rows = (*self._fields.values(), self.estimator)
         pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)
         rules = [compact(row, ROW_PX) for row in rows] + [unlabelled(self.apply)]
         rules += [side_by_side(left, right, ROW_PX, RIGHT_FROM_PX, LABEL_PX) for left, right in pairs]
@@ -85,9 +87,10 @@ class SettingsPanel:
         self._focus = 0
 
         def estimate(_: bool) -> None:
-            send(c.Estimate(self._focus, self._estimator.value))
+            send(c.Estimate(self._focus, ESTIMATORS[self.estimator.value]))
 
         self.estimate.on_click(by_person(estimate))
+        self.estimator.on_update(by_person(lambda _: self._label_estimate()))
 
         def apply(label: str) -> None:
             changes = tuple((k, f.value) for k, f in self._fields.items() if f.value != self._known.get(k))
@@ -108,12 +111,18 @@ class SettingsPanel:
         self._view = view
         self._tell()
         self._focus = view.target.instance.instance_id
-        self.estimate.label = f"Estimate {shortened(view.name, NAME_PX)} here"
+        self._label_estimate()
         self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
+
+    def _label_estimate(self) -> None:
+        """What the button does with the object in focus."""
+        if self._view is not None:
+            does = "Restore" if ESTIMATORS[self.estimator.value] == "session" else "Estimate"
+            self.estimate.label = f"{does} {shortened(self._view.name, NAME_PX)} here"
 
     def _tell(self) -> None:
         """What holds, and what was typed since."""
