@@ -45,7 +45,21 @@ def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> No
     )  # fmt: skip
     batch = Gallery([BatchIndex(tmp_path, SESSION, {}, (row,))])
     view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
-    assert any("objects appear larger" in one.text for one in findings(view)), "the frame itself says nothing of it"
+    (first,) = [one for one in findings(view) if "objects appear larger" in one.text]
+    assert first == findings(view)[0], "the frame itself says nothing of it"
+    assert first.text == "Look at the data first: objects appear larger: check."
     doubted = replace(view, doubts=("objects appear larger: check",))
     assert sum("objects appear larger" in one.text for one in findings(doubted)) == 1
     assert any("The score misleads." in one.text for one in findings(doubted))
+
+
+def test_an_answer_without_ground_truth_is_opened_with_what_the_batch_found(tmp_path: Path) -> None:
+    row = ObjectRow(
+        scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", score=0.6, best_iteration=1,
+        evidence=f"{DATA_FIRST} refinement moved the objects: check cam_K.",
+    )  # fmt: skip
+    batch = Gallery([BatchIndex(tmp_path, SESSION, {}, (row,))])
+    view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
+    assert not view.doubts, "the run is not over, and a single object tells nothing"
+    first = findings(view)[0]
+    assert (first.text, first.red) == (row.evidence, True)

@@ -13,9 +13,8 @@ def batch_words(view: View) -> str:
     entry = view.entry
     if entry is None:
         return ""
-    verdict = _verdict(entry)
-    if view.doubts:  # They stand above it by themselves.
-        verdict = verdict.partition(f" {DATA_FIRST}")[0]
+    # What is in doubt about the data stands above it by itself.
+    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
     return " ".join(filter(None, (_why_here(view, entry), verdict)))
 
 
