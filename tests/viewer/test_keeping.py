@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.markup import carries
+from verefine_viz.viewer.panels.session import at_hand
 from verefine_viz.viewer.refusal import Unconfirmed
 
 OTHER = Session(title="other")
@@ -63,6 +65,24 @@ def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debug
     with pytest.raises(Unconfirmed, match="holds 1 pose moved by hand that the shown branch does not have"):
         debugger.carry_out([c.SaveSession("mine")])
     assert len(load_session(tmp_path / "mine.toml").edits) == 1
+
+
+def test_the_list_of_sessions_shows_the_one_that_was_opened_or_saved_last(
+    debugger: Debugger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def listed() -> str | None:
+        return at_hand(replace(debugger.view(), sessions=("mine.toml", "new.toml", "theirs.toml")))
+
+    assert listed() == "mine.toml"
+    debugger.carry_out([c.SaveSession("new")])
+    assert listed() == "new.toml"
+    debugger.carry_out([c.SaveSession("mine")])
+    assert listed() == "mine.toml"
+    debugger.carry_out([c.OpenSession(str(tmp_path / "theirs.toml"))])
+    assert listed() == "theirs.toml"
+    assert at_hand(replace(debugger.view(), sessions=("new.toml",))) is None
 
 
 def test_it_says_which_frame_alone_a_session_with_moved_poses_opens(debugger: Debugger, tmp_path: Path) -> None:

@@ -58,7 +58,8 @@ def test_equal_scores_are_the_same_only_where_their_parts_are() -> None:
 
 def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
     said = compared(debugger().view())
-    assert said.startswith("No simulated and no refined pose here yet. ")
+    assert said.startswith("No simulated and no refined pose here yet; shown instead: current and best. ")
+    assert "Current and best score the same: 0." in said
 
 
 def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:

@@ -158,8 +158,8 @@ def test_before_the_first_choice_it_says_what_comes(method: str, said: str) -> N
 
 def test_a_pose_that_a_method_never_makes_is_not_still_to_come() -> None:
     d = Debugger(Session(method=MethodSettings(name="refine")), None, FakeTools)
-    assert compared(d.view()).startswith("No simulated and no refined pose here yet.")
-    assert compared(d.carry_out([c.Step()]).view()).startswith("No simulated pose here. ")
+    assert compared(d.view()).startswith("No simulated and no refined pose here yet; shown")
+    assert compared(d.carry_out([c.Step()]).view()).startswith("No simulated pose here; shown instead: ")
 
 
 def test_what_was_read_from_a_recording_is_called_so() -> None:

@@ -65,6 +65,7 @@ class Keeping:
         if not command.replace:
             refuse_loss(path, session, space, command)
         save_session(session, path)
+        space.files.pop(path.resolve(), None)  # The file written last is the last one.
         space.files[path.resolve()] = Saved(session, space.branch)
         return Kept(path.resolve(), note)
 

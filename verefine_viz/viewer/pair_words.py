@@ -19,11 +19,13 @@ def compared(view: View) -> str:
     label = view.scene.object(view.target.instance.instance_id).label
     if a is None or b is None:
         return f"{label} has no pose to judge; give it a hypothesis."
-    missing = [wanted for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
+    pairs = [(wanted, side.pose) for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
+    missing = [wanted for wanted, _ in pairs]
+    instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
     lead = f"{label}: " if len(view.scene.objects) > 1 else ""
     # An iteration that is told to its end will not make it any more.
     yet = "" if view.shown is not None and not view.is_partial else " yet"
-    lead += f"No {' and no '.join(missing)} pose here{yet}. " if missing else ""
+    lead += f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}. " if missing else ""
     return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(view)
 
 
@@ -39,7 +41,9 @@ def _difference(a: Judged, b: Judged) -> str:
     if one is None or other is None:
         return f"{a.label} or {b.label} was not scored."
     digits = score_digits([one, other])
-    if a.name == b.name or one == other:
+    if a.name != b.name and one == other:
+        return f"{a.label.capitalize()} and {b.label} score the same: {other.score:.{digits}f}."
+    if a.name == b.name:
         return f"{b.label.capitalize()} scores {other.score:.{digits}f}."
     said = f"{b.label.capitalize()} {other.score:.{digits}f} against {a.label} {one.score:.{digits}f}"
     lead = other.score - one.score

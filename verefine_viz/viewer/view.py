@@ -87,6 +87,8 @@ class View:
     session: Session
     """The settings of the open branch, and what was changed and moved on the way."""
     session_path: Path | None
+    session_file: Path | None
+    """Where the open session was read or written last, absolute; None = in no file."""
     frames: tuple[str, ...]
     frame: str
     demos: tuple[str, ...]

@@ -77,6 +77,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
             update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
         ),
         session_path=space.path,
+        session_file=next(reversed(space.files), None),
         frames=space.frames,
         frame=space.frame,
         demos=debugger.demos,

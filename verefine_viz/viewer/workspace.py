@@ -67,7 +67,7 @@ class Workspace:
         work = self._begin(tools, _read(tools, first))
         self.tools, self.path, self.frames = tools, path, frames
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
-        """Files that hold the open session, as it was when it was read or written."""
+        """Files that hold the open session, as it was when it was read or written, the latest last."""
         self.breakpoints: BreakpointSettings = session.breakpoints
         self.frame, self._works = first, {first: work}
 
@@ -244,7 +244,7 @@ def preparing(problem: Problem, session: Session) -> str:
     """What is done before iteration 1, in words."""
     shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
     parts = "convex parts for physics and " if session.physics.enabled else ""
-    return f"Preparing: {parts}meshes to score of {shown}. Done once per model, up to half a minute; then it is kept."
+    return f"Preparing: {parts}meshes to score of {shown}. Up to half a minute for a new model, else a second."
 
 
 def _name(cursor: int, changes: Changes, edit: tuple[int, int, Float] | None) -> str:
