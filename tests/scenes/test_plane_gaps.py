@@ -45,3 +45,10 @@ def test_one_object_in_a_wrong_pose_is_no_fault_of_the_plane() -> None:
     sunk = np.array(TRUE[0])
     sunk[:3, 3] += CLUTTER.observation.support.T_world_cam[:3, :3].T @ [0, 0, -0.05]  # type: ignore[union-attr]
     assert not plane_notes(CLUTTER, [sunk, *TRUE[1:]])
+
+
+def test_poses_far_from_the_measured_depth_tell_nothing_of_the_plane() -> None:
+    near_the_camera = [np.array(T) for T in TRUE]
+    for T in near_the_camera:
+        T[:3, 3] /= 1000
+    assert not plane_notes(CLUTTER, near_the_camera)

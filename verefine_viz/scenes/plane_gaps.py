@@ -16,7 +16,8 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.scenes.fit import NEAR, distance
 
 FEWEST = 3
 """Fewer may all be in wrong poses, or stand on something that has no model."""
@@ -38,7 +39,7 @@ def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, .
         [
             float((apply(support.T_world_cam @ T, t.model.vertices) @ support.normal_world).min())
             for t, T in zip(problem.targets, poses, strict=True)
-            if T is not None
+            if T is not None and _is_where_depth_is(t, T)
         ]
     )
     n, far_mm = len(heights_mm), 1e3 * FAR_M
@@ -54,3 +55,9 @@ def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, .
         f"all {n} objects {lie} in the poses that were found: the plane is not what carries them, or cam_K is wrong; "
         "give scene.gravity, or switch physics off (physics.enabled)",
     )
+
+
+def _is_where_depth_is(target: Target, T_cam_obj: Float) -> bool:
+    """Whether a pose explains the depth in the object's mask; others tell nothing of the plane."""
+    points_cam = target.instance.points_cam
+    return len(points_cam) > 0 and distance(points_cam, target.model, T_cam_obj) < NEAR
