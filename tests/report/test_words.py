@@ -14,7 +14,7 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
 from verefine_viz.report.loaded import Loaded
-from verefine_viz.report.words import session_title, signed, title, tone
+from verefine_viz.report.words import data_doubts, session_title, signed, title, tone
 from verefine_viz.session.files import resolve
 
 
@@ -76,3 +76,10 @@ def test_counts_have_ticks_at_whole_numbers_and_not_too_many(most: int) -> None:
     assert step >= 1
     assert most / step <= 6
     assert step == 1 or most / step > 2
+
+
+def test_data_in_doubt_are_told_with_the_run_that_says_so() -> None:
+    doubted, older = run(label="A"), run(label="B")
+    doubted.index.run["totals"] = {"data_in_doubt": "Look at the data first: in frame 0/1, check cam_K."}
+    assert data_doubts([doubted, older]) == ["A: Look at the data first: in frame 0/1, check cam_K."]
+    assert data_doubts([older]) == []

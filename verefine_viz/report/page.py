@@ -71,6 +71,7 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "headlines": [words.headline(side.run, side.numbers) for side in sides],
         "tiles": tiles(a.numbers, b.numbers if b else None),
         "notes": list(dict.fromkeys(side.bop.note for side in sides if side.bop.total is None and side.bop.note)),
+        "doubts": words.data_doubts(runs),
         "bop_note": next((side.bop.note for side in sides if side.bop.total is not None), ""),
         "recall": figure_json(charts.recall_figure(runs)) if has_truth else None,
         "scores": [

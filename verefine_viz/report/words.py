@@ -16,6 +16,12 @@ from verefine_viz.report.pair_gallery import BOTH, ONLY_A, ONLY_B
 DASH = "–"
 
 
+def data_doubts(runs: Sequence[Loaded]) -> list[str]:
+    """What the runs say of data that do not fit together, with which run it is where there are two."""
+    said = [(run, str(run.index.run.get("totals", {}).get("data_in_doubt", ""))) for run in runs]
+    return [f"{run.label}: {doubt}" if run.label else doubt for run, doubt in said if doubt]
+
+
 def percent(share: float | None, digits: int = 0) -> str:
     """0.891 → 89 %."""
     return (
