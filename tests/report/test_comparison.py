@@ -75,6 +75,11 @@ def test_the_same_answers_are_no_difference() -> None:
     assert headline(found).startswith("All 2 groups get the same share of the objects right: ")
 
 
+def test_the_same_share_in_one_frame_is_not_more() -> None:
+    found = compared(group("rir", frames(1)), group("sir", frames(1)))
+    assert headline(found) == "All 2 groups get the same share of the objects right: 100.0 %."
+
+
 def test_groups_with_more_seeds_are_compared_over_the_seeds_of_both() -> None:
     hard = frames(10, tuple(range(10)))
     found = compared(group("pir", frames(10, (1,)), hard), group("rir", frames(10)))

@@ -26,11 +26,11 @@ def headline(found: Comparison) -> str:
     rivals = [line for line in others if line.behind is not None]
     if not rivals:
         return f"{right}."
-    if not any(line.behind.low is not None for line in rivals if line.behind):
-        return f"{right}, {_by(rivals[0])}; one frame and one seed say nothing about how certain that is."
     if all(line.recall and line.recall.value == best.recall.value for line in rivals):
         share = percent(best.recall.value, 1)
         return f"All {len(found.lines)} groups get the same share of the objects right: {share}."
+    if not any(line.behind.low is not None for line in rivals if line.behind):
+        return f"{right}, {_by(rivals[0])}; one frame and one seed say nothing about how certain that is."
     close = [line for line in rivals if line.behind and not line.behind.is_clear]
     if not close:
         return f"{right}: the best, {_by(rivals[0])}."
@@ -104,7 +104,8 @@ def _by(second: Line) -> str:
     assert second.behind is not None
     ahead = second.behind
     low, high = (None, None) if ahead.low is None or ahead.high is None else (-ahead.high, -ahead.low)
-    return f"{100 * -ahead.value:.1f} points more than {second.name}{_interval(Spread(-ahead.value, low, high), 100)}"
+    more = 0.0 - ahead.value  # A tie is 0.0, not -0.0.
+    return f"{100 * more:.1f} points more than {second.name}{_interval(Spread(more, low, high), 100)}"
 
 
 def _points(difference: Spread | None) -> str:
