@@ -42,17 +42,19 @@ def debugger(request: pytest.FixtureRequest) -> Debugger:
 
 
 def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_drawn(debugger: Debugger) -> None:
-    assert ">edited</th>" not in standing_html(debugger.view())
+    assert "edited</th>" not in standing_html(debugger.view())
     for x_m, said in ((0.071, "7.1"), (0.093, "9.3")):
         view = debugger.carry_out([c.EditPose(), moved(x_m)]).view(deep=False)
         assert view.has_judged_standing
         shown = standing_html(view)
-        assert ">edited</th>" in shown
+        assert "edited</th>" in shown
         assert f"Edited: Sinks {said} mm into the support plane." in shown
         assert f"<td>{said} table</td>" in shown
+        assert "Kept: " not in shown, "its sentence would push the numbers off the screen"
+        assert f'title="Sinks {said} mm into the support plane.">edited</th>' in shown
         assert telling(view) == "edited"
     after = debugger.carry_out([c.EditPose(on=False)]).view()
-    assert ">edited</th>" not in standing_html(after)
+    assert "edited</th>" not in standing_html(after)
     assert telling(after) != "edited"
 
 

@@ -43,6 +43,7 @@ def standing_html(view: View) -> str:
         f'<p style="border-left:9px solid rgb{LIGHTS[p.light]};padding-left:6px">{text(_WHEN[name])}: '
         f"{text(p.sentence)}</p>"
         for name, p in said.items()
+        if name == "edited" or "edited" not in said  # Who moves a pose needs its numbers in sight.
     )
     found = list(view.plausible.values())
     rows = "".join(
@@ -51,7 +52,11 @@ def standing_html(view: View) -> str:
     )
     share = f"{support.inlier_share:.0%} of the background lies on the support plane."
     note = f'<p class="dim" title="{text(share_hint())}">{share}</p>'
-    head = "".join(f"<th>{text(_WHEN[name]).lower()}</th>" for name in view.plausible)
+    head = "".join(
+        f'<th style="border-bottom:2px solid rgb{LIGHTS[p.light]}" title="{text(p.sentence)}">'
+        f"{text(_WHEN[name]).lower()}</th>"
+        for name, p in said.items()
+    )
     table = f"<table><tr><th></th>{head}</tr>{rows}</table>"
     return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div>{note}'
 
