@@ -16,15 +16,17 @@ from hypothesis import strategies as st
 from tests.fakes import box_problem
 from tests.recording.runs import ends_of_messages, new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording import recorder
 from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import part_path
-from verefine_viz.recording.verdict import verdict, verify
+from verefine_viz.recording.verdict import run_again, verdict, verify
 from verefine_viz.recording.viewer_process import free_port
 from verefine_viz.session.engine import Run
+from verefine_viz.session.toolbox import Toolbox
 
 
 def again(recorded: Recorded) -> Run:
@@ -199,3 +201,16 @@ def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     found = verify(tmp_path / "run.rrd", again)
     assert found is not None
     assert "recorded with numpy 0.0.1 (here " in found
+
+
+def test_objects_that_the_data_no_longer_have_are_named_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = box_problem(3, 2)
+    recorded_run(tmp_path / "run.rrd", session(), problem)
+    kept, gone = problem.targets
+    changed = replace(problem, instances=(kept.instance,), left_out=(gone.left_out("its mask is missing"),))
+    monkeypatch.setattr(Toolbox, "problem", lambda self, frame: changed)
+    said = r"frame 0/1 of the data no longer has instance 1, which was there .* box: its mask is missing$"
+    with pytest.raises(InputError, match=said):
+        run_again(read_recording(tmp_path / "run.rrd"))

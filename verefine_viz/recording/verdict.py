@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from verefine_viz.core.compare import Difference, differences
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.entry import as_recorded
 from verefine_viz.recording.reader import Recorded, read_recording
@@ -88,13 +89,25 @@ def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
 
 
 def run_again(recorded: Recorded) -> Run:
-    """The run of a recording's session and frame, not yet stepped."""
+    """The run of a recording's session and frame, not yet stepped.
+
+    Raises:
+        InputError: the frame no longer holds all objects that were recorded.
+    """
     # The engine's parts are heavy, and opening a recording does not need them.
     from verefine_viz.session.toolbox import Toolbox
 
     toolbox = Toolbox(recorded.session)
-    problem = toolbox.problem(recorded.frame).only([b.instance_id for b in recorded.layout.branches])
-    return toolbox.run(problem)
+    problem = toolbox.problem(recorded.frame)
+    wanted = [branch.instance_id for branch in recorded.layout.branches]
+    lacking = set(wanted) - {instance.instance_id for instance in problem.instances}
+    if lacking:
+        why = [f"; {one.name}: {one.why}" for one in problem.left_out if one.instance_id in lacking]
+        raise InputError(
+            f"{recorded.path} cannot be run again: frame {recorded.frame} of the data no longer has instance "
+            f"{', '.join(map(str, sorted(lacking)))}, which was there when it was recorded{''.join(why)}"
+        )
+    return toolbox.run(problem.only(wanted))
 
 
 def _differences(iteration: Iteration, run: Run) -> list[Difference]:
