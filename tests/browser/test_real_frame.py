@@ -115,7 +115,7 @@ def errors(screen: Screen, of_drill_mm: float) -> None:
 
 
 def session(screen: Screen) -> None:
-    screen.text(r"^Session “YCB-Video 50/1”, from .*real\.toml: frame 50/1 of 1, 5 objects\.")
+    screen.text(r"^Session “YCB-Video 50/1”, from .*real\.toml: frame 50/1 with 5 objects\.")
 
 
 def classes(screen: Screen, before: Path) -> None:

@@ -39,9 +39,9 @@ def truth_score(view: View) -> str:
         return f"The true pose scores more: {true} against {own}."
     if own == true:
         return f"The true pose scores as much: {true}."
-    said = f"The score prefers it to the true pose: {own} against {true}."
     if not is_correct(best.errors):
-        return said.replace("prefers it", "prefers this wrong pose") + _what_to_do(best)
+        return f"The score prefers this wrong pose to the true pose: {own} against {true}.{_what_to_do(best)}"
+    said = f"The score prefers it to the true pose: {own} against {true}."
     if best.is_of_best_scene:
         return said
     return f"{said} More iterations bring it no nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."

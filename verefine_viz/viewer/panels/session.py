@@ -79,8 +79,9 @@ def opened(view: View) -> str:
     file = f", from {view.session_path}" if view.session_path else ", not from a file"
     file = f", read from the recording {view.recording}" if view.recording else file
     moved = len(view.edits)
-    n = len(view.problem.instances)
-    said = f"Session “{title}”{file}: frame {view.frame} of {len(view.frames)}, {n} object{'s' if n != 1 else ''}."
+    n, n_frames = len(view.problem.instances), len(view.frames)
+    among = f", one of {n_frames}," if n_frames > 1 else ""
+    said = f"Session “{title}”{file}: frame {view.frame}{among} with {n} object{'s' if n != 1 else ''}."
     if moved:
         said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
     for change in view.session.changes:
