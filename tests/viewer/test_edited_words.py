@@ -44,7 +44,7 @@ def debugger(request: pytest.FixtureRequest) -> Debugger:
 def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_drawn(debugger: Debugger) -> None:
     assert "edited</th>" not in standing_html(debugger.view())
     for x_m, said in ((0.071, "7.1"), (0.093, "9.3")):
-        view = debugger.carry_out([c.EditPose(), moved(x_m)]).view(deep=False)
+        view = debugger.carry_out([c.EditPose(False), c.EditPose(), moved(x_m)]).view(deep=False)
         assert view.has_judged_standing
         shown = standing_html(view)
         assert "edited</th>" in shown

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,8 +14,10 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.headline import headline
+from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.plays import what_n_counts
 from verefine_viz.viewer.pose_words import shift_mm
+from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.words import chosen
 
@@ -89,6 +93,49 @@ def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
     assert f"Hypothesis 3 of box #1 will be moved by hand after iteration 2, {where}" in headline(opened(late).view())
     many = early.model_copy(update={"edits": 5 * early.edits})
     assert "2 more are moved by hand. Press Step" in headline(opened(many).view())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        c.Step(), c.StepStage(), c.RunUntil("end"), c.RunTo(3), c.TogglePause(), c.Back(), c.Seek(0), c.SeekEnd(),
+        c.Focus(0), c.ShowScene(), c.SelectArm(1), c.EditPose(), c.Restart(), c.Fork(), c.OpenFrame("0/2"),
+        c.ShowBranch(0),
+    ],
+    ids=lambda command: type(command).__name__,
+)  # fmt: skip
+def test_a_moved_pose_is_not_lost_before_a_person_says_so(command: c.Command) -> None:
+    d = debugger().carry_out([c.Step(), c.EditPose(), FAR])
+    with pytest.raises(Unconfirmed, match=r"pose that you moved would be lost: .* “Cancel” in the Physics") as refused:
+        d.apply(command)
+    assert (d.look.edited, d.workspace.frame, d.workspace.run.length) == (FAR.T_cam_obj, "0/1", 1)
+    d.carry_out([refused.value.command])  # The link goes on from it.
+    assert d.workspace.run.edits[0].T_cam_obj == FAR.T_cam_obj
+    d.carry_out([command])
+
+
+def test_a_pose_that_was_not_moved_or_is_let_go_keeps_nobody_from_stepping() -> None:
+    d = debugger().carry_out([c.EditPose(), c.Step()])
+    assert d.look.edited is None
+    d.carry_out([c.EditPose(), FAR, c.EditPose(on=False), c.Step()])
+    assert (d.workspace.run.length, d.workspace.run.edits) == (2, ())
+
+
+def test_a_moved_pose_that_nothing_can_go_on_from_is_let_go_by_a_link() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.EditPose(), FAR, c.ColorCloud()])
+    with pytest.raises(Unconfirmed, match="pose that you moved would be lost") as refused:
+        d.apply(c.Back())
+    assert refused.value.command == c.EditPose(on=False)
+    d.carry_out([refused.value.command, c.Back()])
+    assert d.workspace.run.cursor == d.workspace.run.length - 1
+
+
+def test_saving_says_that_a_pose_under_the_hand_is_not_in_the_file(tmp_path: Path) -> None:
+    keeping = Keeping(None, tmp_path)  # pyright: ignore[reportArgumentType]
+    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([c.EditPose(), c.SaveSession("a")])
+    assert d.message.endswith("a.toml")
+    d.carry_out([FAR, c.SaveSession("b")])
+    assert d.message.endswith("; not the pose under the hand: press “Continue from here”, then save again")
 
 
 class TwoBoxes(FakeTools):

@@ -97,6 +97,8 @@ class Debugger:
         self.message, self.refused, self.offer = "", False, None
         was_busy = self.is_busy
         command = self.browsing.resolved(command, self.look)
+        if not (isinstance(command, c.TogglePause) and was_busy):
+            self._posing.refuse_loss(command)
         self.comparing.before(command)
         if not isinstance(command, c.RunUntil | c.RunTo | c.TogglePause | c.Pause | c.Cancel):
             if not _may_wait(command):
@@ -176,6 +178,8 @@ class Debugger:
                 if isinstance(command, c.SaveSession) and len(self.workspace.work.branches) > 1:
                     name = self.workspace.branch.name
                     self.message += f"; it holds the shown branch, “{name}”; others are saved one by one"
+                if isinstance(command, c.SaveSession) and self.look.is_moved:
+                    self.message += "; not the pose under the hand: press “Continue from here”, then save again"
             case _:
                 raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
 

@@ -72,6 +72,12 @@ class Look:
         """The pose with which the editing began as a matrix (4, 4)."""
         return None if self.edited_from is None else np.array(self.edited_from).reshape(4, 4)
 
+    @property
+    def is_moved(self) -> bool:
+        """Whether the edited pose is elsewhere than it was; what a browser's rounding makes of it is not [m, 1]."""
+        T, T_from = self.T_cam_obj_edited, self.T_cam_obj_edited_from
+        return T is not None and T_from is not None and not np.allclose(T, T_from, rtol=0, atol=1e-5)
+
     def moved(self) -> Look:
         """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
         return replace(self.unedited(), arm=None, stage=None, path_pose=None)

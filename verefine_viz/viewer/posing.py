@@ -11,7 +11,9 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import state_of
 
@@ -33,6 +35,16 @@ READ = (
     "cannot go on from one: for that, press “Cancel”, then “Restart” to run it here, then edit."
 )
 
+CANCEL = c.EditPose(False)
+
+_LEAVES_IT = (
+    c.DragPose | c.ForkFromPose | c.Pause | c.Cancel | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud
+    | c.ShowLayer | c.ScrubPath | c.PlayPath | c.Animate | c.SetBreakpoints | c.SortBatch | c.FilterBatch | c.TurnPage
+    | c.ScoreGroundTruth | c.SaveSession | c.Export | s.CompareRun | s.CompareBranch | s.CompareRecording | s.RunB
+    | s.PauseB | s.StopComparing | s.ShowSide | s.ShowSidePoses
+)  # fmt: skip
+"""What leaves the pose under the hand as it is."""
+
 WITH_PASSES = ("vf_depth", "physim_mcts")
 """Methods in which an object may have to wait for others before it is placed."""
 
@@ -44,6 +56,23 @@ class Posing:
         self._debugger = debugger
         self._hint = BY_HAND
         """What can be done with the pose that is edited."""
+
+    def refuse_loss(self, command: Command) -> None:
+        """Passes where no pose was moved, or ``command`` does not drop it, or drops it on purpose.
+
+        Raises:
+            Unconfirmed: the moved pose would be lost.
+        """
+        if not self._debugger.look.is_moved or isinstance(command, _LEAVES_IT) or command == CANCEL:
+            return
+        if self._hint == BY_HAND:
+            said = (
+                "The pose that you moved would be lost: no run goes on from it yet. Press “Cancel” in the Physics tab "
+                "to leave it as it was, or"
+            )
+            raise Unconfirmed(said, "continue from here", c.ForkFromPose())
+        said = "The pose that you moved would be lost: no run can go on from it here. When you have seen enough,"
+        raise Unconfirmed(said, "let it go", CANCEL)
 
     def do(self, command: Command) -> bool:
         """Carries out a command about the edited pose; False where it is about something else."""
