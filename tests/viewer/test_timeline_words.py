@@ -36,7 +36,7 @@ def test_before_the_first_iteration_nothing_has_run() -> None:
     [
         ((), "No red marks."),
         ((2,), "1 red mark, one here."),
-        ((1, 2, 2), "2 red marks, one here, the last at 1."),
+        ((1, 2, 2), "2 red marks, one here, the one before at 1."),
         ((1, 3, 4), "3 red marks, the next at 3."),
         ((3,), "1 red mark, at 3."),
     ],

@@ -52,6 +52,6 @@ def _red(view: View, marks: Sequence[Mark]) -> str:
         said += ", one here"
     if not after and not before:
         return f"{said}."
-    which, k = ("next", after[0]) if after else ("last", before[-1])
+    which, k = ("next", after[0]) if after else ("one before", before[-1])
     which = f"the {which} at" if len(red) > 1 else "at"
     return f"{said}, {which} {link(str(k), visit(view, view.at(k)), 'go there')}."
