@@ -156,6 +156,13 @@ def test_settings_restart(look: Look) -> None:
     assert screen.app.debugger.workspace.session.method.iterations == 2
 
 
+def at_rest(screen: Screen) -> bool:
+    """Whether the pose under the hand stays where it is: the page sends the last steps of a drag after its end."""
+    pose = screen.app.debugger.look.edited
+    screen.page.wait_for_timeout(1500)
+    return screen.app.debugger.look.edited == pose
+
+
 def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     screen = look(MUG)
     screen.tab("Physics")
@@ -172,7 +179,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
         screen.page.mouse.move(x + 4 * k, y + 2 * k)
         screen.page.wait_for_timeout(60)
     screen.page.mouse.up()
-    screen.page.wait_for_timeout(500)
+    screen.until(lambda: at_rest(screen))
     screen.shot("gizmo")
     after = screen.app.debugger.look.edited
     assert after is not None
