@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,38 @@ def test_millimetres_of_a_mesh_are_said_and_without_poses_they_are_looked_for(tm
     assert (model.name, model.diameter_m) == ("tea", pytest.approx(np.linalg.norm(BOX_M)))
 
 
+def test_symmetry_about_an_axis_is_known_when_it_is_opened(tmp_path: Path) -> None:
+    problem = box_problem()
+    mesh = tmp_path / "moved.ply"
+    box = trimesh.creation.cylinder(BOX_M[0] / 2, BOX_M[2], sections=32)
+    box.apply_translation([0.05, 0, 0])
+    box.export(mesh)
+    kept(tmp_path / "kept", problem, [Found(mesh, problem.instances[0].mask, symmetry_axis=[0, 0, 2])])
+    model = reopened(tmp_path / "kept").problem("1/1").models[1]
+    assert len(model.symmetries) == 64
+    for T in model.symmetries:
+        np.testing.assert_allclose(T @ [0.05, 0, 0.3, 1], [0.05, 0, 0.3, 1], atol=1e-9)
+
+
+def _keep_three(folder: Path, mesh: Path) -> None:
+    problem = box_problem()
+    for _ in range(3):
+        kept(folder, problem, [found(problem, mesh)])
+
+
+def test_two_programs_keep_frames_in_turns(tmp_path: Path, mesh: Path) -> None:
+    context = get_context("spawn")
+    programs = [context.Process(target=_keep_three, args=(tmp_path / "kept", mesh)) for _ in range(2)]
+    for program in programs:
+        program.start()
+    for program in programs:
+        program.join()
+    assert [program.exitcode for program in programs] == [0, 0]
+    toolbox = reopened(tmp_path / "kept")
+    assert toolbox.frames == tuple(f"1/{k}" for k in range(1, 7))
+    assert [len(toolbox.problem(frame).instances) for frame in toolbox.frames] == [1] * 6
+
+
 def test_a_frame_that_was_left_half_written_is_replaced(
     tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,15 +190,19 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
     problem = box_problem()
     seen, good = problem.observation, found(problem, mesh)
     T = np.array(problem.instances[0].hypotheses[0].T_cam_obj)
-    in_mm = T.copy()
+    instance = problem.instances[0]
+    in_mm, behind, aside, away = T.copy(), np.diag([1.0, -1, -1, 1]) @ T, T.copy(), T.copy()
     in_mm[:3, 3] *= 1000
+    aside[0, 3] = 3.0
+    away[2, 3] += 0.3
+    shares = np.where(instance.mask, np.linspace(0.5, 1, 80), 0.1)
     cases: list[tuple[dict[str, Any], str]] = [
         ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected 3×3"),
         ({"K": np.full((3, 3), np.nan)}, "K holds NaN or infinity"),
         ({"depth_m": np.zeros((60, 80))}, "depth_m has no measured pixel"),
         ({"depth_m": seen.depth_m * 1000}, "depth_m has a median of .*, expected metres; divide millimetres by 1000"),
         ({"depth_m": -seen.depth_m}, "depth_m goes down to -"),
-        ({"depth_m": seen.depth_m[None]}, "depth_m has shape .*, expected n×n"),
+        ({"depth_m": seen.depth_m[None]}, "depth_m has shape .*, expected n×m"),
         ({"rgb": np.zeros((60, 80, 3))}, "rgb is of float64, expected uint8"),
         ({"rgb": np.zeros((30, 80, 3), np.uint8)}, r"rgb has shape \(30, 80, 3\), expected 60×80×3"),
         ({"gravity_cam": [0, 0, 0]}, "gravity_cam is 0, expected a direction"),
@@ -176,7 +213,7 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ({"objects": [replace(good, mesh=tmp_path / "cup.stl")]}, r"cup\.stl is missing"),
         ({"objects": [replace(good, mesh="cup.step")]}, r"cup\.step is no mesh file; supported: ply"),
         ({"objects": [replace(good, unit_m=0)]}, "unit_m of object 0 .* is 0, expected metres per unit"),
-        ({"objects": [replace(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit"),
+        ({"objects": [replace(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit better"),
         ({"objects": [replace(good, unit_m=1000)]}, r"unit_m = 1000 was given, 1 would fit"),
         ({"objects": [replace(good, poses={"../net": T})]}, r"estimator '\.\./net' of object 0"),
         ({"objects": [replace(good, poses={"net": T[:3]})]}, r"pose of object 0 \(box\) by net has shape \(3, 4\)"),
@@ -187,6 +224,27 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ),
         ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
         ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "true pose of object 0"),
+        ({"K": np.array(seen.camera.K).T}, r"K has the last row .*; is it transposed\?"),
+        ({"objects": good}, "objects is no list of Found"),
+        (
+            {"objects": [replace(good, mask=shares)]},
+            "mask of object 0 .* holds shares, such as .*; give it as mask > 0",
+        ),
+        ({"objects": [replace(good, mask=~instance.mask)]}, r"mask of .* covers 9\d% of the image; is it inverted\?"),
+        (
+            {"objects": [replace(good, mesh=trimesh.creation.box(BOX_M))]},
+            "mesh of object 0 is a Trimesh, expected the path",
+        ),
+        ({"objects": [replace(good, unit_m="mm")]}, "unit_m of object 0 .* is 'mm', expected metres per unit"),
+        ({"objects": [replace(good, unit_m=0.01)]}, r"unit_m = 0\.01 was given, 1 would fit better"),
+        ({"objects": [replace(good, poses=T)]}, "poses of object 0 .* is no dict, expected {'my_net': T_cam_obj}"),
+        ({"objects": [replace(good, poses={"net": behind})]}, "lies behind the camera .* expected OpenCV's axes"),
+        ({"objects": [replace(good, poses={"net": aside})]}, "lies outside of the image; .* is it the inverse"),
+        ({"objects": [replace(good, T_cam_obj_gt=away)]}, "true pose of .* m from what its mask covers"),
+        (
+            {"objects": [replace(good, symmetry_axis=[0, 0, 0])]},
+            "symmetry_axis of object 0 .* is 0, expected a direction",
+        ),
         ({"objects": [good, replace(good, T_cam_obj_gt=T)]}, "1 of 2 objects have a true pose; give all of them one"),
     ]
     for wrong, words in cases:

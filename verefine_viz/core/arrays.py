@@ -37,7 +37,8 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
             want is None or want == got for want, got in zip(shape, array.shape, strict=True)
         )
     if not matches:
-        wanted = "×".join("n" if n is None else str(n) for n in shape)
+        letters = iter("nmkl")
+        wanted = "×".join(next(letters) if n is None else str(n) for n in shape)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
     if array.flags.writeable:
         array = array.copy()

@@ -15,20 +15,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.geometry import as_rigid
-from verefine_viz.scenes.meshes import read_mesh
+from verefine_viz.core.geometry import apply, as_rigid
+from verefine_viz.scenes.meshes import Mesh, read_mesh
 from verefine_viz.session.kept_folder import KeptFolder, KeptFrame, KeptObject
 
 FARTHEST_M = 60.0
 """Depth beyond is none; a median beyond is no depth in metres."""
-TOO_LARGE, TOO_SMALL = 300.0, 30.0
+TOO_LARGE, TOO_SMALL = 30.0, 5.0
 """How many times a mesh is larger, or smaller, than what its mask covers where its unit must be wrong. A mask may show
 a small part of an object, but not much more than the object."""
 LEAST_SEEN_M = 0.002
 """What a mask of a few pixels counts as covering."""
+UNITS_M = (0.001, 0.01, 0.0254, 1.0)
+"""Of mesh files: millimetres, centimetres, inches, metres."""
+WHOLE = 0.9
+"""Share of the image that no mask of one object covers."""
 TOO_FAR = 30.0
 """How many times a pose is farther away than its mask where its unit must be wrong."""
 
@@ -50,6 +54,9 @@ class Found:
     """Metres per unit of the mesh file: 0.001 for millimetres."""
     T_cam_obj_gt: ArrayLike | None = None
     """(4, 4) the true pose [m] where it is known: of all objects of a frame, or of none."""
+    symmetry_axis: ArrayLike | None = None
+    """(3,) axis through the middle of the mesh's box about which every turn looks the same, as (0, 0, 1) of a bowl.
+    Other symmetries: ``models/models_info.json`` of the folder, which is only added to."""
 
 
 def keep_frame(
@@ -62,17 +69,17 @@ def keep_frame(
 ) -> str:
     """Adds a frame to a folder, which becomes a small data set in BOP layout with ``session.toml`` over all its frames.
 
-    All is checked before anything is written, and the frame exists once it is whole. Two programs must not add to one
-    folder at the same time.
+    All is checked before anything is written, and the frame exists once it is whole.
 
     Args:
         folder: is made if it does not exist; else one that this function made.
         K: (3, 3) intrinsics [px].
         depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
         rgb: (H, W, 3) uint8, or None.
-        objects: what was found, each with its mask and its poses.
+        objects: what was found, each with its mask and its poses: a list of :class:`Found`.
         gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length, as an IMU or the robot's
-            kinematics have it; None = the normal of the table that is seen.
+            kinematics have it (an accelerometer at rest reads the opposite); None = the normal of the table that is
+            seen, then for all frames of the folder.
 
     Returns:
         The frame's name, as "1/17"; ``--scene.frames 1/17`` opens it alone.
@@ -97,14 +104,25 @@ def _checked(
     down = None if gravity_cam is None else finite(gravity_cam, "gravity_cam", (3,))
     if down is not None and not down.any():
         raise ShapeError("gravity_cam is 0, expected a direction")
+    _check_intrinsics(camera)
     if not objects:
         raise InputError("no object is given, expected at least one")
+    if isinstance(objects, Found) or not all(isinstance(found, Found) for found in objects):
+        raise InputError("objects is no list of Found, expected [Found(mesh, mask, …), …]")
     n_true = sum(found.T_cam_obj_gt is not None for found in objects)
     if n_true not in (0, len(objects)):
         raise InputError(f"{n_true} of {len(objects)} objects have a true pose; give all of them one, or none")
     points = camera.back_project(depth)
-    checked = [_object(found, k, points) for k, found in enumerate(objects)]
+    checked = [_object(found, k, camera, points) for k, found in enumerate(objects)]
     return KeptFrame(camera.K, depth, photo, checked, down)
+
+
+def _check_intrinsics(camera: Camera) -> None:
+    last = camera.K[2].tolist()
+    if last != [0, 0, 1] or camera.K[1, 0] != 0:
+        raise InputError(
+            f"K has the last row {last}, expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; is it transposed?"
+        )
 
 
 def _depth(depth_m: ArrayLike) -> Float:
@@ -126,34 +144,67 @@ def _photo(rgb: ArrayLike, shape: tuple[int, int]) -> NDArray[np.uint8]:
     return frozen(photo, "rgb", (*shape, 3), np.uint8)
 
 
-def _object(found: Found, k: int, points_cam: Float) -> KeptObject:
+def _object(found: Found, k: int, camera: Camera, points_cam: Float) -> KeptObject:
     """Checked against the measured points (H, W, 3) [m]."""
-    path = Path(found.mesh)
+    path = _path(found.mesh, k)
     name = found.name or path.stem
     where = f"object {k} ({name})"
-    mask = frozen(np.asarray(found.mask) != 0, f"mask of {where}", points_cam.shape[:2], bool)
+    mask = _mask(found.mask, where, camera.shape)
     covered = points_cam[mask & (points_cam[..., 2] > 0)]
     if len(covered) == 0:
-        raise ShapeError(f"mask of {where} is empty" if not mask.any() else f"mask of {where} has no measured depth")
-    if not 0 < found.unit_m < np.inf:
-        raise InputError(f"unit_m of {where} is {found.unit_m}, expected metres per unit of the mesh, as 0.001")
+        raise ShapeError(f"mask of {where} has no measured depth")
+    if not isinstance(found.unit_m, int | float) or not 0 < found.unit_m < np.inf:
+        raise InputError(f"unit_m of {where} is {found.unit_m!r}, expected metres per unit of the mesh, as 0.001")
     mesh = read_mesh(path, found.unit_m)
     _check_size(mesh.diameter_m, covered, found.unit_m, path)
+    if not isinstance(found.poses, Mapping):
+        raise InputError(f"poses of {where} is no dict, expected {{'my_net': T_cam_obj}}")
     poses = {estimator: _poses(estimator, given, where, covered) for estimator, given in found.poses.items()}
-    truth = None if found.T_cam_obj_gt is None else _near(found.T_cam_obj_gt, f"true pose of {where}", covered)
-    return KeptObject(name, mesh, mask, poses, truth)
+    for estimator, some in poses.items():
+        for T_cam_obj in some:
+            _check_seen(T_cam_obj, mesh, camera, f"pose of {where} by {estimator}")
+    truth = None
+    if found.T_cam_obj_gt is not None:
+        truth = _near(found.T_cam_obj_gt, f"true pose of {where}", covered)
+        _check_true(truth, mesh, covered, f"true pose of {where}")
+    axis = None if found.symmetry_axis is None else finite(found.symmetry_axis, f"symmetry_axis of {where}", (3,))
+    if axis is not None and not axis.any():
+        raise ShapeError(f"symmetry_axis of {where} is 0, expected a direction")
+    return KeptObject(name, mesh, mask, poses, truth, axis)
+
+
+def _path(mesh: object, k: int) -> Path:
+    if not isinstance(mesh, str | Path):
+        raise InputError(
+            f"mesh of object {k} is a {type(mesh).__name__}, expected the path of a PLY, OBJ, GLB or STL file"
+        )
+    return Path(mesh)
+
+
+def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
+    values = np.asarray(given)
+    mask = frozen(values != 0, f"mask of {where}", shape, bool)
+    if not mask.any():
+        raise ShapeError(f"mask of {where} is empty")
+    if np.issubdtype(values.dtype, np.floating) and np.ptp(values[mask]) > 0:
+        raise ShapeError(f"mask of {where} holds shares, such as {values[mask][0]:.3g}; give it as mask > 0.5")
+    if mask.mean() > WHOLE:
+        raise ShapeError(f"mask of {where} covers {mask.mean():.0%} of the image; is it inverted?")
+    return mask
 
 
 def _check_size(diameter_m: float, covered: Float, unit_m: float, path: Path) -> None:
-    # Without the outermost tenths, which may lie on something else.
-    seen_m = float(np.linalg.norm(np.percentile(covered, 90, axis=0) - np.percentile(covered, 10, axis=0)))
+    # Across the line of sight, and without the outermost tenths: the edge of a mask may lie on something far behind.
+    across = covered[:, :2] / covered[:, 2:] * np.median(covered[:, 2])
+    seen_m = float(np.linalg.norm(np.percentile(across, 90, axis=0) - np.percentile(across, 10, axis=0)))
     seen_m = max(seen_m, LEAST_SEEN_M)
     if seen_m / TOO_SMALL <= diameter_m <= seen_m * TOO_LARGE:
         return
-    likely = unit_m * (0.001 if diameter_m > seen_m else 1000)
+    in_units = diameter_m / unit_m
+    likely = min(UNITS_M, key=lambda unit: abs(np.log(in_units * unit / seen_m)))
     raise InputError(
         f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; unit_m = {unit_m:g} was given, "
-        f"{likely:g} would fit"
+        f"{likely:g} would fit better"
     )
 
 
@@ -177,3 +228,28 @@ def _near(T_cam_obj: ArrayLike, name: str, covered: Float) -> Float:
     if away_m > TOO_FAR * mask_m:
         raise InputError(f"{name} is {away_m:.3g} m away, its mask {mask_m:.3g} m; expected T_cam_obj in metres")
     return T
+
+
+def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None:
+    """An estimate may be wrong, but it is of something that is in the image."""
+    points = apply(T_cam_obj, mesh.vertices_m)
+    ahead = points[points[:, 2] > 0]
+    if len(ahead) == 0:
+        raise InputError(
+            f"{name} lies behind the camera (z = {points[:, 2].mean():.2g} m); expected OpenCV's axes, z forward"
+        )
+    u, v = camera.project(ahead).T
+    if not (u.max() >= 0 and v.max() >= 0 and u.min() < camera.width and v.min() < camera.height):
+        raise InputError(
+            f"{name} lies outside of the image; expected T_cam_obj, which maps the object's points into the camera's "
+            "frame: is it the inverse, or of another K?"
+        )
+
+
+def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None:
+    # To the nearest measured point: of the others some may lie on something else.
+    nearest_m = float(np.linalg.norm(covered - apply(T_cam_obj, mesh.vertices_m).mean(axis=0), axis=1).min())
+    if nearest_m > mesh.diameter_m:
+        raise InputError(
+            f"{name} is {nearest_m:.2g} m from what its mask covers; expected T_cam_obj of this object and frame"
+        )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,8 @@ class KeptObject:
     poses: Mapping[str, Sequence[Float]]
     """(4, 4) each [m], by estimator, best first."""
     T_cam_obj_gt: Float | None
+    symmetry_axis: Float | None
+    """(3,) of any length, through the middle of the mesh's box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +82,15 @@ class KeptFolder:
             InputError: an object has another mesh than the one of its name before, or the disk refuses. The frame is
                 then not there.
         """
-        new = self._new_models(frame.objects)
+        self._new_models(frame.objects)  # refuses before anything is written
+        self._begin()
+        with self._alone():
+            self._names = _known(self._folder / NAMES, {})
+            return self._add(frame, self._new_models(frame.objects))
+
+    def _add(self, frame: KeptFrame, new: Mapping[int, KeptObject]) -> str:
         cameras = self._scene / "scene_camera.json"
         number = 1 + max(map(int, _known(cameras, {})), default=0)
-        self._begin()
         self._write_models(new)
         step_mm = next(step for step in DEPTH_STEPS_MM if frame.depth_m.max() * 1e3 / step < 65535)
         steps = np.round(frame.depth_m * 1e3 / step_mm).astype(np.uint16)
@@ -100,7 +109,8 @@ class KeptFolder:
         session = self._folder / SESSION
         if session.is_file():
             return session.read_text("utf-8", errors="replace").startswith(HEAD)
-        return self._folder.is_dir() and not any(self._folder.iterdir())
+        # Another program may just be beginning to write it.
+        return self._folder.is_dir() and all(path.name.startswith(SESSION) for path in self._folder.iterdir())
 
     def _begin(self) -> None:
         """Marks the folder as ours, so that a program that was killed in its first frame can go on."""
@@ -108,33 +118,39 @@ class KeptFolder:
             with atomic(self._folder / SESSION) as part:
                 part.write_text(HEAD, encoding="utf-8")
 
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Waits until no other program adds to the folder; one that is killed lets go of it."""
+        with (self._folder / ".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
     def _id(self, name: str) -> int:
         return next(int(obj_id) for obj_id, known in self._names.items() if known == name)
 
     def _model_path(self, obj_id: int) -> Path:
         return self._folder / "models" / f"obj_{obj_id:06d}.ply"
 
-    def _new_models(self, objects: Sequence[KeptObject]) -> dict[int, Mesh]:
+    def _new_models(self, objects: Sequence[KeptObject]) -> dict[int, KeptObject]:
         """The models that are not there yet, by their new obj_id."""
-        new: dict[int, Mesh] = {}
+        new: dict[int, KeptObject] = {}
         for one in objects:
             if one.name not in self._names.values():
-                new[len(self._names) + 1] = one.mesh
+                new[len(self._names) + 1] = one
                 self._names[str(len(self._names) + 1)] = one.name
             obj_id = self._id(one.name)
-            there = _ply(new[obj_id]) if obj_id in new else self._model_path(obj_id).read_bytes()
+            there = _ply(new[obj_id].mesh) if obj_id in new else self._model_path(obj_id).read_bytes()
             if there != _ply(one.mesh):
                 raise InputError(f"{one.name} is another mesh than before in {self._folder}; give it another name")
         return new
 
-    def _write_models(self, new: Mapping[int, Mesh]) -> None:
-        for obj_id, mesh in new.items():
+    def _write_models(self, new: Mapping[int, KeptObject]) -> None:
+        for obj_id, one in new.items():
             with atomic(self._model_path(obj_id)) as part:
-                part.write_bytes(_ply(mesh))
+                part.write_bytes(_ply(one.mesh))
         if new:
             info = self._folder / "models" / "models_info.json"
-            sizes = {str(obj_id): size_entry(mesh.vertices_m, mesh.diameter_m) for obj_id, mesh in new.items()}
-            write_json(info, _known(info, {}) | sizes)
+            write_json(info, _known(info, {}) | {str(obj_id): _info(one) for obj_id, one in new.items()})
             write_json(self._folder / NAMES, self._names)
 
     def _write_detections(self, number: int, objects: Sequence[KeptObject]) -> None:
@@ -189,6 +205,15 @@ class KeptFolder:
 
 def _known(path: Path, empty: Any) -> Any:
     return read_json(path, type(empty)) if path.is_file() else empty
+
+
+def _info(one: KeptObject) -> dict[str, Any]:
+    entry = size_entry(one.mesh.vertices_m, one.mesh.diameter_m)
+    if one.symmetry_axis is not None:
+        low, high = one.mesh.vertices_m.min(axis=0), one.mesh.vertices_m.max(axis=0)
+        axis = one.symmetry_axis / np.linalg.norm(one.symmetry_axis)
+        entry["symmetries_continuous"] = [{"axis": axis.tolist(), "offset": (500 * (low + high)).tolist()}]
+    return entry
 
 
 def _ply(mesh: Mesh) -> bytes:
