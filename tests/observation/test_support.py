@@ -165,8 +165,14 @@ def test_a_plane_above_the_objects_does_not_carry_them() -> None:
 
 def test_gravity_that_no_plane_fits() -> None:
     depth, mask = scene()
-    with pytest.raises(NoSupportError, match="no support plane"):
+    with pytest.raises(NoSupportError, match=r"carries the objects is tilted by 90° against .* most 30°; ph"):
         find_support(depth, CAMERA, mask, (1.0, 0.0, 0.0), None, 0)
+
+
+def test_gravity_that_points_upwards_is_said_to() -> None:
+    depth, mask = scene()
+    with pytest.raises(NoSupportError, match=r"tilted by 180° against .*; reverse it \(an accelerometer at rest"):
+        find_support(depth, CAMERA, mask, tuple(9.81 * UP), None, 0)
 
 
 def test_world_gravity_without_a_world() -> None:

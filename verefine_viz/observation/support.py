@@ -122,6 +122,7 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     best: Plane | None = None
     best_worth = 0.0
     largest_share = 0.0
+    most_carried, tilt_rad = 0.0, 0.0
     # Open3D's generator is global: seeding it right before each use is what makes the answer depend on the seed alone.
     for _ in range(MAX_PLANES):
         if len(sample) < max(3, MIN_SHARE * n_sample, best_worth * n_sample):
@@ -133,10 +134,20 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
         plane = Plane.towards_camera(np.array(coefficients[:3]), float(coefficients[3]))
         share = len(inlier_idx) / n_sample
         largest_share = max(largest_share, share)
-        worth = share * _carries(plane, objects) if _is_level(plane, up_cam) else 0.0
+        carried, plane_tilt_rad = share * _carries(plane, objects), _tilt_rad(plane, up_cam)
+        worth = carried if plane_tilt_rad <= MAX_TILT_RAD else 0.0
         if share >= MIN_SHARE and worth > best_worth:
             best, best_worth = plane, worth
+        if share >= MIN_SHARE and carried > most_carried:
+            most_carried, tilt_rad = carried, plane_tilt_rad
         sample = np.delete(sample, inlier_idx, axis=0)
+    if best is None and most_carried > 0:
+        reverse = "; reverse it (an accelerometer at rest reads upwards)" if tilt_rad > np.pi - MAX_TILT_RAD else ""
+        raise NoSupportError(
+            f"no support plane: the plane that carries the objects is tilted by {np.degrees(tilt_rad):.0f}° against "
+            f"the gravity that was given, expected at most {np.degrees(MAX_TILT_RAD):.0f}°{reverse}; physics is off "
+            "for this frame"
+        )
     if best is None:
         raise NoSupportError(
             f"no support plane: the largest plane holds {largest_share:.0%} of the background near the objects and "
@@ -145,8 +156,8 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     return best
 
 
-def _is_level(plane: Plane, up_cam: Float | None) -> bool:
-    return up_cam is None or float(plane.normal @ up_cam) >= np.cos(MAX_TILT_RAD)
+def _tilt_rad(plane: Plane, up_cam: Float | None) -> float:
+    return 0.0 if up_cam is None else float(np.arccos(np.clip(plane.normal @ up_cam, -1.0, 1.0)))
 
 
 def _carries(plane: Plane, objects: Float) -> float:

@@ -72,7 +72,9 @@ def _support(view: View) -> list[Finding]:
     support = observation.support
     if support is None:
         note = observation.support_note or "no support plane was found"
-        return [Finding(f"No physics: {note}. Give scene.gravity, or choose a frame that shows the table.", red=True)]
+        given = view.session.scene.gravity != "plane"
+        remedy = "Check scene.gravity" if given else "Give scene.gravity"
+        return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
     said = doubt(support)
     return [Finding(said)] if said else []
 
