@@ -79,6 +79,14 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
         lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=["a"] * 9)),
         ["'cam_K' does not hold numbers, expected 9"],
     ),
+    "cam_K column by column": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[90, 0, 0, 0, 90, 0, 40, 30, 1])),
+        ["the last row of 'cam_K' is 40 30 1, expected 0 0 1; it looks written column by column: write it row by row"],
+    ),
+    "cam_K with another last row": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[90, 0, 40, 0, 90, 30, 0, 0, 0])),
+        ["the last row of 'cam_K' is 0 0 0, expected 0 0 1"],
+    ),
     "focal length 0": (
         lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[0] * 8 + [1])),
         ["focal lengths 0, 0; expected positive"],

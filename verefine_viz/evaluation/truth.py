@@ -20,6 +20,7 @@ from verefine_viz.evaluation.model import EvalModel, EvalModels, eval_model
 from verefine_viz.evaluation.targets import Targets
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.images import find_image, read_depth
+from verefine_viz.scenes.intrinsics import intrinsics_of
 from verefine_viz.scenes.jsonfile import integer_of, key_of, number_of, numbers_of, read_json
 
 VISIB_FRACT = 0.1
@@ -96,9 +97,7 @@ class BopTruth:
         if key not in truths:
             raise InputError(f"{folder / 'scene_gt.json'} has no image {im_id}, which the targets name")
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        if isinstance(cameras[key], dict) and "cam_K" not in cameras[key] and "cam_model" in cameras[key]:
-            raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
-        K = numbers_of(cameras[key], "cam_K", 9, where).reshape(3, 3)
+        K = intrinsics_of(cameras[key], where)
         if K[0, 0] <= 0 or K[1, 1] <= 0:
             raise InputError(f"{where}: 'cam_K' has focal lengths {K[0, 0]:g}, {K[1, 1]:g}, expected positive pixels")
         found = _truths(truths[key], infos, im_id, folder)

@@ -20,6 +20,7 @@ from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.listing import listed
 from verefine_viz.scenes.images import find_image, read_color, read_depth, read_mask, size_text
+from verefine_viz.scenes.intrinsics import intrinsics_notes, intrinsics_of
 from verefine_viz.scenes.jsonfile import integer_of, number_of, numbers_of, read_json
 from verefine_viz.scenes.models import ModelLibrary
 
@@ -131,9 +132,7 @@ class BopDataset:
         folder = self._scene(scene_id)
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
         entry = self._read(folder / "scene_camera.json", dict)[str(im_id)]
-        if isinstance(entry, dict) and "cam_K" not in entry and "cam_model" in entry:
-            raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
-        K = numbers_of(entry, "cam_K", 9, where).reshape(3, 3)
+        K = intrinsics_of(entry, where)
         scale_mm = number_of(entry, "depth_scale", where)
         if scale_mm <= 0:
             raise InputError(f"{where}: 'depth_scale' is {scale_mm:g}, expected millimetres per step > 0")
@@ -144,8 +143,7 @@ class BopDataset:
         if not depth_m.any():
             raise InputError(f"{path} is 0 everywhere: the frame has no depth, nothing can be verified in it")
         rgb, notes = self._color(folder, im_id, depth_m.shape)
-        if K[0, 1] != 0:
-            notes += (f"cam_K has a skew of {K[0, 1]:g} px; it is ignored",)
+        notes += intrinsics_notes(K, depth_m.shape)
         if depth_m.max() < 0.05 or np.median(depth_m[depth_m > 0]) > 20:
             median_m = float(np.median(depth_m[depth_m > 0]))
             notes += (f"median depth is {median_m:.3g} m; check 'depth_scale' ({scale_mm:g} mm) in scene_camera.json",)
