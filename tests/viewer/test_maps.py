@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -128,3 +130,11 @@ def test_cloud_colours_by_class_only_where_there_is_one() -> None:
     assert not (colors[~inside] == CLASS_COLORS["explained"]).all(axis=1).any()
     assert cloud_colors(cloud, "colour", MAPS, TAU_M) is cloud.natural
     assert cloud_colors(cloud, "residual", None, TAU_M) is cloud.natural
+
+
+def test_a_cloud_without_a_photo_shows_what_faces_the_camera_brighter() -> None:
+    observation = replace(TARGET.observation, rgb=None)
+    cloud = cloud_of(observation)
+    facing = np.abs(observation.normals_cam[cloud.rows, cloud.columns, 2])
+    brightness = cloud.natural.astype(float).mean(axis=1)
+    assert brightness[facing > 0.9].min() > brightness[facing < 0.1].max() + 50

@@ -30,7 +30,7 @@ class Cloud:
     points_cam: NDArray[np.float32]
     """(N, 3) [m]."""
     natural: Image
-    """(N, 3) RGB: the photo, or shades of grey by depth without one."""
+    """(N, 3) RGB: the photo, or without one shades of grey by how steeply the camera looks."""
     spacing_px: int
     """Distance of neighbours in the background [px]."""
 
@@ -52,9 +52,8 @@ def cloud_of(observation: Observation) -> Cloud:
     if observation.rgb is not None:
         natural = observation.rgb[rows, columns]
     else:
-        z = points[:, 2]
-        low, high = np.percentile(z, [2, 98]) if len(z) else (0.0, 1.0)
-        shade = 230 - 150 * np.clip((z - low) / max(float(high - low), 1e-6), 0, 1)
+        # As if lit from the camera: shapes can be told apart, wherever they are.
+        shade = 40 + 150 * np.abs(observation.normals_cam[rows, columns, 2])
         natural = np.repeat(shade[:, None], 3, axis=1).astype(np.uint8)
     return Cloud(rows, columns, points, natural, step)
 
