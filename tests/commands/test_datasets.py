@@ -78,6 +78,22 @@ def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
     assert abs(y + 6) <= 3
 
 
+@pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
+def test_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
+    tmp_path: Path, dx: int, named: str
+) -> None:
+    root = written(tmp_path / "clutter", [scene("clutter", f"0/{k}") for k in range(2)], 1.0)
+    path = root / "test" / "000000" / "scene_camera.json"
+    content = json.loads(path.read_text())
+    for entry in content.values():
+        entry["cam_K"][2] += dx
+    path.write_text(json.dumps(content))
+    said = {f.name: f.advice for f in check_split(root, "test").findings}["registration"]
+    assert said.endswith(
+        f"either depth is not registered to colour (warp it into the colour camera first), or cx of cam_K is {named}"
+    )
+
+
 @pytest.mark.parametrize("factor", [10.0, 0.1])
 def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
     def scaled(content: dict[str, Any]) -> None:
@@ -197,7 +213,7 @@ def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(
 def test_without_ground_truth_the_checks_that_need_it_are_named(made: Made) -> None:
     (made.scene / "scene_gt.json").unlink()
     found = {f.name: f for f in check_split(made.root, "test").findings}
-    for name in ("sizes", "registration"):
+    for name in ("sizes", "registration", "each frame"):
         assert found[name].found == "not checked, needs ground truth"
         assert not found[name].is_looked_at
 

@@ -11,6 +11,7 @@ from typing import get_args
 import numpy as np
 
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
+from verefine_viz.commands.frame_check import each_frame
 from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.commands.truth_check import check_truths
@@ -23,8 +24,10 @@ from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.jsonfile import read_json
 
-SAMPLES = 6
-"""Frames of a split that are opened, spread evenly."""
+LOOKED = 40
+"""Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""
+DRAWN = 6
+"""Frames in which objects are drawn as well, spread evenly: about a second each."""
 
 
 def check_split(folder: Path, split: str) -> Parts:
@@ -48,20 +51,26 @@ def check_split(folder: Path, split: str) -> Parts:
         parts.leave("all the rest", "not looked at, because there are no frames yet")
         return parts
     _check_camera_poses(dataset, parts)
-    sampled = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).round()]
-    _check_images(dataset, sampled, parts)
-    _check_masks(dataset, sampled, parts)
+    looked = _spread(frames, LOOKED)
+    _check_images(dataset, looked, parts)
+    _check_masks(dataset, looked, parts)
     _check_scoring(dataset, parts)
     if parts.ground_truth and parts.depth and parts.models:
-        is_in_place = _check_sizes(dataset, sampled, parts)
-        for found, advice in registration(dataset, sampled, is_in_place):
+        drawn = _spread(frames, DRAWN)
+        is_in_place = _check_sizes(dataset, drawn, parts)
+        for found, advice in registration(dataset, drawn, is_in_place):
             parts.add("registration", found, advice)
+        _check_each_frame(dataset, looked, parts)
     else:
         needed = {"models": parts.models, "depth": parts.depth, "ground truth": parts.ground_truth}
         lacking = " and ".join(what for what, there in needed.items() if not there)
-        for name in ("sizes", "registration"):
+        for name in ("sizes", "registration", "each frame"):
             parts.leave(name, f"not checked, needs {lacking}")
     return parts
+
+
+def _spread(frames: Sequence[tuple[int, int]], most: int) -> list[tuple[int, int]]:
+    return [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(most, len(frames))).round()]
 
 
 def _check_models(dataset: BopDataset, parts: Parts) -> None:
@@ -171,6 +180,17 @@ def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     verdict = object_sizes(dataset, sampled, kinds[0])
     parts.add("sizes", verdict.found, verdict.advice)
     return verdict.cause in (None, "depth", "masks")
+
+
+def _check_each_frame(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts: Parts) -> None:
+    """Frame by frame, where nothing that is off in all frames together explains what is off in each."""
+    kinds: list[MaskFolder] = [kind for kind in ("mask_visib", "mask") if kind in parts.masks]
+    if any(row.advice for row in parts.findings if row.name in ("sizes", "registration")):
+        parts.leave("each frame", "not looked at, because the frames are off together")
+    elif kinds:
+        judged = each_frame(dataset, looked, kinds[0])
+        if judged is not None:
+            parts.add("each frame", *judged)
 
 
 def _check_scoring(dataset: BopDataset, parts: Parts) -> None:

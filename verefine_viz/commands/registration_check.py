@@ -72,13 +72,23 @@ def _agreement(pairs: Sequence[tuple[Float, Float]], is_in_place: bool) -> tuple
     elif is_in_place and shares[best] > here + GAIN:
         advice = (
             f"{shares[best]:.0%} do if depth is displaced by {best[0]} px in x and {best[1]} px in y: "
-            "depth is not registered to colour; warp it into the colour camera first"
+            f"either depth is not registered to colour (warp it into the colour camera first), or {_middle(*best)}"
         )
     elif here < 0.3:
         advice = "poses, models or intrinsics do not belong to these images"
     else:
         advice = ""
     return found, advice
+
+
+def _middle(dx: int, dy: int) -> str:
+    """What is wrong with cam_K where that is why depth fits after a displacement [px] only."""
+    off = [(name, px) for name, px in (("cx", dx), ("cy", dy)) if 4 * abs(px) > max(abs(dx), abs(dy))]
+    return " and ".join(
+        f"{name} of cam_K is {'at least' if abs(px) == max(SHIFTS_PX) else 'about'} {abs(px)} px too "
+        f"{'large' if px > 0 else 'small'}"
+        for name, px in off
+    )
 
 
 def _frames(dataset: BopDataset, sampled: Sequence[tuple[int, int]]) -> Iterator[_Frame]:

@@ -92,6 +92,12 @@ def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
     return float(np.median(_tree(model).query(apply(inverse(T_cam_obj), some))[0])) / model.diameter_m
 
 
+def share_near(points_cam: Float, model: ObjectModel, T_cam_obj: Float, near_m: float) -> float:
+    """Share of observed points (N, 3) [m], N > 0, that lie within ``near_m`` of a posed model."""
+    some = points_cam[:: max(1, len(points_cam) // POINTS)]
+    return float(np.mean(_tree(model).query(apply(inverse(T_cam_obj), some))[0] < near_m))
+
+
 @lru_cache(maxsize=64)
 def _tree(model: ObjectModel) -> KDTree:
     return KDTree(model.points, balanced_tree=False, compact_nodes=False)
