@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import Edit, MethodSettings, Session
@@ -53,11 +55,72 @@ def test_an_edit_knows_its_frame_and_the_session_opens_there() -> None:
     assert "1 pose moved by hand belongs to frame 0/2." in headline(d.view())
 
 
-def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_it_alone(tmp_path: Path) -> None:
-    keeping = Keeping(None, tmp_path)  # pyright: ignore[reportArgumentType]
+@pytest.fixture
+def keeping(tmp_path: Path) -> Keeping:
+    server: Any = None  # Sessions are saved without a page.
+    return Keeping(server, tmp_path)
+
+
+FORK = c.Fork((("method.exploration", 0.4),), 0)
+MOVE = (c.EditPose(), c.ForkFromPose())
+IN_EACH = (*MOVE, c.OpenFrame("0/2"), *MOVE)
+
+
+def moved(path: Path) -> list[tuple[int, str]]:
+    """The instance and the frame of each edit in a file."""
+    return [(edit.instance, edit.frame) for edit in load_session(path).edits]
+
+
+def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the_session(
+    keeping: Keeping, tmp_path: Path
+) -> None:
     d = Debugger(session(edit_of(instance=1)), None, FakeTools, keep=keeping)
-    d.carry_out([c.SaveSession("untouched"), c.EditPose(), c.ForkFromPose(), c.SaveSession("moved")])
-    untouched, moved = (Debugger(load_session(tmp_path / f"{k}.toml"), None, FakeTools) for k in ("untouched", "moved"))
-    assert [e.instance for e in untouched.workspace.session.edits] == [1]
-    assert [(e.instance, e.frame) for e in moved.workspace.session.edits] == [(0, "0/1")]
-    assert moved.workspace.run.edits == moved.workspace.session.edits
+    d.carry_out([c.SaveSession("untouched"), *MOVE, c.SaveSession("moved")])
+    assert (moved(tmp_path / "untouched.toml"), moved(tmp_path / "moved.toml")) == ([(1, "")], [(0, "0/1"), (1, "")])
+    again = Debugger(load_session(tmp_path / "moved.toml"), None, FakeTools)
+    assert [edit.instance for edit in again.workspace.run.edits] == [0]
+    assert [edit.instance for edit in again.carry_out([c.OpenFrame("0/2")]).workspace.run.edits] == [1]
+
+
+def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(keeping: Keeping, tmp_path: Path) -> None:
+    both = (edit_of(0, frame="0/1"), edit_of(1, frame="0/2"))
+    opened = session(both[0]).model_copy(update={"edits": both})
+    d = Debugger(opened, None, FakeTools, keep=keeping).carry_out([c.SaveSession("same")])
+    assert load_session(tmp_path / "same.toml") == opened
+    assert d.message.endswith("same.toml")
+
+
+def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keeping: Keeping, tmp_path: Path) -> None:
+    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([*IN_EACH, c.SaveSession("two")])
+    assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
+    again = Debugger(load_session(tmp_path / "two.toml"), None, FakeTools)
+    assert again.workspace.frame == "0/2", "the one that was shown"
+    assert len(again.workspace.run.edits) == len(again.carry_out([c.OpenFrame("0/1")]).workspace.run.edits) == 1
+    d.carry_out([c.OpenFrame("0/1"), c.SaveSession("two")])
+    assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
+
+
+def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Keeping, tmp_path: Path) -> None:
+    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping)
+    d.carry_out([FORK, *IN_EACH, c.SaveSession("here")])
+    assert "here.toml; it does not hold what was done in frame 0/1: save that there" in d.message
+    assert [frame for _, frame in moved(tmp_path / "here.toml")] == ["0/2"]
+    d.carry_out([c.OpenFrame("0/1"), c.SaveSession("there")])
+    said = "it opens frame 0/1 alone: poses moved by hand and settings changed later belong to it; it does not hold "
+    assert f"{said}what was done in frame 0/2: save that there" in d.message
+    assert [frame for _, frame in moved(tmp_path / "there.toml")] == ["0/1"]
+
+
+def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(keeping: Keeping, tmp_path: Path) -> None:
+    late = edit_of(instance=0).model_copy(update={"after_iteration": 1})
+    d = Debugger(session(late), None, FakeTools, keep=keeping).carry_out([c.Fork(), c.SaveSession("let_be")])
+    assert "a pose that the session moves in every frame is not moved here, which belongs to it" in d.message
+    assert (load_session(tmp_path / "let_be.toml").scene.frames, moved(tmp_path / "let_be.toml")) == (("0/1",), [])
+
+
+def test_a_restart_does_not_say_that_poses_of_another_frame_are_gone() -> None:
+    d = Debugger(Session(title="boxes"), None, FakeTools).carry_out([*MOVE, c.OpenFrame("0/2"), c.Restart()])
+    assert (d.message, [edit.frame for edit in d.workspace.session.edits]) == ("", ["0/1"])
+    d.carry_out([c.Restart((("method.exploration", 0.5),))])
+    assert d.message == "1 pose moved by hand is not moved again."
+    assert d.workspace.session.edits == ()

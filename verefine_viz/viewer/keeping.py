@@ -16,9 +16,9 @@ from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.session.edits import edits_of
 from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.all_frames import savable
 from verefine_viz.viewer.command_lines import to_json
 from verefine_viz.viewer.downloads import Kept, downloaded
 from verefine_viz.viewer.refusal import Unconfirmed
@@ -55,13 +55,7 @@ class Keeping:
 
     def _session(self, space: Workspace, command: c.SaveSession) -> Kept:
         path = self._folder / f"{checked_name(command.name)}.toml"
-        session, note = space.session, ""
-        here = edits_of(session.edits, space.work.problem, is_only_frame=len(space.frames) == 1)
-        if here or session.changes:  # They belong to this frame.
-            scene = session.scene.model_copy(update={"frames": (space.frame,)})
-            session = session.model_copy(update={"scene": scene, "edits": here})
-            if len(space.frames) > 1:
-                note = f"it opens frame {space.frame} alone: {on_the_way(session)} belong to it"
+        session, note = savable(space.session, space.branch, space.others, len(space.frames))
         if not command.replace:
             refuse_loss(path, session, space, command)
         save_session(session, path)
@@ -173,12 +167,6 @@ def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveS
         raise Unconfirmed(said, "replace it", replace(command, replace=True))
 
 
-def on_the_way(session: Session) -> str:
-    """What a run of a session does beside its method, in words."""
-    moved, changed = bool(session.edits) * ["poses moved by hand"], bool(session.changes) * ["settings changed later"]
-    return " and ".join(moved + changed)
-
-
 def lost(there: Session, saved: Saved | None, session: Session, space: Workspace) -> str:
     """What a file that holds ``there`` loses if ``session``, that of the shown branch, is written to it; "" = nothing.
 
@@ -202,6 +190,8 @@ def lost(there: Session, saved: Saved | None, session: Session, space: Workspace
     other = saved.branch
     if other is None or other is space.branch or not space.is_open(other):
         return what
+    if not what and other in space.others and there.model_copy(update={"edits": session.edits}) == session:
+        return ""  # What it holds of another frame is written again.
     return f"another branch, “{other.name}”" + (f", with {what}" if what else "")
 
 

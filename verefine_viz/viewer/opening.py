@@ -45,7 +45,7 @@ class Opening:
             case c.Restart(changes):
                 before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
                 workspace.restart(changes)
-                debugger.message = not_repeated(before, saved[-1] if saved else None)
+                debugger.message = not_repeated(before, workspace.session, saved[-1] if saved else None)
             case c.Estimate(instance_id, estimator):
                 debugger.message = estimated(workspace, instance_id, estimator)
                 debugger.look = replace(debugger.look.afresh(), focus=instance_id)
@@ -82,18 +82,19 @@ class Opening:
         workspace.open(old.model_copy(update=update), None)
 
 
-def not_repeated(before: Session, path: Path | None) -> str:
+def not_repeated(before: Session, after: Session, path: Path | None) -> str:
     """What a restart leaves behind of a run, in words; "" = nothing.
 
     Args:
-        before: what a session file would have to say to repeat the run.
+        before: what a session file would have had to say to repeat the run.
+        after: what it has to say now; what was moved in other frames may still be there.
         path: a file of the open session that has poses moved or settings changed on the way; None = there is none.
     """
     said = []
     if any(change.after_iteration > 0 for change in before.changes):
         said.append("The settings changed on the way now hold from iteration 1 on.")
-    if before.edits:
-        n = len(before.edits)
+    n = sum(edit not in after.edits for edit in before.edits)
+    if n:
         said.append(f"{n} pose{'s' if n > 1 else ''} moved by hand {'are' if n > 1 else 'is'} not moved again.")
     if said and path is not None:
         said.append(f"To repeat them open {path}.")

@@ -15,8 +15,8 @@ from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Change, HypothesesSettings, Session
 from verefine_viz.scenes.estimates import asked_estimators
-from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
+from verefine_viz.viewer.all_frames import edits_of_all
 from verefine_viz.viewer.branch import Branch, FrameWork
 from verefine_viz.viewer.changes import in_order, merged, nested
 from verefine_viz.viewer.command import Changes
@@ -92,6 +92,11 @@ class Workspace:
         return any(branch is other for work in self._works.values() for other in work.branches)
 
     @property
+    def others(self) -> tuple[Branch, ...]:
+        """The open branches of the other frames that were looked at."""
+        return tuple(work.branch for frame, work in self._works.items() if frame != self.frame)
+
+    @property
     def has_other_frames(self) -> bool:
         """Whether frames beside the shown one were looked at, and are as they were left."""
         return len(self._works) > 1
@@ -102,13 +107,10 @@ class Workspace:
 
     @property
     def session(self) -> Session:
-        """What a session file has to say to repeat the run that is open; poses moved in other frames stay with it."""
-        branch = self.branch
-        here = edits_of(branch.start.edits, branch.run.problem, is_only_frame=len(self.frames) == 1)
-        elsewhere = tuple(edit for edit in branch.start.edits if edit not in here)
-        moved = branch.start.edits if branch.recording else (*elsewhere, *branch.run.edits)
+        """What a session file has to say to repeat the run that is open, with the poses moved in other frames."""
+        branch, edits = self.branch, edits_of_all(self.branch, self.others, is_only_frame=len(self.frames) == 1)
         return branch.start.model_copy(
-            update={"edits": moved, "changes": branch.changes, "breakpoints": self.breakpoints}
+            update={"edits": edits, "changes": branch.changes, "breakpoints": self.breakpoints}
         )
 
     def restart(self, changes: Changes) -> None:

@@ -1,0 +1,86 @@
+"""What was done in all frames of a session, as one session file can say it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from verefine_viz.core.listing import listed
+from verefine_viz.core.settings import Edit, Session
+from verefine_viz.session.edits import edits_of
+from verefine_viz.viewer.branch import Branch
+
+
+def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -> tuple[Edit, ...]:
+    """The poses moved in all frames: as the open runs of those that were looked at have them, else as the session has.
+
+    Those of the shown frame come first: a session opens at the first frame in which it moves a pose.
+
+    Args:
+        shown: the open branch.
+        others: those of the other frames that were looked at.
+        is_only_frame: whether the session has no frame but the shown one.
+    """
+    here, looked_at = _at_first(shown, is_only_frame), {other.run.problem.frame for other in others}
+    elsewhere = (edit for edit in shown.start.edits if edit not in here and edit.frame not in looked_at)
+    there = (edit for other in others for edit in _edits(other) if edit.frame)
+    return (*_edits(shown, is_only_frame), *elsewhere, *there)
+
+
+def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames: int) -> tuple[Session, str]:
+    """What is written to a file, and what it does not hold, in words; "" = it holds all.
+
+    Settings changed on the way hold in every frame of a session, so those that were changed in one are saved with that
+    frame alone.
+
+    Args:
+        session: what repeats the open branch, with the poses moved in all frames.
+        shown: the open branch.
+        others: those of the other frames that were looked at.
+        n_frames: how many the session has.
+    """
+    frame, apart = shown.run.problem.frame, [o.run.problem.frame for o in others if not _goes_with(o, shown)]
+    if n_frames > 1 and _goes_with(shown, shown):
+        first = tuple(edit for edit in shown.start.edits if edit.frame in apart)
+        edits = (*(edit for edit in session.edits if edit.frame not in apart), *first)
+        return session.model_copy(update={"edits": edits}), _left_out(apart)
+    here = edits_of(session.edits, shown.run.problem, is_only_frame=n_frames == 1)
+    if n_frames == 1 and not here and not session.changes:
+        return session, ""
+    scene = session.scene.model_copy(update={"frames": (frame,)})
+    apart += [edit.frame for edit in session.edits if edit.frame not in ("", frame)]
+    alone = session.model_copy(update={"scene": scene, "edits": here})
+    if n_frames == 1:
+        return alone, ""
+    belongs = on_the_way(alone) or "a pose that the session moves in every frame is not moved here, which"
+    said = [f"it opens frame {frame} alone: {belongs} belong{'' if on_the_way(alone) else 's'} to it", _left_out(apart)]
+    return alone, "; ".join(filter(None, said))
+
+
+def on_the_way(session: Session) -> str:
+    """What a run of a session does beside its method, in words."""
+    moved, changed = bool(session.edits) * ["poses moved by hand"], bool(session.changes) * ["settings changed later"]
+    return " and ".join(moved + changed)
+
+
+def _left_out(frames: Sequence[str]) -> str:
+    names = sorted(set(frames))
+    if not names:
+        return ""
+    return f"it does not hold what was done in frame{'s' if len(names) > 1 else ''} {listed(names)}: save that there"
+
+
+def _goes_with(branch: Branch, shown: Branch) -> bool:
+    """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
+    start, other = (b.start.model_copy(update={"edits": ()}) for b in (branch, shown))
+    dropped = any(not edit.frame and edit not in _edits(branch) for edit in _at_first(branch))
+    return start == other and branch.changes == branch.start.changes and not dropped
+
+
+def _edits(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+    """The poses that a branch moves; one that was read moves none anew."""
+    return _at_first(branch, is_only_frame) if branch.recording else branch.run.edits
+
+
+def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+    """Those that the session moves in the branch's frame, as it was opened."""
+    return edits_of(branch.start.edits, branch.run.problem, is_only_frame)
