@@ -255,7 +255,7 @@ MODELS = "../../models"
         (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3 is a JSON int, expected a list of instances"),
         (edit("scene_gt_info.json", lambda x: x["3"].pop()), "does not describe the 3 instances of scene_gt.json"),
         (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
-        (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 9)), "focal lengths 0, 0"),
+        (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
         (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
         (remove("depth/000003.png"), "000003.png is missing; VSD needs the depth image"),
         (damage("depth/000003.png"), "000003.png is damaged or no image"),
