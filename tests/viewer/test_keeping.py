@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import load_session, save_session
@@ -18,7 +19,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.markup import carries
-from verefine_viz.viewer.panels.session import at_hand
+from verefine_viz.viewer.panels.session import CHOOSE, open_now
 from verefine_viz.viewer.refusal import Unconfirmed
 
 OTHER = Session(title="other")
@@ -67,22 +68,42 @@ def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debug
     assert len(load_session(tmp_path / "mine.toml").edits) == 1
 
 
-def test_the_list_of_sessions_shows_the_one_that_was_opened_or_saved_last(
-    debugger: Debugger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_list_of_sessions_says_which_file_was_opened_or_saved_last(debugger: Debugger, tmp_path: Path) -> None:
+    def said() -> str:
+        return open_now(debugger.view())
 
-    def listed() -> str | None:
-        return at_hand(replace(debugger.view(), sessions=("mine.toml", "new.toml", "theirs.toml")))
-
-    assert listed() == "mine.toml"
+    assert said() == "mine.toml is open"
     debugger.carry_out([c.SaveSession("new")])
-    assert listed() == "new.toml"
+    assert said() == "new.toml is open"
     debugger.carry_out([c.SaveSession("mine")])
-    assert listed() == "mine.toml"
+    assert said() == "mine.toml is open"
     debugger.carry_out([c.OpenSession(str(tmp_path / "theirs.toml"))])
-    assert listed() == "theirs.toml"
-    assert at_hand(replace(debugger.view(), sessions=("new.toml",))) is None
+    assert said() == "theirs.toml is open"
+    assert debugger.message == f"Opened {tmp_path / 'theirs.toml'}."
+    debugger.workspace.open(OTHER, None)
+    assert said() == CHOOSE
+
+
+def test_the_open_file_can_be_chosen_again_from_the_list(tmp_path: Path) -> None:
+    app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.send(c.SaveSession("mine"))
+        app.send(c.Step())
+        app.wait_until_idle()
+        listed = app.page.layout.session.at_hand
+        mine = str(tmp_path / "mine.toml")
+        assert (listed.value, listed.options) == ("mine.toml is open", ("mine.toml is open", mine))
+        with client(app.url) as browser:
+            browser.set(listed, mine)  # A browser sends only another value than it shows.
+            until(app, lambda: app.debugger.message == f"Opened {mine}.")
+        assert (app.debugger.workspace.run.length, listed.value) == (0, "mine.toml is open")
+    finally:
+        app.stop()
+
+
+def test_opening_a_file_without_a_name_says_what_to_type(debugger: Debugger) -> None:
+    with pytest.raises(InputError, match="no session file is named: type the path of one"):
+        debugger.carry_out([c.OpenSession(" ")])
 
 
 def test_it_says_which_frame_alone_a_session_with_moved_poses_opens(debugger: Debugger, tmp_path: Path) -> None:

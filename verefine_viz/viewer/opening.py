@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.places import at_home
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
@@ -57,11 +57,17 @@ class Opening:
             case OpenRecording(path):
                 workspace.open_recording(at_home(path))
             case c.OpenSession(path):
-                workspace.open(load_session(at_home(path)), at_home(path))
+                self._open_session(path)
             case _:
                 return False
         debugger.look = debugger.look.afresh()
         return True
+
+    def _open_session(self, path: str) -> None:
+        if not path.strip():
+            raise InputError("no session file is named: type the path of one (.toml) beside “File”")
+        self._debugger.workspace.open(load_session(at_home(path)), at_home(path))
+        self._debugger.message = f"Opened {path}."
 
     def _open_demo(self, name: str) -> None:
         """A built-in scene: with the settings of the session file of its name, or else with the open ones."""

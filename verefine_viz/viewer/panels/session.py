@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import viser
 
 from verefine_viz.viewer import commands as c
@@ -22,7 +20,7 @@ EXPORTS: dict[str, c.Command] = {
 
 
 CHOOSE = "choose a session"
-"""What the list shows where no file of it is open."""
+"""What the list shows where the open session is in no file."""
 
 
 class SessionPanel:
@@ -33,8 +31,9 @@ class SessionPanel:
         self.name = gui.add_text("Name", "my_session", hint="written to sessions/NAME.toml")
         self.save = gui.add_button("Save session", hint="settings, breakpoints, changes and edited poses")
         self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value))))
-        self.at_hand = gui.add_dropdown("Open", [CHOOSE], hint="session files in sessions/; the one read or saved last")
-        self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v != CHOOSE else None))
+        self._listed: tuple[str, ...] = ()
+        self.at_hand = gui.add_dropdown("Open", [CHOOSE], hint="session files in sessions/; choose one to open it")
+        self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v in self._listed else None))
         self.path = gui.add_text("File", "", hint="path of a session file (.toml)")
         self.load = gui.add_button("Open session file")
         self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
@@ -53,18 +52,18 @@ class SessionPanel:
     def show(self, view: View) -> None:
         """What is open, and what was written."""
         self._words.show(sentence(opened(view)))
-        options = (CHOOSE, *view.sessions)
+        self._listed = view.sessions
+        # A browser sends nothing where the entry is chosen that the list shows, so that is never a session itself.
+        options = (open_now(view), *view.sessions)
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
-        self.at_hand.value = at_hand(view) or CHOOSE
+        self.at_hand.value = options[0]
         self._kept.show("".join(written(kept) for kept in view.kept))
 
 
-def at_hand(view: View) -> str | None:
-    """Which of the listed files holds the open session, however either was written; None = none does."""
-    if view.session_file is None:
-        return None
-    return next((listed for listed in view.sessions if Path(listed).resolve() == view.session_file), None)
+def open_now(view: View) -> str:
+    """What the list of sessions shows: the file that was read or written last, as in: mug.toml is open."""
+    return CHOOSE if view.session_file is None else f"{view.session_file.name} is open"
 
 
 def written(kept: Kept) -> str:
