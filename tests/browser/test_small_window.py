@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.browser.conftest import SESSIONS, Look
+from tests.browser.conftest import SESSIONS, Look, Screen
 from verefine_viz.viewer.small_window import SAID
 
 pytestmark = pytest.mark.browser
@@ -16,10 +16,11 @@ def test_a_zoomed_page_says_what_to_do_and_keeps_its_right_column_free(look: Loo
     assert not said.is_visible()
     screen.page.set_viewport_size({"width": 1024, "height": 640})  # 1280 × 800 at 125 %
     said.wait_for()
-    screen.page.wait_for_timeout(500)
+    # The page places its windows anew in one of the next frames it draws.
+    screen.until(lambda: column_is_free(screen))
+
+
+def column_is_free(screen: Screen) -> bool:
     column = screen.page.locator("[data-dock-region=right]").first.bounding_box()
-    assert column is not None
-    for window in screen.page.locator("[data-floating-window]:visible").all():
-        box = window.bounding_box()
-        assert box is not None
-        assert box["x"] + box["width"] <= column["x"] + 1
+    boxes = [window.bounding_box() for window in screen.page.locator("[data-floating-window]:visible").all()]
+    return column is not None and all(box is not None and box["x"] + box["width"] <= column["x"] + 1 for box in boxes)
