@@ -224,7 +224,7 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ),
         ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
         ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "true pose of object 0"),
-        ({"K": np.array(seen.camera.K).T}, r"K has the last row .*; is it transposed\?"),
+        ({"K": np.array(seen.camera.K).T}, r"K: the last row of 'cam_K' is .*; it looks written column by column"),
         ({"objects": good}, "objects is no list of Found"),
         (
             {"objects": [replace(good, mask=shares)]},
