@@ -94,6 +94,16 @@ def test_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
     )
 
 
+@pytest.mark.parametrize(("without", "said"), [((0, 1), "all of them"), ((1,), "7/1")])
+def test_frames_without_colour_are_a_note(made: Made, without: Sequence[int], said: str) -> None:
+    for k in without:
+        (made.scene / "rgb" / f"{k:06d}.png").unlink()
+    (found,) = [f for f in check_split(made.root, "test").findings if f.name == "depth and colour"]
+    assert f"no rgb or gray image in {said}: drawn without colour" in found.found
+    assert advice(made) == {}
+    assert Datasets("check", str(made.root)).run([]) == 0
+
+
 @pytest.mark.parametrize("factor", [10.0, 0.1])
 def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
     def scaled(content: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.commands.frame_check import each_frame
+from verefine_viz.commands.image_check import check_images
 from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.commands.truth_check import check_truths
@@ -52,7 +53,7 @@ def check_split(folder: Path, split: str) -> Parts:
         return parts
     _check_camera_poses(dataset, parts)
     looked = _spread(frames, LOOKED)
-    _check_images(dataset, looked, parts)
+    check_images(dataset, looked, parts)
     _check_masks(dataset, looked, parts)
     _check_scoring(dataset, parts)
     if parts.ground_truth and parts.depth and parts.models:
@@ -141,23 +142,6 @@ def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]
     if there:
         return f"{len(there)} of its {n} frames are here; the others, {such}, are left out", ""
     return f"{n} frames", f"none of them is here, {such}: the targets belong to other images; all images here are run"
-
-
-def _check_images(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
-    trouble: list[str] = []
-    medians_m: list[float] = []
-    for ids in sampled:
-        try:
-            image = dataset.image(*ids)
-        except VerefineError as error:
-            trouble.append(str(error))
-            continue
-        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
-        trouble += [f"image {ids[0]}/{ids[1]}: {note}" for note in image.notes]
-    parts.depth = bool(medians_m)
-    looked = f"{len(medians_m)} of {len(sampled)} frames looked at"
-    found = f"median {np.median(medians_m):.2f} m in {looked}" if medians_m else f"none could be read in {looked}"
-    parts.add("depth and colour", found, "; ".join(dict.fromkeys(trouble)))
 
 
 def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:

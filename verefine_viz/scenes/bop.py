@@ -25,6 +25,8 @@ from verefine_viz.scenes.jsonfile import integer_of, number_of, numbers_of, read
 from verefine_viz.scenes.models import ModelLibrary
 
 MaskFolder = Literal["mask_visib", "mask"]
+NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
+"""A note of images without; colour is optional."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +227,7 @@ class BopDataset:
         found = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray"))
         path = next((p for p in found if p is not None), None)
         if path is None:
-            return None, ("the frame has no rgb or gray image; it is drawn without colour",)
+            return None, (NO_COLOR,)
         rgb = read_color(path)
         if rgb.shape[:2] != shape:
             raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
