@@ -11,14 +11,12 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import NoSupportError
-from verefine_viz.core.geometry import angle_between, inverse
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding
-from verefine_viz.diagnosis.symmetry import nearby_symmetry
+from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.diagnosis.words import instead
-from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.observation.support import Gravity, find_support
@@ -34,31 +32,16 @@ BORDER_PX = 2
 
 
 def symmetric(case: Case) -> Finding | None:
-    """The object has the same shape where the estimate is, and its model declares no such symmetry.
-
-    The error that decides knows declared symmetries only, so that such an answer counts as wrong everywhere. Whether
-    it is wrong to a person is another question: colour, which may tell the sides apart, is not looked at.
-    """
+    """The object has the same shape where the estimate is, and its model declares no such symmetry."""
     if case.answer is None:
         return None
-    # A pose that looks the same has its surface where the true one has it: a cheap question first.
-    adds_mm = pose_errors(case.target.model, case.answer.T_cam_obj, case.T_true).adds_mm
-    if adds_mm * 1e-3 >= case.threshold * case.target.model.diameter_m:
+    found = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_true, case.threshold)
+    if found is None:
         return None
-    T_rest = inverse(case.answer.T_cam_obj) @ case.T_true
-    S = nearby_symmetry(case.target.model, T_rest)
-    if S is None:
-        return None
-    # The estimate p and the truth p S⁻¹ show the same surface.
-    error = case.error_of(case.answer.T_cam_obj @ S)
-    if error >= case.threshold:
-        return None
-    turn_deg = float(np.rad2deg(angle_between(np.eye(3), S[:3, :3])))
     return Finding(
         Cause.SYMMETRIC,
-        f"The {case.name} has the same shape when turned by {turn_deg:.0f}°, but its model declares no such symmetry, "
-        f"so that the turn counts as an error: with it declared, {instead(error, case.error)}.",
-        {"turn_deg": turn_deg, "error": case.error, "error_with_symmetry": error},
+        found.in_words(case.name),
+        {"turn_deg": found.turn_deg, "error": found.error, "error_with_symmetry": found.error_with_symmetry},
         True,
     )
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import angle_between, apply, axis_angle, transform
+from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.diagnosis.words import instead
+from verefine_viz.evaluation.errors import adds_mm
 
 SAME_SHARE = 0.02
 """Two surfaces are the same if nearly all of each lies closer to the other than this share of the diameter."""
@@ -17,6 +22,52 @@ LEAST_TURN_RAD = np.radians(5.0)
 STEPS = 30
 NORMAL_WEIGHT = 0.1
 """A normal turned by 1 rad counts as this share of the diameter in the look-up."""
+
+
+@dataclass(frozen=True)
+class UndeclaredTurn:
+    """An estimate that is right but for a turn after which the object has the same shape."""
+
+    turn_deg: float
+    error: float
+    """Of the estimate, as a share of the diameter."""
+    error_with_symmetry: float
+    """What it would be if the model declared that turn."""
+
+    def in_words(self, name: str) -> str:
+        """What it means for the answer of the object ``name``."""
+        return (
+            f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
+            "symmetry, so that the turn counts as an error: with it declared, "
+            f"{instead(self.error_with_symmetry, self.error)}."
+        )
+
+
+def undeclared_turn(model: ObjectModel, T_est: Float, T_true: Float, threshold: float) -> UndeclaredTurn | None:
+    """The turn that makes an estimate count as wrong though the object looks the same; None where that is not why.
+
+    The error that decides knows declared symmetries only, so that such an answer counts as wrong everywhere. Whether
+    it is wrong to a person is another question: colour, which may tell the sides apart, is not looked at.
+
+    Args:
+        model: the object.
+        T_est: (4, 4) the estimate.
+        T_true: (4, 4) ground truth.
+        threshold: an estimate is wrong if its ADD(-S) is at least this share of the diameter.
+    """
+    error_of = ErrorOf(model, T_true)
+    error = error_of(T_est)
+    # A pose that looks the same has its surface where the true one has it: a cheap question first.
+    if error < threshold or adds_mm(model, T_est, T_true) * 1e-3 >= threshold * model.diameter_m:
+        return None
+    S = nearby_symmetry(model, inverse(T_est) @ T_true)
+    if S is None:
+        return None
+    # The estimate p and the truth p S⁻¹ show the same surface.
+    with_symmetry = error_of(T_est @ S)
+    if with_symmetry >= threshold:
+        return None
+    return UndeclaredTurn(float(np.rad2deg(angle_between(np.eye(3), S[:3, :3]))), error, with_symmetry)
 
 
 def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:

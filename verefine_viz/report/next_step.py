@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.case import FIRST_ONLY
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.words import DECLARE, cause_title
 from verefine_viz.methods.registry import SEARCH
 from verefine_viz.report.loaded import Loaded
 
@@ -17,7 +17,7 @@ FEW = 5
 """Wrong answers below this number say little about other frames."""
 _STARVED = "each came right when its best hypothesis got the whole budget, so try "
 ADVICE = {
-    Cause.SYMMETRIC: "declare the symmetry in models_info.json if shape is all that matters",
+    Cause.SYMMETRIC: DECLARE,
     Cause.DEPTH: "look at the depth images and how they are registered",
     Cause.MASK: "look at where the masks leak or miss",
     Cause.NEIGHBOUR: "mend the objects first that were placed before them",

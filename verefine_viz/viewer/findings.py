@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.words import DATA_FIRST, DECLARE
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
@@ -38,8 +38,8 @@ class Finding:
 def findings(view: View) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     found = (
-        *_of_data(view), *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_far_start(view),
-        *_starved(view), *_wrong_score(view), *_leak(view), *_low(view),
+        *_of_data(view), *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_why_wrong(view),
+        *_leak(view), *_low(view),
     )  # fmt: skip
     return found
 
@@ -83,6 +83,17 @@ def _no_hypothesis(view: View) -> list[Finding]:
     if view.state is not None:
         return []
     return [Finding(f"{view.name} has no hypothesis. Add a results file that holds object {view.target.model.obj_id}.")]
+
+
+def _why_wrong(view: View) -> list[Finding]:
+    """What made the answer wrong. As in a batch, a turn that the model should have declared explains all of it."""
+    if view.undeclared is None or not _is_over(view):
+        return [*_far_start(view), *_starved(view), *_wrong_score(view)]
+    said = view.undeclared.in_words(view.name)
+    if view.entry is not None and said in view.entry.row.evidence:
+        return []
+    advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
+    return [Finding(f"{said} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
 def _far_start(view: View) -> list[Finding]:

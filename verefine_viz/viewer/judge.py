@@ -16,6 +16,8 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
+from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 
 T = TypeVar("T")
@@ -88,6 +90,14 @@ class Judge:
             return None
         key = _key("errors", target, T_cam_obj)
         return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, truth))
+
+    def undeclared_turn(self, target: Target, T_cam_obj: Float) -> UndeclaredTurn | None:
+        """The turn, which the model does not declare, that makes a pose count as wrong; None where that is not why."""
+        truth = target.instance.T_cam_obj_gt
+        if truth is None:
+            return None
+        key = _key("undeclared turn", target, T_cam_obj)
+        return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, truth, CORRECT))
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""

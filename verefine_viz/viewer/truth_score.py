@@ -28,12 +28,16 @@ def preferred_wrong(view: View, wrong: PoseScore, right: PoseScore) -> str:
 def truth_score(view: View) -> str:
     """How the best pose so far and the true pose score, for where errors are told; "" where that is not known.
 
+    Of an answer that only a turn makes wrong, which the model should have declared, that is said instead.
+
     As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations bring it no nearer; if 5.5 mm is
     too much, look at the depth there and at the score's settings.
     """
     best, truth = view.poses.get("best"), view.truth
     if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
         return ""
+    if view.undeclared is not None:
+        return view.undeclared.in_words(view.name)  # A score cannot tell such a pose from the true one.
     own, true = told_apart(best.score.score, truth.score.score, 3)
     if not prefers(best, truth):
         return f"The true pose scores more: {true} against {own}."

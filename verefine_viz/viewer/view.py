@@ -13,6 +13,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
+from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.edits import edits_of
 from verefine_viz.viewer.command import Command
@@ -136,6 +137,9 @@ class View:
     """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
     truth: Judged | None
     """Ground truth, scored; None where there is none."""
+    undeclared: UndeclaredTurn | None
+    """The turn that alone makes the best pose so far count as wrong; None where it is right, or wrong otherwise, and
+    while a run is on."""
     scene: SceneNow
     """All objects of the frame."""
     frame_score: PoseScore | None

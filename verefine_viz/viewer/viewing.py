@@ -107,6 +107,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, iterations),
         truth=truth,
+        # Up to half a second for a pose that is nearly such a turn: a run does not wait for it.
+        undeclared=judge.undeclared_turn(target, poses["best"].T_cam_obj) if "best" in poses and not running else None,
         scene=scene,
         frame_score=frame_score(judge, scene, branch.settings),
         map_target=map_target,

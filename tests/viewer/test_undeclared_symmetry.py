@@ -1,0 +1,63 @@
+"""An answer that only a turn makes wrong, which the model should have declared, is judged as in a batch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, cast
+
+import pytest
+
+from bench.diagnosis import named
+from bench.failing_scenes import broken_scene
+from verefine_viz.batch.desk import Shipped
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.gallery import Entry
+from verefine_viz.viewer.view import View
+from verefine_viz.viewer.words import truth
+
+
+@pytest.fixture(scope="module")
+def solved() -> tuple[Diagnosis, Debugger]:
+    """What a batch says of such an object, and the page at the end of the same run."""
+    broken = broken_scene(Cause.SYMMETRIC, 0)
+    told, toolbox = named(broken), cast(Any, broken.toolbox)
+    assert told is not None
+    assert told.cause == Cause.SYMMETRIC
+    toolbox.__dict__["source"] = Shipped({broken.problem.frame: broken.problem})
+    return told, Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")])
+
+
+def seen(debugger: Debugger, cursor: int) -> View:
+    return debugger.carry_out([c.Seek(cursor)]).view(deep=False)
+
+
+def test_the_page_tells_the_cause_that_a_batch_tells_and_blames_nothing_else(
+    solved: tuple[Diagnosis, Debugger],
+) -> None:
+    told, debugger = solved
+    view = seen(debugger, debugger.workspace.run.length)
+    (said,) = [one for one in findings(view) if one.red]
+    assert said.text == f"{told.sentence} Declare the symmetry in models_info.json if shape is all that matters."
+    others = " ".join(one.text for one in findings(view) if one != said)
+    assert "search missed" not in others
+    assert "estimator" not in others
+    assert truth(view).endswith(f"wrong by the usual 10 %. {told.sentence}")
+
+
+def test_before_the_run_is_over_nothing_is_blamed(solved: tuple[Diagnosis, Debugger]) -> None:
+    assert not [one for one in findings(seen(solved[1], 0)) if one.red]
+
+
+def test_what_the_batch_told_is_not_told_twice(solved: tuple[Diagnosis, Debugger]) -> None:
+    told, debugger = solved
+    view = seen(debugger, debugger.workspace.run.length)
+    row = ObjectRow(
+        scene_id=0, im_id=0, instance_id=0, status="ok", add_s_mm=50.0, diameter_mm=100.0, cause=str(told.cause),
+        evidence=told.sentence,
+    )  # fmt: skip
+    batch = Entry("run", row)
+    assert sum(told.sentence in one.text for one in findings(replace(view, entry=batch))) == 1
