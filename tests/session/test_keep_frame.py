@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,6 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.session.files import load_session
 from verefine_viz.session.keep_frame import Found, keep_frame
-from verefine_viz.session.kept_folder import KeptFolder
 from verefine_viz.session.toolbox import Toolbox
 
 
@@ -168,22 +168,103 @@ def test_two_programs_keep_frames_in_turns(tmp_path: Path, mesh: Path) -> None:
     assert [len(toolbox.problem(frame).instances) for frame in toolbox.frames] == [1] * 6
 
 
-def test_a_frame_that_was_left_half_written_is_replaced(
+def killed_at(step: int, monkeypatch: pytest.MonkeyPatch, keep: Callable[[], object]) -> bool:
+    """Whether a program was killed while it wrote its file number ``step``, of which a part stays, as it would be."""
+    replace_file, n = Path.replace, count(1)
+
+    def replaced(self: Path, target: Path) -> Path:
+        if next(n) == step:
+            target.with_name(f"{target.name}.1-1.part").write_bytes(self.read_bytes()[:20])
+            raise KeyboardInterrupt
+        return replace_file(self, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", replaced)
+        try:
+            keep()
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def assert_same_files(got: dict[str, bytes], expected: dict[str, bytes]) -> None:
+    assert got.keys() == expected.keys()
+    for name, content in got.items():
+        if name.endswith(".csv"):  # Millimetres that are read and written again may differ in their last digit.
+            numbers = [
+                np.fromstring(c.decode().partition("\n")[2].replace(",", " "), sep=" ")
+                for c in (content, expected[name])
+            ]
+            np.testing.assert_allclose(*numbers, rtol=1e-12)
+        else:
+            assert content == expected[name], name
+
+
+def test_nothing_of_a_frame_that_was_left_half_written_stays(
     tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = box_problem(n_instances=2)
-    folder = tmp_path / "kept"
+    seen, one, two = problem.observation, found(problem, mesh), found(problem, mesh, 1, with_truth=True)
 
-    def killed(self: KeptFolder, number: int, objects: object) -> None:
-        raise KeyboardInterrupt
+    def keep_first(folder: Path) -> None:
+        kept(folder, problem, [one])
 
-    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(KeptFolder, "_write_truth", killed)
-        kept(folder, problem, [found(problem, mesh, 0), found(problem, mesh, 1)])
-    assert kept(folder, problem, [found(problem, mesh, 1)]) == "1/1"
-    instances = reopened(folder).problem("1/1").instances
-    assert len(instances) == 1
-    assert len(instances[0].hypotheses) == 3
+    def keep_next(folder: Path) -> str:
+        return keep_frame(folder, seen.camera.K, seen.depth_m, None, [one])
+
+    keep_first(tmp_path / "whole" / "kept")
+    before = files_in(tmp_path / "whole" / "kept")
+    assert keep_next(tmp_path / "whole" / "kept") == "1/2"
+    after = files_in(tmp_path / "whole" / "kept")
+    steps = 0
+    for step in count(1):
+        folder = tmp_path / str(step) / "kept"
+        keep_first(folder)
+        more = [replace(one, poses={"icp": two.poses["net"]}, T_cam_obj_gt=two.T_cam_obj_gt), two]
+        if not killed_at(step, monkeypatch, lambda folder=folder, more=more: kept(folder, problem, more)):
+            break
+        steps = step
+        assert any(name.endswith(".part") for name in files_in(folder))
+        assert reopened(folder).frames == ("1/1",)
+        assert [h.source for h in reopened(folder).problem("1/1").instances[0].hypotheses] == ["net"] * 3
+        assert files_in(folder)["test/000001/scene_camera.json"] == before["test/000001/scene_camera.json"]
+        assert keep_next(folder) == "1/2"
+        assert_same_files(files_in(folder), after)
+    assert steps > 6
+
+
+def test_a_first_frame_that_was_left_half_written_is_made_anew(
+    tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = box_problem()
+    wrong = replace(found(problem, box_mesh(tmp_path / "wrong.stl", unit_m=0.9)), name="box")
+    for step in range(1, 9):
+        folder = tmp_path / str(step)
+        assert killed_at(step, monkeypatch, lambda folder=folder: kept(folder, problem, [wrong]))
+        assert kept(folder, problem, [found(problem, mesh)]) == "1/1"
+        toolbox = reopened(folder)
+        assert toolbox.frames == ("1/1",)
+        assert toolbox.problem("1/1").models[1].diameter_m == pytest.approx(np.linalg.norm(BOX_M))
+
+
+def test_half_written_files_of_others_in_the_folder_are_left_alone(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    kept(tmp_path / "kept", problem, [found(problem, mesh)])
+    recording = tmp_path / "kept" / "out" / "recordings" / "1_1.rrd.part"
+    recording.parent.mkdir(parents=True)
+    recording.touch()
+    kept(tmp_path / "kept", problem, [found(problem, mesh)])
+    assert recording.exists()
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, mesh: Path) -> None:
+    problem = box_problem()
+    with pytest.raises(InputError, match=r"cannot write .*box\.stl is a file, not a folder"):
+        kept(mesh / "kept", problem, [found(problem, mesh)])
 
 
 def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, mesh: Path) -> None:

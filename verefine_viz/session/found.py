@@ -15,7 +15,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, as_rigid
 from verefine_viz.scenes.meshes import Mesh, read_mesh
-from verefine_viz.session.kept_folder import KeptObject
+from verefine_viz.session.kept_entries import KeptObject
 
 TOO_LARGE, TOO_SMALL = 30.0, 5.0
 """How many times a mesh is larger, or smaller, than what its mask covers where its unit must be wrong. A mask may show

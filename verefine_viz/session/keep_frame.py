@@ -18,7 +18,8 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.scenes.intrinsics import intrinsics_of
 from verefine_viz.session.found import Found, checked_object
-from verefine_viz.session.kept_folder import KeptFolder, KeptFrame
+from verefine_viz.session.kept_entries import KeptFrame
+from verefine_viz.session.kept_folder import KeptFolder
 
 __all__ = ["Found", "keep_frame"]
 
