@@ -62,11 +62,13 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     assert Gallery([BatchIndex(tmp_path, session, {}, tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(in_doubt)
 
 
-def test_the_end_of_a_batch_counts_the_frames_and_names_the_first() -> None:
+def test_the_end_of_a_batch_counts_the_frames_and_says_which_have_which_reason() -> None:
     def result(k: int, *doubts: str) -> FrameResult:
         return FrameResult(frame=f"0/{k}", failed=False, seconds=1.0, objects=(), doubts=doubts)
 
     totals = Totals()
-    for _ in totals.passing([result(1), result(2, "it is odd: check it"), result(3, "it is odder: check it")]):
+    for _ in totals.passing([result(1), result(2, "it is odd: check it"), result(3, "cam_K is odd: check it")]):
         pass
-    assert totals.as_json(3)["data_in_doubt"] == f"{DATA_FIRST} in 2 of 3 frames, such as 0/2, it is odd: check it."
+    assert totals.as_json(3)["data_in_doubt"] == (
+        f"{DATA_FIRST} in 2 of 3 frames. In frame 0/2, it is odd: check it. In frame 0/3, cam_K is odd: check it."
+    )

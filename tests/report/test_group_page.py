@@ -119,3 +119,12 @@ def test_what_files_say_is_text(tmp_path: Path) -> None:
     assert "<b>object" not in html
     assert "<i>why" not in html
     assert "<u>rir" not in html
+
+
+def test_data_in_doubt_are_told_above_all_with_a_run_that_says_so(tmp_path: Path) -> None:
+    for name, evidence in (("rir-0", ""), ("sir-0", "Look at the data first: objects look small: check cam_K.")):
+        write_run(tmp_path / name, [row(1, evidence=evidence), row(2)], {**GONE, "method": {"name": name[:3]}})
+    assert cli.main(["report", str(tmp_path)]) == 0
+    said = "Look at the data first: in frame 1/1 of sir-0, objects look small: check cam_K."
+    plain = without_plotly((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert f'<p class="bad">{said}</p>' in plain

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
@@ -79,7 +81,8 @@ def test_counts_have_ticks_at_whole_numbers_and_not_too_many(most: int) -> None:
 
 
 def test_data_in_doubt_are_told_with_the_run_that_says_so() -> None:
-    doubted, older = run(label="A"), run(label="B")
-    doubted.index.run["totals"] = {"data_in_doubt": "Look at the data first: in frame 0/1, check cam_K."}
-    assert data_doubts([doubted, older]) == ["A: Look at the data first: in frame 0/1, check cam_K."]
-    assert data_doubts([older]) == []
+    doubted, fine = run(label="A"), run(label="B")
+    rows = (row(1, evidence="The score misleads. Look at the data first: objects look small: check cam_K."), row(2))
+    doubted = replace(doubted, index=replace(doubted.index, rows=rows))
+    assert data_doubts([doubted, fine]) == ["A: Look at the data first: in frame 1/1, objects look small: check cam_K."]
+    assert data_doubts([fine]) == []

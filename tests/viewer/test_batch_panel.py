@@ -74,13 +74,19 @@ def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) 
         }
     )
     found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
-    assert found.doubt == "Look at the data first: in frame 0/1, check cam_K."
+    assert found.doubt == "Look at the data first: in frame 0/1, objects appear larger: check cam_K."
     told, plain = (card(entry, found.opens(entry), None, False, False) for entry in found.entries)
     assert "data in doubt</b> · score ranks" in told
     assert "data in doubt" not in plain
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
-    assert twice.doubt.startswith("Look at the data first: in 2 of 3 frames, such as 0/1, check cam_K.")
+    assert twice.doubt.startswith(
+        "Look at the data first: in 2 of 3 frames, such as 0/1, objects appear larger: check cam_K."
+    )
+    runs = [BatchIndex(tmp_path / name, SESSION, {}, found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
+    assert Gallery(runs).doubt.startswith(
+        "Look at the data first: in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects appear larger: check cam_K."
+    )
 
 
 @pytest.mark.parametrize(

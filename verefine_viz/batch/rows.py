@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 
 Status = Literal["ok", "no_answer", "left_out", "failed"]
 
@@ -90,6 +91,11 @@ class ObjectRow(Row):
     def was_asked_for(self) -> bool:
         """Whether the method got to see it: neither was it left out nor did its frame fail."""
         return self.status in ("ok", "no_answer")
+
+    @property
+    def doubt(self) -> str:
+        """What of its frame's data does not fit together, as far as that was looked at; else empty."""
+        return self.evidence.partition(DATA_FIRST)[2].strip()
 
     @property
     def relative_error(self) -> float | None:

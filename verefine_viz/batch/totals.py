@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.batch.doubts import Doubts
 from verefine_viz.batch.rows import FrameResult
-from verefine_viz.diagnosis.words import doubted
 
 
 @dataclass
@@ -59,9 +59,8 @@ class Totals:
     counts: Counts = field(default_factory=Counts)
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
-    frames_in_doubt: int = 0
-    doubt: tuple[str, str] | None = None
-    """The first frame whose data are in doubt, and why."""
+    doubts: Doubts = field(default_factory=Doubts)
+    """Of the frames' data."""
     max_failures: int = 10
     max_notes: int = 20
     """Different notes that are kept; the first ones."""
@@ -83,8 +82,7 @@ class Totals:
         if result.failed and len(self.failures) < self.max_failures:
             self.failures.append((result.frame, result.objects[0].message))
         if result.doubts:
-            self.frames_in_doubt += 1
-            self.doubt = self.doubt or (result.frame, result.doubts[0])
+            self.doubts.add(result.frame, result.doubts[0])
         for name, ms in result.stages_ms.items():
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
         for note in dict.fromkeys(result.notes):
@@ -115,17 +113,13 @@ class Totals:
             "objects_correct": counts.objects_correct,
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
-            "data_in_doubt": self._said_of_data(),
+            "data_in_doubt": self.doubts.in_words(counts.frames_done),
             "notes": dict(self._notes.most_common()),
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),
             "median_ms_per_object": _median(self._times_ms),
             "mean_stages_ms_per_frame": {name: ms / n_solved for name, ms in self._stages_ms.items()},
         }
-
-    def _said_of_data(self) -> str:
-        """In how many frames the data are in doubt, and why in the first; empty where they are in none."""
-        return doubted(self.frames_in_doubt, self.counts.frames_done, *self.doubt) if self.doubt else ""
 
 
 def _median(values: array[float]) -> float | None:

@@ -15,12 +15,6 @@ MORE_DIGITS = 3
 """Digits that are added at most to tell two numbers apart."""
 
 
-def doubted(frames: int, of: int, first: str, why: str) -> str:
-    """In how many frames of a batch the data are in doubt, and why in the first: what to look at before all else."""
-    where = f"frame {first}" if frames == 1 else f"{frames} of {of} frames, such as {first}"
-    return f"{DATA_FIRST} in {where}, {why.removesuffix('.')}."
-
-
 def share(error: float) -> str:
     """An error as a share of the diameter."""
     return f"{error:.0%}" if math.isfinite(error) else "no answer"

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from verefine_viz.batch.doubts import doubts_in_words
 from verefine_viz.report import group_charts, group_words, words
 from verefine_viz.report.comparison import Comparison, Line
 from verefine_viz.report.gallery import Gallery
@@ -88,6 +89,7 @@ def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, 
         "headline": group_words.headline(found),
         "explanation": group_words.explanation(found),
         "has_truth": has_truth,
+        "doubt": doubts_in_words([(run.folder.name, run.rows) for run in runs]),
         "bop_note": found.bop_note,
         "left_out": groups.left_out,
         "columns": columns,

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from verefine_viz.batch.doubts import doubts_in_words
 from verefine_viz.report.difference import Difference
 from verefine_viz.report.gallery import Gallery
 from verefine_viz.report.groups import names, seed_words
@@ -18,7 +19,7 @@ DASH = "–"
 
 def data_doubts(runs: Sequence[Loaded]) -> list[str]:
     """What the runs say of data that do not fit together, with which run it is where there are two."""
-    said = [(run, str(run.index.run.get("totals", {}).get("data_in_doubt", ""))) for run in runs]
+    said = [(run, doubts_in_words([(run.name, run.rows)])) for run in runs]
     return [f"{run.label}: {doubt}" if run.label else doubt for run, doubt in said if doubt]
 
 

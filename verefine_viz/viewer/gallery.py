@@ -8,12 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.batch.doubts import doubts_in_words
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, run_folders
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import DATA_FIRST, cause_title, doubted
+from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.gallery_commands import OpenAt
 
@@ -42,11 +43,6 @@ class Entry:
     def can_be_opened(self) -> bool:
         """A frame that failed as a whole fails again, and an object that was left out is again."""
         return self.row.was_asked_for
-
-    @property
-    def doubt(self) -> str:
-        """What of its frame's data does not fit together, as far as that was looked at; else empty."""
-        return self.row.evidence.partition(DATA_FIRST)[2].strip()
 
     @property
     def iteration(self) -> int:
@@ -106,13 +102,8 @@ class Gallery:
 
     @cached_property
     def doubt(self) -> str:
-        """In how many frames the data are in doubt, and what to check of the first; empty where none are."""
-        found = {(e.run, e.row.frame): e.doubt for e in self.entries if e.doubt}
-        if not found:
-            return ""
-        n = len({(e.run, e.row.frame) for e in self.entries})
-        (_, frame), said = next(iter(found.items()))
-        return doubted(len(found), n, frame, said.partition(": ")[2] or said)
+        """In how many frames the data are in doubt, and why; empty where none are."""
+        return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
 
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""

@@ -143,7 +143,7 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
         lines += f'<span class="dim">{number(row.add_s_mm, 1, " mm")} · score {number(row.score, 2)}</span>'
-        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b> · ' if entry.doubt else ""
+        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b> · ' if entry.row.doubt else ""
         lines += f'<span class="why">{doubt}{text(why or "–")}</span>'
     else:
         lines += f'<span class="why two">{text(row.message)}</span>'
