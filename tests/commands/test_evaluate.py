@@ -102,6 +102,36 @@ def test_targets_may_be_few(desk: Desk) -> None:
     assert score["counts"]["unasked"] == 2
 
 
+def test_without_a_targets_file_all_that_is_visible_is_asked_for(desk: Desk) -> None:
+    listed = desk.json()
+    (desk.made.root / "test_targets_bop19.json").unlink()
+    found = desk.json()
+    assert found["targets"] == "all instances that are at least 10 % visible"
+    (said,) = [note for note in found["notes"] if "has no targets file for test" in note]
+    assert str(desk.made.root) in said
+    (score,) = found["results"]
+    assert score["AR"] == listed["results"][0]["AR"] == 1.0
+    assert score["counts"]["targets"] == 3
+    assert "official" not in desk.run(desk.results)
+
+    desk.made.edit("scene_gt_info.json", lambda x: x["3"][1].update(visib_fract=0.05))
+    assert desk.json()["results"][0]["counts"]["targets"] == 2
+
+
+def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(desk: Desk) -> None:
+    (desk.made.root / "test_targets_bop19.json").unlink()
+    desk.made.edit("scene_camera.json", lambda x: x.update({"8": x["3"]}))
+    assert desk.json()["results"][0]["counts"]["targets"] == 3
+    desk.made.edit("scene_gt.json", lambda x: x.clear())
+    assert "has ground truth; without it nothing is scored" in desk.refused()
+
+
+def test_detection_needs_a_targets_file(desk: Desk) -> None:
+    (desk.made.root / "test_targets_bop19.json").unlink()
+    refusal = desk.refused(desk.results, "--task", "detection")
+    assert "no test_targets_bop24.json or test_targets_bop19.json (targets files there: none at all)" in refusal
+
+
 def test_a_split_with_another_name_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make(tmp_path / "tless", split="test_primesense")
     results = tmp_path / "perfect_tless-test.csv"
@@ -260,7 +290,6 @@ MODELS = "../../models"
         (remove("depth/000003.png"), "000003.png is missing; VSD needs the depth image"),
         (damage("depth/000003.png"), "000003.png is damaged or no image"),
         (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
-        (remove(TARGETS), "no test_targets_bop19.json or test_targets_bop24.json (targets files there: none at all)"),
         (write(TARGETS, "[]"), "test_targets_bop19.json lists no targets"),
         (write(TARGETS, '{"a": 1}'), "test_targets_bop19.json holds a JSON dict, expected a list"),
         (edit(TARGETS, lambda x: x[1].pop("inst_count")), "test_targets_bop19.json, entry 1 has no 'inst_count'"),

@@ -23,11 +23,12 @@ class Evaluate:
     the targets only is scored over this part as well (which frames and objects a batch was to solve, its folder says);
     one about none of the targets is refused."""
     dataset: Path
-    """Folder of the data set, with models_eval/ (or models/), the split and its targets file."""
+    """Folder of the data set, with models_eval/ (or models/), and the split."""
     split: str = ""
     """The split's folder; by default test, or the only one that begins with it (test_primesense)."""
     targets: Path | None = None
-    """Targets file, or its name in the data set's folder; by default test_targets_bop19.json, else …_bop24.json."""
+    """Targets file, or its name in the data set's folder; by default test_targets_bop19.json, else …_bop24.json;
+    without either, all instances that are at least 10 % visible are asked for."""
     task: Literal["auto", "localization", "detection"] = "auto"
     """localization: BOP'19 to '23, average recall. detection: BOP'24, average precision. auto: as the targets file
     says."""

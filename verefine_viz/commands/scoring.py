@@ -72,7 +72,8 @@ def _overviews(found: Evaluation) -> Iterator[tuple[str, Table]]:
             _overview(runs, ("images", "objects") if few else ("images",)),
         )
     n_targets, is_all = found.scores[0].counts.targets, not runs and not files
-    asked = f"{n_targets} targets" if is_all else f"all {n_targets} targets (official score)"
+    official = " (official score)" if found.is_official else ""
+    asked = f"{n_targets} targets" if is_all else f"all {n_targets} targets{official}"
     yield _title(found, f"{found.targets}, {asked}"), _overview([(score, ()) for score in found.scores])
     if files:
         yield _title(found, OWN["file"]), _overview(files, ("images",))
@@ -180,7 +181,7 @@ def _covered(covered: Coverage) -> list[str]:
         objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
         lines.append(
             f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for; "
-            "the official score counts the others as not found"
+            "a score over all of them counts the others as not found"
         )
     if covered.not_finite:
         lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")

@@ -14,8 +14,8 @@ from verefine_viz.core.places import LEVELS_BELOW
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
 from verefine_viz.evaluation.coverage import Coverage, Covered, OwnPart, coverage, own_part, why_none
 from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
-from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets
-from verefine_viz.evaluation.truth import BopTruth
+from verefine_viz.evaluation.targets import Targets, Task, find_targets, read_targets, targets_path
+from verefine_viz.evaluation.truth import BopTruth, visible_targets
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results import HEADER
 
@@ -27,7 +27,9 @@ class Evaluation:
     dataset: str
     split: str
     targets: str
-    """Name of the targets file."""
+    """Name of the targets file, or what was asked for without one."""
+    is_official: bool
+    """Whether there is one."""
     files: tuple[Path, ...]
     scores: tuple[Scores, ...]
     """One for each file."""
@@ -59,7 +61,8 @@ def evaluate_files(
         files: results in BOP format.
         dataset: the data set's folder.
         split: its folder; empty = test, or the only one that begins with it.
-        targets: a targets file, or its name in the data set's folder; None = the official one.
+        targets: a targets file, or its name in the data set's folder; None = the official one, or without one (and
+            where the task is not detection) every instance of the split that is at least 10 % visible.
         task: None = the one that the targets were made for.
         workers: threads; the scores are the same for any number.
         tell: progress in images.
@@ -73,7 +76,8 @@ def evaluate_files(
     started = time.perf_counter()
     tables = [_read(path) for path in files]
     folder = BopDataset(dataset, split or default_split(dataset))
-    asked = _targets(folder, targets, task)
+    truth = BopTruth(folder)
+    asked = _targets(folder, targets, task, truth)
     covered = tuple(coverage(table, asked) for table in tables)
     for path, table, found in zip(files, tables, covered, strict=True):
         if not found.images:
@@ -82,19 +86,19 @@ def evaluate_files(
                 "does it belong to another data set, --split or --targets?"
             )
     own = tuple(own_part(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
-    truth = BopTruth(folder)
     scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell, own)
     obj_ids = {i for s in scores for i in (*s.recalls_by_object, *s.precision_by_object)}
     return Evaluation(
         folder.name,
         folder.split,
         asked.name,
+        asked.is_official,
         tuple(files),
         scores,
         covered,
         own,
         {i: folder.models.name(i) for i in sorted(obj_ids)},
-        (*truth.notes, *_unknown_instances(asked, scores[0])),
+        (*_no_targets_file(asked, folder), *truth.notes, *_unknown_instances(asked, scores[0])),
         time.perf_counter() - started,
     )
 
@@ -117,13 +121,37 @@ def default_split(dataset: Path) -> str:
     return found[0]
 
 
-def _targets(dataset: BopDataset, path: Path | None, task: Task | None) -> Targets:
+def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: BopTruth) -> Targets:
     if path is None:
-        return read_targets(find_targets(dataset.folder, dataset.split, task))
+        return default_targets(dataset, truth, task)
     inside = dataset.folder / path
     if not path.is_file() and not inside.is_file():
         raise InputError(f"targets file {path} does not exist, neither here nor in {dataset.folder}")
     return read_targets(path if path.is_file() else inside)
+
+
+def default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = None) -> Targets:
+    """What the data set asks for; where it does not say so, every instance of the split that is 10 % visible.
+
+    Raises:
+        InputError: its targets file is damaged, or missing where only the file can tell; or there is no ground truth.
+    """
+    if task == "detection" or targets_path(dataset.folder, dataset.split, task) is not None:
+        return read_targets(find_targets(dataset.folder, dataset.split, task))
+    images = [(scene_id, im_id) for scene_id in dataset.scene_ids for im_id in dataset.image_ids(scene_id)]
+    with_truth = [image for image in images if dataset.ground_truth(*image) is not None]
+    if not with_truth:
+        raise InputError(f"no image of {dataset.folder / dataset.split} has ground truth; without it nothing is scored")
+    return visible_targets(truth, with_truth)
+
+
+def _no_targets_file(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:
+    if asked.is_official:
+        return ()
+    return (
+        f"{dataset.folder} has no targets file for {dataset.split}, so all instances of its scene_gt.json that are at "
+        "least 10 % visible were asked for, as BOP chooses them",
+    )
 
 
 def _unknown_instances(asked: Targets, score: Scores) -> tuple[str, ...]:

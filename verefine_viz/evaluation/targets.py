@@ -24,6 +24,8 @@ class Targets:
     """(scene_id, im_id) → obj_id → instances; nothing is said about objects where the task is detection."""
     task: Task
     """The one that the file was made for."""
+    is_official: bool = True
+    """Whether the data set itself says what is asked for."""
 
 
 def read_targets(path: Path) -> Targets:
@@ -59,11 +61,19 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
     Raises:
         InputError: there is none.
     """
-    stem = split.split("_")[0]
-    years = {"localization": ("19",), "detection": ("24", "19"), None: ("19", "24")}[task]
-    names = [f"{stem}_targets_bop{year}.json" for year in years]
-    found = next((dataset / name for name in names if (dataset / name).is_file()), None)
+    found = targets_path(dataset, split, task)
     if found is None:
         there = ", ".join(sorted(p.name for p in dataset.glob("*targets*.json"))) or "none at all"
-        raise InputError(f"{dataset} has no {' or '.join(names)} (targets files there: {there}); name one by --targets")
+        names = " or ".join(_names(split, task))
+        raise InputError(f"{dataset} has no {names} (targets files there: {there}); name one by --targets")
     return found
+
+
+def targets_path(dataset: Path, split: str, task: Task | None = None) -> Path | None:
+    """The same, None where there is none."""
+    return next((dataset / name for name in _names(split, task) if (dataset / name).is_file()), None)
+
+
+def _names(split: str, task: Task | None) -> list[str]:
+    years = {"localization": ("19",), "detection": ("24", "19"), None: ("19", "24")}[task]
+    return [f"{split.split('_')[0]}_targets_bop{year}.json" for year in years]

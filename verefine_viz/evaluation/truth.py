@@ -198,7 +198,7 @@ def visible_targets(truth: TruthSource, images: Iterable[tuple[int, int]]) -> Ta
         )
         for image in images
     }
-    return Targets("all instances that are at least 10 % visible", counts, "localization")
+    return Targets("all instances that are at least 10 % visible", counts, "localization", is_official=False)
 
 
 def _truths(entries: Any, infos: dict[str, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
