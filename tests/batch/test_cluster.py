@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import socketserver
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from socket import socket
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -146,21 +148,46 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     return line
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "no.such.host.invalid:8786"])
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("tcp://127.0.0.1:1", "nothing listens there"),
+        ("localhost:1", "nothing listens there"),
+        ("no.such.host.invalid:8786", "no host of that name is known"),
+    ],
+)
 def test_a_cluster_that_does_not_answer_is_one_line(
-    address: str, session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    address: str, why: str, session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", address)
-    assert f"no Dask scheduler answers at {address}" in line
-    assert "--cluster local" in line
+    assert line == (
+        f"verefine-viz: no Dask scheduler answers at {address} ({why}); start one with: dask scheduler, "
+        "which prints its address, tcp://HOST:8786; or say --cluster local"
+    )
     assert not (tmp_path / "out").exists()
 
 
-def test_only_workers_of_this_machine_are_counted_by_its_cores(
-    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+class Greeter(socketserver.BaseRequestHandler):
+    """Says something of its own at the first word, as other servers do."""
+
+    def handle(self) -> None:
+        self.request.recv(1)
+        self.request.sendall(b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n" + bytes(100))
+
+
+def test_a_server_of_another_kind_at_the_address_is_one_line(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Greeter) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", f"127.0.0.1:{server.server_address[1]}")
+        server.shutdown()
+    assert "(what listens there is no Dask scheduler, or one of another version); start one with: dask" in line
+
+
+def test_only_workers_of_this_machine_are_counted_by_its_cores(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     many = ("--out", tmp_path / "out", "--workers", 4 * (os.cpu_count() or 1) + 1)
     assert "or fewer, 4 for each core" in refused(capsys, session, *many, "--cluster", "local")
     assert "no Dask scheduler answers" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")

@@ -5,7 +5,6 @@ The scheduler gives the frames of a worker that is lost to others; what comes ba
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import secrets
 import signal
@@ -19,24 +18,22 @@ from pathlib import Path
 from typing import Any
 
 import dask
-from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
-from distributed.comm.addressing import resolve_address
-from distributed.comm.core import connect
+from distributed import Client, Future, KilledWorker, LocalCluster, wait
 
 import verefine_viz
 from verefine_viz.batch.desk import Answer, Desk, ModelOnDesk, solve_at_desk
 from verefine_viz.batch.frame import unforeseen
 from verefine_viz.batch.memory import gigabytes
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
+from verefine_viz.batch.scheduler import CONNECT_S, check_address, must_answer, why_not
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
+from verefine_viz.core.errors import UnavailableError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
 
-CONNECT_S = 10.0
 PATIENCE_S = 20.0
 """After so long without any worker a person should know that nothing happens."""
 LOOK_S = 5.0
@@ -55,48 +52,22 @@ def open_cluster(
         UnavailableError: nothing answers there.
     """
     if address != "local":
-        _check(address)
+        check_address(address)
     # One line about trouble is ours to say; Dask would add pages.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     own = _local(n_workers) if address == "local" else None
     try:
         if own is None:
-            asyncio.run(_answers(address))
+            must_answer(address)
         client = Client(own or address, timeout=CONNECT_S)
-    except (OSError, ValueError, ImportError) as error:
+    except Exception as error:  # Another program that listens there may answer anything.
         if own is not None:
             own.close()
-        why = " ".join(str(error).split()) or "something listens there, but says nothing"
         raise UnavailableError(
-            f"no Dask scheduler answers at {address} within {CONNECT_S:g} s ({why}); start one with dask scheduler, "
-            "or say --cluster local"
+            f"no Dask scheduler answers at {address} ({why_not(error)}); start one with: dask scheduler, which prints "
+            "its address, tcp://HOST:8786; or say --cluster local"
         ) from None
     return ClusterWorkers(client, own, address, session, out, task, ship)
-
-
-def _check(address: str) -> None:
-    """
-    Raises:
-        SettingsError: it is no address, whether or not something answers there.
-    """
-    try:
-        with suppress(OSError, ImportError):  # Said when it does not answer.
-            resolve_address(address)
-    except ValueError:
-        raise SettingsError(
-            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
-        ) from None
-
-
-async def _answers(address: str) -> None:
-    """Returns when something that speaks Dask's language answers; its client would wait for the first word for ever.
-
-    Raises:
-        OSError: nothing does in time.
-    """
-    arguments = Security().get_connection_args("client")
-    comm = await asyncio.wait_for(connect(address, timeout=CONNECT_S, **arguments), CONNECT_S)
-    comm.abort()
 
 
 def _local(n_workers: int) -> LocalCluster:
