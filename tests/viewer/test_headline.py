@@ -17,7 +17,7 @@ from verefine_viz.viewer.view import View
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
     said = headline(after())
     assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
-    assert "the nearest one is 4.0° and 3.0 mm from the truth." in said
+    assert "is nearest, 4.0° and 3.0 mm from the truth." in said
     assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
 
 

@@ -10,6 +10,7 @@ from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
 from verefine_viz.viewer.correct import is_correct
 from verefine_viz.viewer.plane import doubt
+from verefine_viz.viewer.start_words import start_errors
 from verefine_viz.viewer.truth_score import preferred_wrong, prefers
 from verefine_viz.viewer.view import View
 
@@ -97,7 +98,7 @@ def _why_wrong(view: View) -> list[Finding]:
 
 
 def _far_start(view: View) -> list[Finding]:
-    known = [(e.add_s_mm, j, e) for j, e in enumerate(view.initial_errors) if e is not None]
+    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(view)) if e is not None]
     if not known:
         return []
     _, j, errors = min(known, key=lambda k: k[0])
@@ -155,7 +156,7 @@ def _starved(view: View) -> list[Finding]:
     pulls = [sum(i.arm == j for i in view.own_iterations) for j in range(len(view.state.arms))]
     if view.shown is None or view.shown.choice is None or not view.shown.choice.exploration.any():
         return []
-    known = [(e.add_s_mm, j) for j, e in enumerate(view.initial_errors) if e is not None]
+    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(view)) if e is not None]
     if not known:
         return []
     error, j = min(known)

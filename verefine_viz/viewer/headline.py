@@ -21,6 +21,7 @@ from verefine_viz.viewer.scene_words import (
     scene_outcome,
     tree_sentence,
 )
+from verefine_viz.viewer.start_words import starts
 from verefine_viz.viewer.view import View
 
 UNJUDGED = "without judging"
@@ -60,17 +61,10 @@ def _ready(view: View) -> str:
             f"{view.name} has no hypothesis, so there is nothing to refine: "
             "name a results file that holds it, or choose another object."
         )
-    best = view.state.best
-    n = view.n_arms
     n_objects = len(view.scene.objects)
-    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "")
-    start += f"{view.name} has {n} hypothes{'i' if n == 1 else 'e'}s; "
-    start += f"hypothesis {best.arm + 1} scores best with {best.score.score:.2f}"
-    known = [(e.add_s_mm, e) for e in view.initial_errors if e is not None]
-    if known:
-        start += f", the nearest one is {errors_in_words(min(known, key=lambda k: k[0])[1])}"
+    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "") + starts(view)
     moved = moved_by_hand(view)
-    return f"{start}. {moved}{' ' * bool(moved)}Press Step (N) for one iteration, Run (Space) for all."
+    return f"{start} {moved}{' ' * bool(moved)}Press Step (N) for one iteration, Run (Space) for all."
 
 
 def chosen_because(iteration: Iteration, n_arms: int) -> str:
