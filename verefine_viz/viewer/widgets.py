@@ -85,8 +85,8 @@ WHOLE_NUMBERS = cast(uplot.Axis, {"size": 26, "space": 36, "incrs": [n * 10**k f
 class Chart:
     """Curves over the iterations; made anew only when the set of curves changes."""
 
-    def __init__(self, gui: viser.GuiApi, height: int, container: Any, y_range: tuple[float, float] | None = None):
-        self._gui, self._height, self._container, self._y_range = gui, height, container, y_range
+    def __init__(self, gui: viser.GuiApi, height: int, container: Any):
+        self._gui, self._height, self._container = gui, height, container
         self._handle: viser.GuiUplotHandle | None = None
         self._shape: tuple[Any, ...] = ()
 
@@ -98,7 +98,9 @@ class Chart:
             return
         highest = max((abs(v) for line in lines for v in line.values), default=0.0)
         labels_px = 48 if highest < 10_000 else 66
-        shape = (labels_px, *((line.label, line.color, line.width) for line in lines))
+        # The page would draw an axis up to 100 for curves that are all 0. Above 1 its number needs room.
+        y_range = (0.0, 1.05) if highest == 0 else None
+        shape = (labels_px, y_range, *((line.label, line.color, line.width) for line in lines))
         if shape != self._shape and self._handle is not None:
             self._handle.remove()
             self._handle = None
@@ -110,12 +112,14 @@ class Chart:
             values = list(line.values)
             data.append(np.array([*values, values[-1]] if len(x) == 1 else values, np.float64))
         if self._handle is None:
-            self._handle = self._make(tuple(data), lines, labels_px)
+            self._handle = self._make(tuple(data), lines, labels_px, y_range)
         else:
             self._handle.data = tuple(data)
             self._handle.visible = True
 
-    def _make(self, data: tuple[np.ndarray, ...], lines: Sequence[Line], labels_px: int) -> viser.GuiUplotHandle:
+    def _make(
+        self, data: tuple[np.ndarray, ...], lines: Sequence[Line], labels_px: int, y_range: tuple[float, float] | None
+    ) -> viser.GuiUplotHandle:
         series = [uplot.Series(label="iteration")]
         series += [
             uplot.Series(
@@ -128,8 +132,8 @@ class Chart:
             for line in lines
         ]
         scales = {"x": uplot.Scale(time=False)}
-        if self._y_range is not None:
-            scales["y"] = uplot.Scale(auto=False, range=self._y_range)
+        if y_range is not None:
+            scales["y"] = uplot.Scale(auto=False, range=y_range)
         with self._container:
             return self._gui.add_uplot(
                 data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=False),
