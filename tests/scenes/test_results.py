@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.scenes.bop_folder import make
+from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -283,3 +283,43 @@ def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:
     path.write_text(line(2, 1.0, T))
     notes = made.read(HypothesesSettings(source="results", files=(str(path),))).notes
     assert any("obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in est" in note for note in notes)
+
+
+def notes_of(made: Made, *lines: str) -> list[str]:
+    path = made.root / "est_x-test.csv"
+    path.write_text("\n".join(lines))
+    return [note for note in made.read(HypothesesSettings(source="results", files=(str(path),))).notes if "#" in note]
+
+
+def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    left, middle, _ = (i.T_cam_obj_gt for i in made.problem.instances)
+    assert left is not None
+    assert middle is not None
+    other, owner = line(5, 0.9, middle), "#0, whose mask fits better; add a row whose pose lies in this mask"
+    for lines, what in (([0.0], "the only row"), ([0.0, 0.01], "all 2 rows")):
+        rows = [line(2, 0.9, transform(np.eye(3), [x, 0, 0]) @ left) for x in lines]
+        said = f"obj_000002 (#2) has no hypothesis: {what} for object 2 of this frame in est went to {owner}"
+        assert notes_of(made, other, *rows) == [said]
+
+
+def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    left, middle, right = (i.T_cam_obj_gt for i in made.problem.instances)
+    assert left is not None
+    assert middle is not None
+    assert right is not None
+    depth_m = float(np.median(made.problem.instances[1].points_cam[:, 2]))
+    near = [line(2, 0.9, left), line(2, 0.8, right)]
+    assert notes_of(made, *near, line(5, 0.9, middle)) == []
+    far, behind = np.array(middle), np.array(middle)
+    far[:3, 3] *= 6
+    behind[2, 3] = -0.2
+    of_mask, at = f"the depth inside its mask ({depth_m:.3g} m)", f"est's at {far[2, 3]:.3g} m"
+    for poses, said in (
+        ([far], f"its pose lies far from {of_mask}, {at}"),
+        ([middle, far], f"1 of its 2 poses lies far from {of_mask}, {at}"),
+        ([behind, far], f"2 of its 2 poses lie far from {of_mask}, such as est's behind the camera"),
+    ):
+        rows = [line(5, 0.9 - k / 10, T) for k, T in enumerate(poses)]
+        assert notes_of(made, *near, *rows) == [f"obj_000005 (#1): {said}"]

@@ -105,7 +105,7 @@ class BopSource:
                 *model_notes,
                 *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
                 *pose_notes(self._results, instances, models),
-                *instance_notes(instances, models, self._hypotheses.source, self._results),
+                *instance_notes(ids, instances, models, self._hypotheses.source, self._results),
             ),
             left_out=self._asked_for(of_frame.left_out) + without_model,
         )
