@@ -26,12 +26,12 @@ FLOAT = "all 3 objects float above the support plane: give scene.gravity"
         (
             [SINK, FAR, LARGE, LARGER],
             f"{DATA_FIRST} in 4 of 9 frames. In 2, such as 0/2, {LARGE}. In frame 0/0, {SINK}. "
-            "1 other has another reason.",
+            "1 other frame has another reason.",
         ),
         (
             [FAR, FAR, LARGE, LARGER, SINK, FLOAT],
             f"{DATA_FIRST} in 6 of 9 frames. In 2, such as 0/0, {FAR}. In 2, such as 0/2, {LARGE}. "
-            "2 others have other reasons.",
+            "2 other frames have other reasons.",
         ),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer import commands as c
@@ -132,6 +134,20 @@ def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery])
     for key, opened in (*zip("jjjj", cards.all()[1:], strict=True), *zip("kkkk", cards.all()[-2::-1], strict=True)):
         screen.key(key)
         screen.until(lambda opened=opened: in_sight(opened))
+
+
+def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers(runs: Path, show: Show, tmp_path: Path) -> None:
+    why = ("cam_K", "depth_scale")
+    indices = []
+    for index in read_gallery(runs).runs.values():
+        told = [f"{DATA_FIRST} {why[row.im_id]} does not fit, {'because it is off, ' * 20}." for row in index.rows]
+        rows = (row.model_copy(update={"evidence": said}) for row, said in zip(index.rows, told, strict=True))
+        indices.append(replace(index, rows=tuple(rows)))
+    gallery = Gallery(indices)
+    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
+    box = screen.text("in 4 of 4 frames of 2 runs. In 2, such as 0/0 of rir, cam_K does not fit")
+    assert box.evaluate("e => e.scrollHeight > 2 * e.clientHeight"), "else this shows nothing"
+    assert is_seen(screen, screen.page.locator("button.card").first, edge_px=8)
 
 
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:

@@ -58,7 +58,9 @@ class Doubts:
         told = [f"{DATA_FIRST} in {of}.", *(reason.in_words() for reason in reasons[:MOST_REASONS])]
         n_left = sum(reason.n_frames for reason in reasons[MOST_REASONS:])
         if n_left:
-            told.append("1 other has another reason." if n_left == 1 else f"{n_left} others have other reasons.")
+            told.append(
+                "1 other frame has another reason." if n_left == 1 else f"{n_left} other frames have other reasons."
+            )
         return " ".join(told)
 
 

@@ -25,6 +25,7 @@ from verefine_viz.viewer.widgets import Block
 STYLE = """<style>
 .vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px;margin-bottom:6px}
 .vz.batch{padding-bottom:0}
+.vz.batch p.bad{max-height:8em;overflow-y:auto}
 .vz.batch .card{margin-bottom:-5px}
 .vz select{display:block;width:100%;font:inherit;font-size:12px;color:inherit;background:#2e2e2e;
  border:1px solid #424242;border-radius:4px;padding:1px 2px;color-scheme:dark}
