@@ -56,6 +56,22 @@ def test_its_own_file_and_what_it_wrote_are_saved_again_at_once(debugger: Debugg
     assert [s.hypotheses.max_per_object for s in saved] == [2, Session().hypotheses.max_per_object, 2]
 
 
+def test_a_changed_session_gets_the_name_of_its_new_file_as_title(debugger: Debugger, tmp_path: Path) -> None:
+    def title(name: str) -> str:
+        return load_session(tmp_path / f"{name}.toml").title
+
+    debugger.carry_out([c.SaveSession("copy"), c.Restart((("method.iterations", 3),)), c.SaveSession("longer")])
+    assert (title("copy"), title("longer")) == ("mine", "longer")
+    debugger.carry_out([c.SaveSession("copy of longer"), c.SaveSession("mine")])
+    assert (title("copy of longer"), title("mine")) == ("longer", "mine")
+    debugger.workspace.open(Session(), None)
+    debugger.carry_out([c.SaveSession("nameless")])
+    assert title("nameless") == "nameless"
+    debugger.workspace.open(Session(title="boxes"), None)
+    debugger.carry_out([c.Restart((("method.iterations", 3),)), c.SaveSession("first"), FORK, c.SaveSession("second")])
+    assert (title("first"), title("second")) == ("boxes", "second")
+
+
 def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
     T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
     move = [c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.SaveSession("mine")]

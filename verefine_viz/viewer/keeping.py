@@ -56,6 +56,7 @@ class Keeping:
     def _session(self, space: Workspace, command: c.SaveSession) -> Kept:
         path = self._folder / f"{checked_name(command.name)}.toml"
         session, note = savable(space.session, space.branch, space.others, len(space.frames))
+        session = titled(session, path, space)
         if not command.replace:
             refuse_loss(path, session, space, command)
         save_session(session, path)
@@ -148,6 +149,23 @@ def checked_name(name: str) -> str:
     if not _NAME.fullmatch(name.strip()) or ".." in name:
         raise InputError(f"{name!r} is no name for a session; use letters, digits, blanks, dots, - and _")
     return name.strip().removesuffix(".toml")
+
+
+def titled(session: Session, path: Path, space: Workspace) -> Session:
+    """``session`` with the title that it gets in the file ``path``.
+
+    A file that was read or written here keeps its title, and so does a copy of it. What was changed since is another
+    session: its title is the name that a person gave to its new file.
+    """
+    files = {file: saved.session for file, saved in space.files.items()}
+    same = (there for there in files.values() if there == session.model_copy(update={"title": there.title}))
+    known = files.get(path.resolve()) or next(same, None)
+    if known is not None:
+        title = known.title
+    else:
+        is_taken = any(there.title == session.title for there in files.values())
+        title = path.stem if is_taken else session.title
+    return session.model_copy(update={"title": title or path.stem})
 
 
 def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveSession) -> None:
