@@ -7,13 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from tests.fakes import box_problem
 from tests.scenes.sizes import scene, written
+from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.gallery import Gallery
@@ -36,6 +40,17 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
         assert findings(view)[0] == one
         assert one.red
         assert one.on_top
+
+
+def test_an_object_whose_rows_another_one_took_says_so(tmp_path: Path) -> None:
+    problem = box_problem(n_instances=2)
+    posed, bare = (found(problem, box_mesh(tmp_path / "box.stl"), k) for k in range(2))
+    kept(tmp_path / "kept", problem, [posed, replace(bare, poses={})])
+    view = Debugger(load_session(tmp_path / "kept" / "session.toml"), None, Toolbox).carry_out([c.Focus(1)]).view()
+    assert [one.text for one in findings(view) if "no hypothesis" in one.text] == [
+        "box (#1) has no hypothesis: all 3 rows for object 1 of this frame in net went to #0, whose mask fits better; "
+        "add a row whose pose lies in this mask."
+    ]
 
 
 def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> None:

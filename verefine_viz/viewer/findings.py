@@ -83,7 +83,10 @@ def _support(view: View) -> list[Finding]:
 def _no_hypothesis(view: View) -> list[Finding]:
     if view.state is not None:
         return []
-    return [Finding(f"{view.name} has no hypothesis. Add a results file that holds object {view.target.model.obj_id}.")]
+    model, instance_id = view.target.model, view.target.instance.instance_id
+    known = f"{model.name} (#{instance_id}) has no hypothesis: "
+    why = next((note for note in view.problem.notes if note.startswith(known)), None)
+    return [Finding(f"{why or f'{known}add a results file that holds object {model.obj_id}'}.")]
 
 
 def _why_wrong(view: View) -> list[Finding]:
