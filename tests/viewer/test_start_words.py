@@ -18,7 +18,9 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.headline import headline
+from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.view import View
+from verefine_viz.viewer.words import chosen
 
 
 def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> View:
@@ -82,3 +84,13 @@ def test_headline_and_finding_name_the_same_start_as_the_nearest() -> None:
 def test_a_method_that_looks_at_one_hypothesis_does_not_say_that_it_scores_best(name: str) -> None:
     said = headline(after(name=name))
     assert f"box has 3 hypotheses; {name.upper()} works on hypothesis 1 alone, which scores 0.83 and is nearest" in said
+
+
+def test_what_comes_first_is_told_with_the_exploration_of_the_start() -> None:
+    """A branch that explores more from iteration 1 on began as the run that it leaves."""
+    wider = c.Fork((("method.exploration", 3.0),), 1)
+    before, fork = after(c.Step(), c.Seek(0)), after(c.Step(), wider, c.Seek(0))
+    assert fork.session.method.exploration == 3.0
+    assert (chosen(fork), arms_table(fork)) == (chosen(before), arms_table(before))
+    at_once = after(c.Step(), c.Fork((("method.exploration", 3.0),), 0), c.Seek(0))
+    assert chosen(at_once) != chosen(before)

@@ -41,6 +41,14 @@ class Branch:
         """Those that it ends up with: a session that was read may change them on the way."""
         return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
 
+    def exploration_after(self, index: int) -> float:
+        """The weight c of UCB's bonus in the choice that follows iteration ``index``."""
+        c = self.start.method.exploration
+        for change in in_order(self.changes):
+            if change.after_iteration <= index:
+                c = change.settings.get("method", {}).get("exploration", c)
+        return c
+
     @property
     def judge(self) -> Judge:
         """Judges by the settings of the iteration that is looked at."""

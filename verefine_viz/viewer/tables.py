@@ -47,7 +47,7 @@ def arms_table(view: View) -> str:
     shown = view.shown
     choice = shown.choice if shown and shown.choice else None
     if choice is None and shown is None and view.session.method.name in WITH_UCB:
-        choice = next_choice(Ucb(view.session.method.exploration), state)
+        choice = next_choice(Ucb(view.exploration), state)
     taken = shown.arm if shown else (choice.arm if choice else None)
     rows = []
     for j, arm in enumerate(state.arms):

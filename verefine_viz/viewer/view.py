@@ -100,6 +100,8 @@ class View:
     entry: Entry | None
     """What the batch says about the object in focus; None where it says nothing."""
     problem: Problem
+    exploration: float
+    """The weight c of UCB's bonus in the choice that follows the cursor; ``session`` has the one at the end."""
     doubts: tuple[str, ...]
     """What of the frame's data does not fit together, with what to check."""
     recording: Path | None

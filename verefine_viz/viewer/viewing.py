@@ -85,6 +85,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         batch=debugger.browsing.gallery,
         entry=debugger.browsing.entry(target.instance.instance_id),
         problem=work.problem,
+        exploration=branch.exploration_after(run.cursor),
         doubts=branch.doubts(),
         recording=branch.recording,
         branches=tuple(_summary(b) for b in work.branches),

@@ -39,7 +39,7 @@ def _to_choose(view: View) -> str:
         return f"{name} does not choose between hypotheses."
     if name not in WITH_UCB:
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
-    first = next_choice(Ucb(view.session.method.exploration), view.state)
+    first = next_choice(Ucb(view.exploration), view.state)
     return f"Nothing was chosen yet, and each first pose counts as a play. First comes {first.reason}."
 
 
