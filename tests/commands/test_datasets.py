@@ -296,7 +296,7 @@ def test_camera_poses_are_counted(made: Made) -> None:
     (gravity,) = [what for what, lacks in what_can_be_run(check_split(made.root, "test")) if "gravity" in what]
     assert gravity.endswith("(scene.gravity world), for 1 of 2 frames")
     (poses,) = [f.found for f in check_split(made.root, "test").findings if f.name == "camera poses"]
-    assert poses == "known for 1 of 2 frames: scene.gravity world works for these only, plane for all"
+    assert poses == "known for 1 of 2 frames; in the others scene.gravity world takes the table's normal"
     # It is so, and nothing is wrong with it.
     assert advice(made) == {}
 

@@ -106,6 +106,12 @@ def test_world_gravity_comes_from_the_camera_pose(tmp_path: Path) -> None:
     np.testing.assert_allclose(support.T_world_cam[:3, :3].T @ [0, 0, 1], [0, -1, 0], atol=1e-6)
 
 
+def test_world_gravity_of_a_scene_that_never_knows_it_is_refused(tmp_path: Path) -> None:
+    observation = make(tmp_path).read(gravity="world").observation
+    assert observation.support is None
+    assert 'gravity = "world" needs the camera\'s rotation (cam_R_w2c)' in observation.support_note
+
+
 def test_without_a_camera_pose_there_is_none(tmp_path: Path) -> None:
     made = make(tmp_path)
     assert BopDataset(made.root, "test").image(7, 3).R_world_cam is None

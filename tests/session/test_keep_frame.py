@@ -106,11 +106,19 @@ def test_gravity_is_the_direction_that_was_given(
     assert reopened(folder).session.scene.gravity == "world"
 
 
-def test_one_frame_without_gravity_makes_the_table_count(tmp_path: Path, mesh: Path) -> None:
+def test_gravity_counts_where_it_was_given(tmp_path: Path, mesh: Path) -> None:
     problem = box_problem()
-    kept(tmp_path / "kept", problem, [found(problem, mesh)], gravity_cam=[0, 1, 0])
+    table = problem.observation.support
+    assert table is not None
+    kept(tmp_path / "kept", problem, [found(problem, mesh)], gravity_cam=-table.T_world_cam[2, :3])
     kept(tmp_path / "kept", problem, [found(problem, mesh)])
-    assert reopened(tmp_path / "kept").session.scene.gravity == "plane"
+    told, seen = (reopened(tmp_path / "kept").problem(frame) for frame in ("1/1", "1/2"))
+    assert told.observation.support is not None
+    assert seen.observation.support is not None
+    assert (told.observation.support.gravity_source, told.notes) == ("world", ())
+    assert seen.observation.support.gravity_source == "plane"
+    (note,) = seen.notes
+    assert note.startswith("gravity is not known in this frame, as in others of its scene: ")
 
 
 def test_holes_in_the_depth_stay_holes_and_far_depth_fits(tmp_path: Path, mesh: Path) -> None:

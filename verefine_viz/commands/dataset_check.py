@@ -153,7 +153,7 @@ def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
     if parts.with_camera_pose:
         found = f"known for {parts.with_camera_pose} of {parts.frames} frames"
         few = parts.with_camera_pose < parts.frames
-        parts.add("camera poses", found + ": scene.gravity world works for these only, plane for all" * few)
+        parts.add("camera poses", found + "; in the others scene.gravity world takes the table's normal" * few)
 
 
 def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> bool:

@@ -109,6 +109,15 @@ class BopDataset:
             raise InputError(f"{path} has keys that are no image ids, expected {{'0': …, '1': …}}")
         return tuple(sorted(int(key) for key in ids))
 
+    def knows_up(self, scene_id: int) -> bool:
+        """Whether the camera's rotation (``cam_R_w2c``) is known in any image of a scene.
+
+        Raises:
+            InputError: as :meth:`image_ids`.
+        """
+        entries = self._read(self._scene(scene_id) / "scene_camera.json", dict).values()
+        return any(isinstance(entry, dict) and "cam_R_w2c" in entry for entry in entries)
+
     def has(self, scene_id: int, im_id: int) -> bool:
         """Whether the image is on the disk."""
         return scene_id in self._scenes and im_id in self.image_ids(scene_id)

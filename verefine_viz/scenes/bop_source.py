@@ -31,6 +31,12 @@ from verefine_viz.scenes.segments import (
     segments_of_folder,
 )
 
+WITHOUT_UP = (
+    "gravity is not known in this frame, as in others of its scene: scene_camera.json has no cam_R_w2c for it, so the "
+    "normal of the table counts as up"
+)
+"""A note of such frames, where gravity is asked of the data set."""
+
 
 class BopSource:
     """The frames of a BOP folder that the settings name.
@@ -83,7 +89,10 @@ class BopSource:
         segments, notes = of_frame.found, of_frame.notes
         patience.ask()
         masks = [segment.mask for segment in segments]
-        observation = observe(image.camera, image.depth_m, image.rgb, masks, self._scene, image.R_world_cam)
+        scene, up_notes = self._scene, ()
+        if scene.gravity == "world" and image.R_world_cam is None and self._dataset.knows_up(ids[0]):
+            scene, up_notes = scene.model_copy(update={"gravity": "plane"}), (WITHOUT_UP,)
+        observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, image.R_world_cam)
         wanted = self._wanted(segments, frame)
         models, faults, model_notes = self._models(wanted, patience)
         solvable = [s for s in wanted if s.obj_id in models]
@@ -101,6 +110,7 @@ class BopSource:
             title=f"{self._dataset.name} {self._scene.split}",
             notes=(
                 *image.notes,
+                *up_notes,
                 *notes,
                 *model_notes,
                 *truth_notes(instances, models, self._dataset.folder, self._detections is not None),

@@ -46,8 +46,8 @@ def keep_frame(
         rgb: (H, W, 3) uint8, or None.
         objects: what was found, each with its mask and its poses: a list of :class:`Found`.
         gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length, as an IMU or the robot's
-            kinematics have it (an accelerometer at rest reads the opposite); None = the normal of the table that is
-            seen, then for all frames of the folder.
+            kinematics have it (an accelerometer at rest reads the opposite); None = along the normal of the table that
+            is seen.
 
     Returns:
         The frame's name, as "1/17"; ``--scene.frames 1/17`` opens it alone.

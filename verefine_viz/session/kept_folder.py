@@ -200,7 +200,7 @@ class KeptFolder:
             "source": "bop",
             "dataset": ".",
             "masks": DETECTIONS,
-            "gravity": "world" if all("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
+            "gravity": "world" if any("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
         }
         session = {"title": self._folder.resolve().name, "scene": scene, "hypotheses": hypotheses}
         with atomic(self._folder / SESSION) as part:
