@@ -116,20 +116,23 @@ class KeptFolder:
                 part.unlink()
         for kind in ("depth", "rgb"):
             self._image(kind, number).unlink(missing_ok=True)
-        detections, truths = _known(self._folder / DETECTIONS, []), _known(self._truths, {})
-        if any(entry["image_id"] == number for entry in detections):
-            write_json(self._folder / DETECTIONS, [entry for entry in detections if entry["image_id"] != number])
+        # Detections are written before poses and truth, and cleared after them: without, there are none of the others.
+        detections = _known(self._folder / DETECTIONS, [])
+        others = [entry for entry in detections if entry["image_id"] != number]
+        if len(others) == len(detections):
+            return
+        for path in self._results():
+            rows = [row for row in read_results(path) if row.im_id != number]
+            if rows:
+                write_results(path, rows)
+            else:
+                path.unlink()
+        truths = _known(self._truths, {})
         if truths.pop(str(number), None) is not None:
             write_json(self._truths, truths)
             if not truths:  # As in a folder that never had any.
                 self._truths.unlink()
-        for path in self._results():
-            rows = read_results(path)
-            kept = [row for row in rows if row.im_id != number]
-            if not kept:
-                path.unlink()
-            elif len(kept) < len(rows):
-                write_results(path, kept)
+        write_json(self._folder / DETECTIONS, others)
 
     def _results(self) -> list[Path]:
         return sorted(self._folder.glob(RESULTS))
