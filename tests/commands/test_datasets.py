@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.splits import splits_of
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.scenes.write_bop import write_bop
 
 
 @pytest.fixture
@@ -59,10 +60,8 @@ def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
 
 def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert advice(made) == {}
-    no_targets = "has no test_targets_bop19.json or test_targets_bop24.json"
     found = missing(check_split(made.root, "test"))
-    assert no_targets in found.pop("evaluate:")
-    assert found == {"view": "", "study:": "", "gravity": "cam_R_w2c"}
+    assert found == {"evaluate:": "", "view": "", "study:": "", "gravity": "cam_R_w2c"}
     assert Datasets("check", str(made.root)).run([]) == 0
     said = capsys.readouterr().out
     assert "can run: view and batch from ground truth" in said
@@ -78,20 +77,52 @@ def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
     assert abs(y + 6) <= 3
 
 
-@pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
-def test_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
-    tmp_path: Path, dx: int, named: str
-) -> None:
-    root = written(tmp_path / "clutter", [scene("clutter", f"0/{k}") for k in range(2)], 1.0)
+def with_camera(root: Path, change: Callable[[list[float]], None]) -> Path:
+    """A folder of frames of scene 0, with another cam_K (9 numbers)."""
+    write_bop(root, [scene("clutter", f"0/{k}") for k in range(2)])
     path = root / "test" / "000000" / "scene_camera.json"
     content = json.loads(path.read_text())
     for entry in content.values():
-        entry["cam_K"][2] += dx
+        change(entry["cam_K"])
     path.write_text(json.dumps(content))
+    return root
+
+
+def moved(k: int, px: float) -> Callable[[list[float]], None]:
+    """Adds to one number of cam_K."""
+    return lambda K: K.__setitem__(k, K[k] + px)
+
+
+@pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
+def test_without_masks_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
+    tmp_path: Path, dx: int, named: str
+) -> None:
+    root = with_camera(tmp_path / "clutter", moved(2, dx))
+    for kind in ("mask_visib", "mask"):
+        shutil.rmtree(root / "test" / "000000" / kind)
     said = {f.name: f.advice for f in check_split(root, "test").findings}["registration"]
     assert said.endswith(
         f"either depth is not registered to colour (warp it into the colour camera first), or cx of cam_K is {named}"
     )
+
+
+@pytest.mark.parametrize(("k", "px", "named"), [(2, 40, "cx of cam_K looks 40 px too large"), (5, -20, "cy of cam_K")])
+def test_masks_tell_a_wrong_principal_point_from_depth_that_is_not_registered(
+    tmp_path: Path, k: int, px: float, named: str
+) -> None:
+    found = {f.name: f for f in check_split(with_camera(tmp_path / "clutter", moved(k, px)), "test").findings}
+    assert found["sizes"].advice.startswith(named)
+    assert "displaced" not in found["registration"].advice
+    assert not found["each frame"].is_looked_at
+
+
+@pytest.mark.parametrize(("k", "px", "named"), [(0, 80, "fx"), (4, -80, "fy")])
+def test_one_wrong_focal_length_is_found(tmp_path: Path, k: int, px: float, named: str) -> None:
+    root = with_camera(tmp_path / "clutter", moved(k, px))
+    found = {f.name: f for f in check_split(root, "test").findings}
+    assert found["sizes"].advice.startswith(f"{named} of cam_K looks too {'large' if px > 0 else 'small'}, about ")
+    assert "displaced" not in found["registration"].advice
+    assert Datasets("check", str(root)).run([]) == 1
 
 
 @pytest.mark.parametrize(("without", "said"), [((0, 1), "all of them"), ((1,), "7/1")])

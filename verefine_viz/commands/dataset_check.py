@@ -18,8 +18,8 @@ from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.commands.truth_check import check_truths
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.listing import first_of
+from verefine_viz.evaluation.files import default_targets
 from verefine_viz.evaluation.model import EvalModels
-from verefine_viz.evaluation.targets import find_targets, read_targets
 from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
@@ -179,19 +179,19 @@ def _check_each_frame(dataset: BopDataset, looked: Sequence[tuple[int, int]], pa
 
 def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
     """Whether BOP scores find what they need besides images; what they would refuse is said in their words."""
+    if not parts.ground_truth:  # Said already.
+        return
     try:
-        models = EvalModels(dataset.folder)
-        targets = read_targets(find_targets(dataset.folder, dataset.split))
+        models, truth = EvalModels(dataset.folder), BopTruth(dataset)
+        targets = default_targets(dataset, truth)
         for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):
             models.diameter_mm(obj_id)
-        if parts.ground_truth:
-            truth = BopTruth(dataset)
-            missing = [image for image in targets.counts if not dataset.has(*image)]
-            if missing:
-                which = f"{len(missing)} of the {len(targets.counts)} images of {targets.name}"
-                raise InputError(f"{which}, such as {frame_name(missing[0])} (name a list of those here by --targets)")
-            for image in targets.counts:
-                truth.image(*image, with_depth=False)
+        missing = [image for image in targets.counts if not dataset.has(*image)]
+        if missing:
+            which = f"{len(missing)} of the {len(targets.counts)} images of {targets.name}"
+            raise InputError(f"{which}, such as {frame_name(missing[0])} (name a list of those here by --targets)")
+        for image in targets.counts:
+            truth.image(*image, with_depth=False)
     except VerefineError as error:
         parts.scoring = str(error)
 
