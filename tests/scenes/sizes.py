@@ -17,7 +17,8 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.scenes.size_fit import Verdict, size_verdict, witnesses
+from verefine_viz.scenes.size_fit import size_verdict, witnesses
+from verefine_viz.scenes.size_words import Verdict
 from verefine_viz.scenes.write_bop import write_bop
 
 Objects = list[tuple[ObjectModel, Float, Mask]]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.scenes.sizes import scene, with_focal, written
+from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.scenes.answer_fit import answer_notes
@@ -52,3 +53,20 @@ def test_a_single_object_tells_nothing() -> None:
     (note,) = answer_notes(seen, answers)
     assert "larger than their models in the poses that were found" in note
     assert not answer_notes(seen.only([blind[0].instance_id]), answers[:1])
+
+
+def test_one_wrong_focal_length_is_told_by_the_shape_of_what_was_found() -> None:
+    camera = CLUTTER.observation.camera
+    blind = tuple(replace(i, T_cam_obj_gt=None, hypotheses=()) for i in CLUTTER.instances)
+    answers = [i.T_cam_obj_gt for i in CLUTTER.instances]
+
+    def said(fx: float, fy: float, dx: float) -> tuple[str, ...]:
+        K = camera.K * [[fx, 1, 1], [1, fy, 1], [1, 1, 1]] + [[0, 0, dx], [0, 0, 0], [0, 0, 0]]
+        observation = replace(CLUTTER.observation, camera=Camera(K, camera.width, camera.height))
+        return answer_notes(replace(CLUTTER, observation=observation, instances=blind), answers)
+
+    (note,) = said(1.2, 1.0, 0.0)
+    assert "narrower than their models: fx of cam_K looks too large, about 0.8" in note
+    (note,) = said(1.0, 0.8, 0.0)
+    assert "higher than their models: fy of cam_K looks too small, about 1.2" in note
+    assert not said(1.0, 1.0, 40.0), "objects found beside their masks say nothing of sizes"

@@ -21,8 +21,9 @@ T_CAM_BOX = transform(axis_angle([1.0, 2.0, 0.5], 0.7), [0.05, -0.03, 0.5])
 NOTHING = np.zeros((240, 320), np.bool_)
 
 
-def camera(factor: float = 1.0, dx: float = 0.0, dy: float = 0.0) -> Camera:
-    return Camera(np.array([[300 * factor, 0, 159.5 + dx], [0, 300 * factor, 119.5 + dy], [0, 0, 1]]), 320, 240)
+def camera(factor: float = 1.0, dx: float = 0.0, dy: float = 0.0, wide: float = 1.0) -> Camera:
+    K = [[300 * factor * wide, 0, 159.5 + dx], [0, 300 * factor, 119.5 + dy], [0, 0, 1]]
+    return Camera(np.array(K), 320, 240)
 
 
 def seen(by: Camera) -> tuple[Mask, NDArray[np.floating]]:
@@ -44,6 +45,21 @@ def test_factor_and_shift_are_those_of_the_camera_that_took_the_image(factor: fl
     np.testing.assert_allclose(found.shift_px, (factor - 1) * (found.middle_px - centre) + [dx, dy], atol=1.0)
     assert found.depth == pytest.approx(1.0, abs=0.01)
     assert found.error < 0.04
+
+
+@given(factor=st.floats(0.8, 1.25), wide=st.floats(0.75, 1.3), dx=st.floats(-20, 20))
+def test_width_and_height_are_those_of_the_camera_that_took_the_image(factor: float, wide: float, dx: float) -> None:
+    found = fitted(*seen(camera(factor, dx, 0.0, wide)))
+    assert found.sides == pytest.approx([factor * wide, factor], rel=0.02)
+    assert found.sides_error < 0.05
+
+
+def test_depth_tells_a_displaced_camera_from_a_displaced_mask() -> None:
+    mask, depth_m = seen(camera(1.0, 40.0))
+    assert fitted(mask, depth_m).gain > 0.2
+    in_place = seen(camera())[1]
+    assert fitted(mask, in_place).gain < -0.2
+    assert fitted(*seen(camera())).gain == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.25])

@@ -12,7 +12,8 @@ from tests.scenes.sizes import Depth, Objects, fitting, objects, scene, verdict,
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
-from verefine_viz.scenes.size_fit import Verdict, size_verdict
+from verefine_viz.scenes.size_fit import size_verdict
+from verefine_viz.scenes.size_words import Verdict
 
 SHAPES = "too few masks are large enough, and of the shape of their model's outline, to compare sizes"
 

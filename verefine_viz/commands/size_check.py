@@ -11,7 +11,8 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
-from verefine_viz.scenes.size_fit import Verdict, Witness, size_verdict, witnesses
+from verefine_viz.scenes.size_fit import Witness, size_verdict, witnesses
+from verefine_viz.scenes.size_words import Verdict
 
 
 def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: MaskFolder) -> Verdict:

@@ -21,10 +21,13 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
 from verefine_viz.scenes.first_fit import depth_notes, pull_notes
 from verefine_viz.scenes.plane_gaps import plane_notes
-from verefine_viz.scenes.size_fit import SURE, size_verdict, witnesses
+from verefine_viz.scenes.size_fit import SURE, Witness, size_verdict, witnesses
+from verefine_viz.scenes.size_words import Cause, Verdict
 
 FEWEST = 2
 """A single object may lie wrong in a way that looks larger."""
+OF_SIZE: tuple[Cause, ...] = ("focal length", "image", "models", "focal length or models", "distances")
+"""What makes all objects larger or smaller; in found poses one is not told from another."""
 
 
 def start_notes(problem: Problem) -> tuple[str, ...]:
@@ -41,23 +44,26 @@ def answer_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, 
     """
     if _has_truth(problem):
         return ()
-    return (
-        depth_notes(problem) or pull_notes(problem, poses) or _size_notes(problem, poses) or plane_notes(problem, poses)
-    )
+    depth = depth_notes(problem)
+    if depth:
+        return depth
+    answers = [(t.model, T, t.instance.mask) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
+    seen = problem.observation
+    looked = witnesses(answers, seen.camera, seen.depth_m, seen.object_mask)
+    verdict = size_verdict(looked)
+    if verdict.cause == "one focal length":
+        return (f"{verdict.found}: {verdict.advice}",)
+    return pull_notes(problem, poses) or _size_notes(looked, verdict) or plane_notes(problem, poses)
 
 
 def _has_truth(problem: Problem) -> bool:
     return any(i.T_cam_obj_gt is not None for i in problem.instances)
 
 
-def _size_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
+def _size_notes(looked: Sequence[Witness], verdict: Verdict) -> tuple[str, ...]:
     """A note where the answers are all larger or smaller than their masks, as those of a wrong camera are."""
-    answers = [(t.model, T, t.instance.mask) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
-    seen = problem.observation
-    looked = witnesses(answers, seen.camera, seen.depth_m, seen.object_mask)
-    verdict = size_verdict(looked)
     sure = [one.likeness.factor for one in looked if one.likeness.error < SURE]
-    if len(sure) < FEWEST or not verdict.advice or verdict.cause == "depth":
+    if len(sure) < FEWEST or verdict.cause not in OF_SIZE:
         return ()
     factor = float(np.median(sure))
     size, off, depth_off = ("larger", "small", "large") if factor > 1 else ("smaller", "large", "small")

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance
 from verefine_viz.scenes.outline_fit import Likeness, likeness
+from verefine_viz.scenes.size_words import Cause, Verdict, about_depth, about_place, about_sides, about_size, alike
 
 MOST = 6
 """Objects of a frame that are looked at, the largest first: 4 to 8 ms each."""
@@ -34,6 +34,10 @@ SMALLEST_PX = 24
 SURE = 0.05
 """Objects whose factor is less certain are passed over. It is 0.01 to 0.04 with good masks and 0.15 and more with those
 of another shape than the model's outline: a part is missing, a neighbour is in it."""
+SURE_SIDES = 0.07
+"""The same of an object's width and height, each by itself."""
+FEWEST_TOGETHER = 2
+"""A single mask may be too narrow or too low by itself, or lie beside its object."""
 FEWEST_SURE = 1 / 3
 """Where less of the objects are sure, masks are such that a factor may be chance."""
 OFF = 0.04
@@ -43,12 +47,12 @@ MOST_DISSENT = 0.25
 MASK_PX = 4
 """Objects that are larger by less than this on each side say nothing of models: all masks of a data set may be too wide
 or too narrow. Masks widened or narrowed by up to 3 px on purpose were never taken for another fault [px]."""
+BESIDE = 0.015
+"""Objects that lie beside their models by less than this share of the image's width say nothing of the camera."""
 PLAIN_PX = 2
 """An explanation that places objects better than another one by less than this is no better [px]."""
 IMAGE_CORNER_PX = np.array([-0.5, -0.5])
 """What stays in its place where an image is made larger or smaller."""
-
-Cause = Literal["focal length", "image", "models", "focal length or models", "distances", "masks", "depth"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +63,6 @@ class Witness:
     camera: Camera
     origin_px: Float
     """(2,) where the model's origin is seen."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What is to be said about the sizes and distances of objects."""
-
-    found: str
-    advice: str = ""
-    """What to do about it; empty = nothing."""
-    cause: Cause | None = None
 
 
 def witnesses(
@@ -111,6 +105,9 @@ def size_notes(
 
 def size_verdict(looked: Sequence[Witness]) -> Verdict:
     """What objects of one frame or several tell together."""
+    sides = _off_sides(looked)
+    if sides is not None:
+        return about_sides(*sides.tolist())
     seen = [one for one in looked if one.likeness.error < SURE]
     if not seen or len(seen) < FEWEST_SURE * len(looked):
         return Verdict("too few masks are large enough, and of the shape of their model's outline, to compare sizes")
@@ -119,16 +116,38 @@ def size_verdict(looked: Sequence[Witness]) -> Verdict:
     error = float(np.median([one.likeness.error for one in seen]))
     factor, depth = _median(factors), _median(depths)
     if _is_off(factors, error):
-        return _about_size(_cause(seen, factor, depth), factor)
-    found = "objects appear as large as their models in their true poses"
+        return about_size(_cause(seen, factor, depth), factor)
+    beside_px = _beside_px(seen)
+    if beside_px is not None:
+        return about_place(beside_px, is_depth_there=float(np.mean([one.likeness.gain for one in seen])) > 0)
     # What is off by far more is of another unit, and said where units are looked at.
-    if _is_off(depths, 0.0) and 0.5 < depth < 2:
-        return Verdict(
-            f"{found}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs",
-            f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}",
-            "depth",
-        )
-    return Verdict(found)
+    return about_depth(depth) if _is_off(depths, 0.0) and 0.5 < depth < 2 else alike()
+
+
+def _off_sides(looked: Sequence[Witness]) -> Float | None:
+    """(2,) how many times as wide and as high as their models objects appear; None where the two are not far apart."""
+    seen = [one.likeness for one in looked if one.likeness.sides_error < SURE_SIDES]
+    if len(seen) < max(FEWEST_TOGETHER, FEWEST_SURE * len(looked)):
+        return None
+    sides, error = np.array([one.sides for one in seen]), float(np.median([one.sides_error for one in seen]))
+    # Masks that are too wide make narrow objects wider by more, but each by as many pixels as higher.
+    grown_px = (sides - 1) * [one.box_px for one in seen] / 2
+    is_plain = abs(np.median(grown_px[:, 0] - grown_px[:, 1])) > MASK_PX
+    return np.median(sides, axis=0) if is_plain and _is_off(sides[:, 0] / sides[:, 1], error) else None
+
+
+def _beside_px(seen: Sequence[Witness]) -> Float | None:
+    """(2,) how far beside their models all objects lie; None where they do not, or each lies elsewhere."""
+    shifts_px = np.array([one.likeness.shift_px for one in seen])
+    if len(seen) < FEWEST_TOGETHER:
+        return None
+    middle_px = np.median(shifts_px, axis=0)
+    far_px = float(np.linalg.norm(middle_px))
+    spread_px = float(np.median(np.linalg.norm(shifts_px - middle_px, axis=1)))
+    if far_px <= BESIDE * seen[0].camera.width + 3 * spread_px:
+        return None
+    along = shifts_px @ middle_px / far_px**2
+    return middle_px if np.mean(along < 0.5) <= MOST_DISSENT else None
 
 
 def _cause(seen: Sequence[Witness], factor: float, depth: float) -> Cause:
@@ -147,32 +166,6 @@ def _cause(seen: Sequence[Witness], factor: float, depth: float) -> Cause:
     if np.median([one.likeness.size_px for one in seen]) * abs(factor - 1) / 2 < MASK_PX:
         return "masks"
     return "models" if _is_plainly_better(of_models, min(of_focal, of_image)) else "focal length or models"
-
-
-def _about_size(cause: Cause, factor: float) -> Verdict:
-    is_larger = factor > 1
-    size, away = ("larger", "farther from") if is_larger else ("smaller", "nearer to")
-    off = f"too {'small' if is_larger else 'large'}, {_fitting(factor)}"
-    found = f"objects appear {_percent(factor)} {size} than their models in their true poses"
-    match cause:
-        case "focal length":
-            found += f" and lie {away} the image's centre by as much"
-            advice = f"fx and fy of cam_K look {off}; check that cam_K belongs to images of this size"
-        case "image":
-            found += f" and lie {away} the image's upper left corner by as much"
-            advice = f"cam_K looks like that of images of another size: fx, fy, cx and cy all look {off}"
-        case "models":
-            found += ", in the right places"
-            advice = f"the models look {off}; check their unit and scale"
-        case "focal length or models":
-            advice = f"either fx and fy of cam_K or the models look {off}"
-        case "masks":
-            found += f", as they do where masks are a few pixels too {'wide' if is_larger else 'narrow'}"
-            advice = ""
-        case _:
-            found += f" and are {'nearer' if is_larger else 'farther away'} by as much"
-            advice = f"cam_t_m2c in scene_gt.json looks too {'large' if is_larger else 'small'}; check its unit"
-    return Verdict(found, advice, cause)
 
 
 def _misplaced_px(seen: Sequence[Witness], factor: float, fixed_px: Sequence[Float]) -> float:
@@ -199,11 +192,3 @@ def _median(values: Sequence[float] | Float) -> float:
     """Of those that are finite; 1 without any: a ratio of nothing is not off."""
     known = np.asarray(values)[np.isfinite(values)]
     return float(np.median(known)) if len(known) else 1.0
-
-
-def _fitting(factor: float) -> str:
-    return f"about {factor:.2f} times as much would fit"
-
-
-def _percent(ratio: float) -> str:
-    return f"{abs(ratio - 1):.0%}"

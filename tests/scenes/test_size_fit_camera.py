@@ -1,0 +1,103 @@
+"""One wrong focal length, and a wrong principal point, are told from how objects lie over their models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.scenes.sizes import fitting, objects, of_problem, scene, verdict
+from tests.scenes.test_size_fit import REAL
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.size_words import Verdict
+from verefine_viz.scenes.source import open_scene
+
+
+def with_camera(problem: Problem, fx: float = 1.0, fy: float = 1.0, dx: float = 0.0, dy: float = 0.0) -> Problem:
+    """With focal lengths multiplied, and the principal point moved [px]."""
+    seen = problem.observation
+    K = seen.camera.K * [[fx, 1, 1], [1, fy, 1], [1, 1, 1]] + [[0, 0, dx], [0, 0, dy], [0, 0, 0]]
+    return replace(problem, observation=replace(seen, camera=Camera(K, seen.camera.width, seen.camera.height)))
+
+
+@pytest.mark.parametrize("factor", [0.75, 0.88, 1.12, 1.3])
+def test_one_wrong_focal_length_is_named_with_its_factor(factor: float) -> None:
+    size, off = ("wider", "small") if factor < 1 else ("narrower", "large")
+    said = of_problem(with_camera(scene(), fx=factor))
+    assert said.cause == "one focal length"
+    assert f"{size} than their models" in said.found
+    assert said.advice.startswith(f"fx of cam_K looks too {off}, ")
+    assert fitting(said) == pytest.approx(1 / factor, rel=0.02)
+    assert "fy" not in said.advice
+    said = of_problem(with_camera(scene(), fy=factor))
+    assert said.advice.startswith(f"fy of cam_K looks too {off}, ")
+    assert fitting(said) == pytest.approx(1 / factor, rel=0.02)
+    assert "fx" not in said.advice
+
+
+def test_focal_lengths_that_are_off_by_different_factors_are_both_named() -> None:
+    said = of_problem(with_camera(scene(), fx=1.25, fy=0.85))
+    assert "narrower and" in said.found
+    assert "fx of cam_K looks too large, about 0.80" in said.advice
+    assert "fy of cam_K looks too small, about 1.18" in said.advice
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "found", "advice"),
+    [
+        (40, 0, "objects lie 40 px left of where their models are", "cx of cam_K looks 40 px too large;"),
+        (0, -15, "objects lie 15 px below where their models are", "cy of cam_K looks 15 px too small;"),
+        (
+            -30,
+            40,
+            "30 px right of and 40 px above where",
+            "cx of cam_K looks 30 px too small and cy of",
+        ),
+    ],
+)
+def test_a_wrong_principal_point_is_named_with_its_pixels(dx: float, dy: float, found: str, advice: str) -> None:
+    said = of_problem(with_camera(scene(), dx=dx, dy=dy))
+    assert said.cause == "principal point"
+    assert found in said.found
+    assert advice in said.advice
+
+
+def test_masks_that_are_all_displaced_are_told_from_a_wrong_principal_point() -> None:
+    seen = scene().observation
+    displaced = [(model, T, np.roll(mask, (8, -30), axis=(0, 1))) for model, T, mask in objects(scene())]
+    said = verdict(displaced, seen.camera, seen.depth_m)
+    assert said.cause == "masks"
+    assert said.found.endswith("but depth does not")
+    assert "the masks are displaced" in said.advice
+
+
+def test_a_single_object_tells_neither() -> None:
+    alone = scene().only([scene().instances[0].instance_id])
+    assert not of_problem(with_camera(alone, dx=40)).advice
+    assert of_problem(with_camera(alone, fx=1.2)).cause != "one focal length"
+
+
+def test_objects_that_lie_beside_their_models_each_another_way_say_nothing_of_the_camera() -> None:
+    seen = scene().observation
+    ways = [(0, 30), (0, -30), (30, 0), (-30, 0), (20, 20), (-20, -20)]
+    beside = [(m, T, np.roll(mask, way, axis=(0, 1))) for (m, T, mask), way in zip(objects(scene()), ways, strict=True)]
+    assert verdict(beside, seen.camera, seen.depth_m) == Verdict(
+        "objects appear as large as their models in their true poses"
+    )
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("frame", REAL)
+def test_real_frames_tell_both(shared_data: Path, frame: str) -> None:
+    settings = SceneSettings(source="bop", dataset=str(shared_data / "ycbv"), frames=(frame,))
+    problem = open_scene(settings, HypothesesSettings()).problem(frame)
+    for factor in (0.8, 1.2):
+        assert of_problem(with_camera(problem, fx=factor)).advice.startswith("fx of cam_K looks too")
+        assert of_problem(with_camera(problem, fy=factor)).advice.startswith("fy of cam_K looks too")
+    for px in (-40, -20, 20, 40):
+        assert of_problem(with_camera(problem, dx=px)).advice.startswith("cx of cam_K looks ")
+        assert of_problem(with_camera(problem, dy=px)).advice.startswith("cy of cam_K looks ")
