@@ -73,6 +73,85 @@ def test_objects_that_are_all_pulled_from_the_centre_tell_of_the_camera(focal: f
     assert answer_notes(estimated(3.0), found(focal)) == (note,)
 
 
+def displaced(dx: float, dy: float, wide: float = 1.0, high: float = 1.0) -> list[Float]:
+    """Poses as refinement finds them with cx, cy moved [px], or fx, fy multiplied."""
+    poses = [moved(i, np.zeros(3)) for i in CLUTTER.instances]
+    camera = CLUTTER.observation.camera
+    for T in poses:
+        T[:2, 3] = T[:2, 3] / [wide, high] - np.array([dx / camera.fx, dy / camera.fy]) * T[2, 3]
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "moves", "off"),
+    [
+        (40, 0, "all objects 40 px left in the image", "cx of cam_K looks 40 px too large; check"),
+        (0, -25, "all objects 25 px down in the image", "cy of cam_K looks 25 px too small; check"),
+        (
+            -30,
+            60,
+            "30 px right and 60 px up",
+            "cx of cam_K looks 30 px too small and cy of cam_K",
+        ),
+    ],
+)
+def test_objects_that_are_all_moved_the_same_way_tell_of_the_principal_point(
+    dx: float, dy: float, moves: str, off: str
+) -> None:
+    (note,) = pull_notes(estimated(0.0), displaced(dx, dy))
+    assert moves in note
+    assert off in note
+    (rough,) = pull_notes(estimated(3.0), displaced(dx, dy))
+    assert "refinement moved all objects" in rough
+    assert answer_notes(estimated(3.0), displaced(dx, dy)) == (rough,)
+
+
+@pytest.mark.parametrize(
+    ("wide", "high", "said"),
+    [
+        (
+            1.2,
+            1.0,
+            "centre sideways than their first poses: fx of cam_K looks too large, about 0.8",
+        ),
+        (1.0, 0.8, "centre up and down than their first poses: fy of cam_K looks too small, about 1.2"),
+        (1.2, 1.2, "centre than their first poses: fx and fy of cam_K look too large, about 0.8"),
+    ],
+)
+def test_of_several_explanations_the_one_that_leaves_the_least_is_named(wide: float, high: float, said: str) -> None:
+    (note,) = pull_notes(estimated(2.0), displaced(0, 0, wide, high))
+    assert said in note
+
+
+def test_a_small_or_uncertain_displacement_tells_nothing() -> None:
+    assert not pull_notes(estimated(0.0), displaced(8, 0))
+    assert not pull_notes(estimated(30.0), displaced(40, 0))
+    ids = [i.instance_id for i in CLUTTER.instances[:2]]
+    assert not pull_notes(estimated(0.0).only(ids), displaced(40, 0)[:2])
+    some = [T if k % 2 else other for k, (T, other) in enumerate(zip(displaced(40, 0), displaced(0, 0), strict=True))]
+    assert not pull_notes(estimated(0.0), some), "half of them stay"
+
+
+def test_first_poses_that_lie_far_apart_tell_nothing_though_their_middle_does() -> None:
+    problem = estimated(0.0)
+    ways = ([30.0, 0, 0], [-30.0, 0, 0], [0, 30.0, 0], [0, -30.0, 0])
+    scattered = tuple(
+        replace(i, hypotheses=tuple(Hypothesis(moved(known, np.array(way)), 1.0, "ppf") for way in ways))
+        for i, known in zip(problem.instances, CLUTTER.instances, strict=True)
+    )
+    assert pull_notes(problem, displaced(40, 0))
+    assert not pull_notes(replace(problem, instances=scattered), displaced(40, 0))
+
+
+def test_three_objects_that_move_alike_by_chance_tell_nothing_of_one_axis_or_of_the_principal_point() -> None:
+    three = estimated(0.0).only([i.instance_id for i in CLUTTER.instances[:3]])
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        found = [moved(i, rng.normal(0, 25, 3) * [1, 1, 0]) for i in CLUTTER.instances[:3]]
+        told = " ".join(pull_notes(three, found))
+        assert not any(words in told for words in ("all objects", "sideways", "up and down"))
+
+
 @pytest.mark.parametrize("off_mm", [0.0, 3.0, 30.0])
 def test_refinement_that_moves_each_object_its_own_way_tells_nothing(off_mm: float) -> None:
     assert not pull_notes(estimated(off_mm), found(1.0))
