@@ -8,8 +8,8 @@ Sizes were measured on eight real frames (YCB-V, 640x480) and the built-in scene
 warned: in 160 runs, of which three quarters began 60 to 180° off, nor with masks widened or narrowed by up to 4 px.
 With fx and fy off by 10% and 20% they warned in 13 and 14 of 16 runs that began 30° and 30 mm off and in a third of
 those that began worse; with real estimators' poses in 2 to 14 of 30, as the masks of one of the two frames are coarse.
-fx or fy alone off by 20% showed as another shape of outlines in 75 of 96 runs that began 30° and 30 mm off, and in 44 of
-120 with real estimators' poses. There, what the first poses tell helps (:mod:`verefine_viz.scenes.first_fit`).
+fx or fy alone off by 20% showed as another shape of outlines in 75 of 96 runs that began 30° and 30 mm off, and in 44
+of 120 with real estimators' poses. There, what the first poses tell helps (:mod:`verefine_viz.scenes.first_fit`).
 """
 
 from __future__ import annotations

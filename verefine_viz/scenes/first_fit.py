@@ -3,16 +3,16 @@
 Estimators that look at colour alone place objects by the camera that they were told, and by the size of the models.
 Depth that is off by a factor, or a camera that is not theirs, lies beside all of their poses in the same way, while
 each by itself is off in its own. So it shows in several objects together: before a run in how far away they are, after
-it in how refinement moved them: from the image's centre or towards it where fx and fy are wrong, one way where cx and cy
-are.
+it in how refinement moved them: from the image's centre or towards it where fx and fy are wrong, one way where cx and
+cy are.
 
 Measured on eight real frames (YCB-V, 640x480), two of them with poses of four estimators, each with ``refine``, ``rir``
-and ``vf_depth``. With the right data nothing was said in 432 runs, of built-in scenes too, of which 252 began 60 to 180°
-off. With estimators' poses, fx and fy off by a factor of 0.8, 0.9, 1.1 and 1.2 were told in 29, 15, 12 and 15 of 30 runs
-(together with sizes in 29, 17, 24 and 16); fx alone off by 0.8, 1.1 and 1.2, together with outlines, in 24, 18 and 26,
-fy alone off by 0.8, 0.9 and 1.2 in 21, 0 and 15; cx or cy off by 20 px in 9 and 17, by 40 px in 13 to 30, by 80 px in 30
-(3 of 30 runs took a wrong cy for a wrong fy); depth_scale off by 0.5, 0.9, 1.1 and 2 in 30, 27, 18 and 30. First poses
-15° and 15 mm off told cx or cy off by 40 px in 7 of 32 runs, those 30° and 30 mm off never.
+and ``vf_depth``. With the right data nothing was said in 432 runs, of built-in scenes too, of which 252 began 60 to
+180° off. With estimators' poses, fx and fy off by a factor of 0.8, 0.9, 1.1 and 1.2 were told in 29, 15, 12 and 15 of
+30 runs (together with sizes in 29, 17, 24 and 16); fx alone off by 0.8, 1.1 and 1.2, together with outlines, in 24, 18
+and 26, fy alone off by 0.8, 0.9 and 1.2 in 21, 0 and 15; cx or cy off by 20 px in 9 and 17, by 40 px in 13 to 30, by 80
+px in 30 (3 of 30 runs took a wrong cy for a wrong fy); depth_scale off by 0.5, 0.9, 1.1 and 2 in 30, 27, 18 and 30.
+First poses 15° and 15 mm off told cx or cy off by 40 px in 7 of 32 runs, those 30° and 30 mm off never.
 """
 
 from __future__ import annotations

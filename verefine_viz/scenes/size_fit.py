@@ -4,15 +4,15 @@ A wrong focal length goes unnoticed where only depth is compared: an object near
 right. But it changes how large objects appear and, by the same factor, how far from the centre; models of a wrong size
 change the first alone, a wrong depth_scale neither. So all objects together tell what is off, and by how much.
 
-One focal length alone makes objects wider or higher, and a wrong cx or cy moves them all beside their models; depth goes
-with them there, but stays where masks alone are displaced.
+One focal length alone makes objects wider or higher, and a wrong cx or cy moves them all beside their models; depth
+goes with them there, but stays where masks alone are displaced.
 
 Measured with cam_K multiplied by 0.7 to 1.3, as factors over the one expected then: on eight real frames (YCB-V,
 640x480, masks by annotators) 24 of 28 objects are ``SURE``, with 0.956 to 1.045, medians of frames 0.988 to 1.004,
 depth 0.998 to 1.004; on the built-in scenes 34 of 39 objects, with 0.990 to 1.006. So a focal length that is off by 10%
 is noticed in every real frame, by 5% where masks are exact; a small object alone in the middle of the image says so
-from 15% on, as masks may be too wide. fx or fy alone off by 10% to 30% was noticed in 91 of 96 cases on the real frames,
-by 5% in 2 of 32; cx or cy off by 20 px and more in all 80, by 12 px in 15 of 16.
+from 15% on, as masks may be too wide. fx or fy alone off by 10% to 30% was noticed in 91 of 96 cases on the real
+frames, by 5% in 2 of 32; cx or cy off by 20 px and more in all 80, by 12 px in 15 of 16.
 """
 
 from __future__ import annotations
