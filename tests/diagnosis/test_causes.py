@@ -206,6 +206,22 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     assert diagnosis.evidence["error_from_truth"] < 0.1
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "metres"), (10.0, "centimetres"), (1.0, "")])
+def test_translations_of_another_unit_are_named(factor: float, unit: str) -> None:
+    toolbox, problem = sound_scene()
+    hypotheses = problem.instances[0].hypotheses
+    shrunk = [replace(h, T_cam_obj=transform(h.T_cam_obj[:3, :3], h.T_cam_obj[:3, 3] / factor)) for h in hypotheses]
+    target = replace(problem.instances[0], hypotheses=tuple(shrunk))
+    run = toolbox.run(replace(problem, instances=(target, *problem.instances[1:])))
+    run.finish()
+    found = diagnose(run, toolbox)
+    if not unit:
+        assert found == ()
+        return
+    assert found[0].cause == Cause.POOL
+    assert f"its translation looks like {unit} where millimetres are expected" in found[0].sentence
+
+
 def test_the_same_run_gets_the_same_diagnosis_and_is_left_as_it_was() -> None:
     broken = broken_scene(Cause.POOL, 0)
     run = broken.toolbox.run(broken.problem)

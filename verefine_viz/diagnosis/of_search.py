@@ -11,6 +11,7 @@ from verefine_viz.diagnosis.case import ALONE, FAR, FIRST_ONLY, Case, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.of_refiner import outdone, refiner
 from verefine_viz.diagnosis.together import Pools
+from verefine_viz.diagnosis.units import of_another_unit
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.evaluation.turning import turning_on
@@ -155,13 +156,16 @@ def pool(case: Case) -> Finding | None:
             f"refinement lost it: the error is {share(case.error)}."
         )
         return Finding(Cause.REFINER, said, evidence, False)
-    way = turning_on(case.target, case.target.instance.hypotheses[j].T_cam_obj)
+    T_nearest = case.target.instance.hypotheses[j].T_cam_obj
+    way = turning_on(case.target, T_nearest)
     told = f" ({way.in_words(0)})" if way is not None else ""
+    unit = of_another_unit(T_nearest, case.T_true, case.target.model.diameter_m)
+    wrong = f"; its translation looks like {unit} where millimetres are expected" if unit else ""
     return Finding(
         Cause.POOL,
         f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
-        f"{j + 1}) starts {far.rotation_deg:.0f}°{told} and {far.translation_mm:.0f} mm away; started at the truth "
-        f"{instead(again.error, case.error)}.",
+        f"{j + 1}) starts {far.rotation_deg:.0f}°{told} and {far.translation_mm:.0f} mm away{wrong}; started at the "
+        f"truth {instead(again.error, case.error)}.",
         evidence,
         True,
     )
