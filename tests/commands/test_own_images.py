@@ -103,6 +103,16 @@ def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(th
     assert three.json()["results"][0]["own_images"]["known_from"] == "file"
 
 
+def test_a_run_over_all_images_says_why_it_is_not_in_the_table_of_files(three: Desk) -> None:
+    alone = three.folder / "rir_boxes-test.csv"
+    shutil.copy(three.results, alone)
+    (three.results.parent / "frames.csv").write_text("scene_id,im_id\n7,0\n7,1\n7,2\n")
+    said = "has no row in the table about the images that each file names, as its run covered all images"
+    assert f"out: {said}" in three.run(alone, three.results)
+    assert said not in three.run(three.results)
+    assert said not in three.run(alone)
+
+
 def test_precision_over_own_images(three: Desk) -> None:
     (score,) = three.json(three.results, "--task", "detection")["results"]
     assert score["own_images"]["mAP"] > score["mAP"] > 0

@@ -163,8 +163,14 @@ def _objects(score: Scores, names: dict[int, str]) -> Table:
 def _remarks(found: Evaluation) -> list[str]:
     """What a person should know about each results file, a sentence each, and what the columns mean."""
     lines = []
-    for score, covered in zip(found.scores, found.coverage, strict=True):
+    by_file = any(own is not None and own.known_from == "file" for own in found.own)
+    for score, covered, own in zip(found.scores, found.coverage, found.own, strict=True):
         lines += [f"{score.name}: {what}" for what in (*_covered(covered), *_rows(score))]
+        if by_file and own is None and not covered.is_whole:
+            lines.append(
+                f"{score.name}: has no row in the table about {OWN['file'].removeprefix('only ')}, as its run covered "
+                "all images: where it has no estimate, it found nothing"
+            )
     if found.scores[0].task == "localization":
         lines.append(
             "ADD(-S): targets with less than 10 % of the diameter, over all vertices of the model (in frames.csv "
