@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeState
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.carrying import RAISED_M, alone_hint, alone_warning, carried, height_above_plane_m
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.view import View
 
@@ -93,6 +98,31 @@ def test_nothing_is_said_without_physics_or_where_a_person_cut_the_edge() -> Non
     assert alone_warning(view_of(stacked(), physics=False)) == ""
     assert alone_warning(view_of(stacked("cut"))) == ""
     assert alone_warning(view_of(FakeTools)) == ""
+
+
+def test_nothing_is_said_while_the_data_are_in_doubt() -> None:
+    for view in (view_of(stacked()), view_of(raised(0.08))):
+        assert carried(view)
+        doubted = replace(view, doubts=("measured depth is 10% larger: check depth_scale",))
+        assert carried(doubted) == ()
+        assert alone_warning(doubted) == ""
+        assert "⤓" not in objects_html(doubted)
+        assert not [one for one in findings(doubted) if "settles" in one.text]
+
+
+def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_path: Path) -> None:
+    rows = tuple(
+        ObjectRow(scene_id=0, im_id=2, instance_id=k, obj_id=1, name="box", status="ok", evidence=evidence)
+        for k, evidence in enumerate((f"{DATA_FIRST} objects appear larger: check cam_K.", ""))
+    )
+    session = Session(method=MethodSettings(name="rir", iterations=1))
+    batch = Gallery([BatchIndex(tmp_path, session, {}, rows)])
+    debugger = Debugger(session, None, stacked(), batch=batch)
+    for entry in batch.entries:
+        view = debugger.carry_out([batch.opens(entry)]).view()
+        assert not view.doubts
+        assert findings(view)[0].text == f"{DATA_FIRST} objects appear larger: check cam_K."
+        assert carried(view) == ()
 
 
 @pytest.mark.parametrize("by_m", [RAISED_M + 0.005, 0.08])

@@ -30,9 +30,12 @@ class Carried:
 
 
 def carried(view: View) -> tuple[Carried, ...]:
-    """What stands on what, by the dependency graph or else by ground truth, where the method does not know of it."""
+    """What stands on what, by the dependency graph or else by ground truth, where the method does not know of it.
+
+    Nothing while the data are in doubt: how high objects stand above the table is measured in them.
+    """
     method = view.session.method.name
-    if method not in ALONE or method == "refine" or not view.session.physics.enabled:
+    if method not in ALONE or method == "refine" or not view.session.physics.enabled or view.data_doubts:
         return ()
     return _carried(view.problem)
 

@@ -46,10 +46,8 @@ def findings(view: View) -> tuple[Finding, ...]:
 
 
 def _of_data(view: View) -> list[Finding]:
-    """A wrong camera or wrong models are behind all that follows; before a run is over the batch may know of it."""
-    of_batch = view.entry.row.doubt.removesuffix(".") if view.entry is not None else ""
-    doubts = view.doubts or (of_batch,) * bool(of_batch)
-    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in doubts]
+    """A wrong camera or wrong models are behind all that follows."""
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in view.data_doubts]
 
 
 def _of_batch(view: View) -> list[Finding]:

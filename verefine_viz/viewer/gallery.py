@@ -152,6 +152,14 @@ class Gallery:
         """What a run says about an object."""
         return self._by_object.get((run, frame, instance_id))
 
+    def doubt_in(self, run: str, frame: str) -> str:
+        """What a run found not to fit together in the data of a frame; empty where nothing was found."""
+        return self._doubt_by_frame.get((run, frame), "")
+
+    @cached_property
+    def _doubt_by_frame(self) -> dict[tuple[str, str], str]:
+        return {(entry.run, entry.row.frame): doubt for entry in self.entries if (doubt := entry.row.doubt)}
+
     @cached_property
     def _by_object(self) -> dict[tuple[str, str, int | None], Entry]:
         return {(entry.run, entry.row.frame, entry.row.instance_id): entry for entry in self.entries}

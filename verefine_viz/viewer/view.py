@@ -200,6 +200,14 @@ class View:
         return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
 
     @cached_property
+    def data_doubts(self) -> tuple[str, ...]:
+        """``doubts``, or what a batch found in the same frame: before a run is over it may know more."""
+        if self.doubts or self.batch is None or self.entry is None:
+            return self.doubts
+        found = self.batch.doubt_in(self.entry.run, self.frame).removesuffix(".")
+        return (found,) * bool(found)
+
+    @cached_property
     def own_iterations(self) -> tuple[Iteration, ...]:
         """Those of the object in focus, whole history."""
         own = self.target.instance.instance_id
