@@ -30,6 +30,8 @@ from verefine_viz.viewer.dependency_picture import Node, picture, short
 from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
 from verefine_viz.viewer.panels.dependencies import order_html, order_sentence
 from verefine_viz.viewer.reordering import entries, moved
+from verefine_viz.viewer.scene_now import labels_of
+from verefine_viz.viewer.view import View
 
 SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_breadth"))
 EDGES = (
@@ -209,10 +211,37 @@ def test_any_graph_can_be_drawn_without_labels_that_overlap(n: int, data: st.Dat
 
 
 def test_words() -> None:
-    assert order_sentence(GRAPH, NAMES) == (
-        "Solved in 2 groups: first cereal, can, duck; then mug. can stands on cereal."
+    assert order_sentence(GRAPH, NAMES, "vf_depth") == (
+        "Solved in 2 groups, in this order: cereal, can, duck; then mug. can stands on cereal."
     )
+    one = replace(GRAPH, clusters=((3, 1, 2),))
+    assert order_sentence(one, NAMES, "vf_breadth").startswith("Solved in this order: cereal, can, duck. can")
     assert short(replace(EDGES[0], state="cut")) == "carries 64% ✂"
+
+
+@pytest.mark.parametrize("method", ["rir", "sir", "refine", "vf_breadth", "vf_depth"])
+def test_the_order_that_is_told_is_the_one_of_the_run(method: str) -> None:
+    session = Session(title="order", method=MethodSettings(iterations=2, name=method))
+    d = Debugger(session, None, ThreeBoxes).carry_out([c.Focus(0)])
+    first, second, third = order(d)
+    d.carry_out([MoveInOrder(first, 1), c.RunUntil("end")])
+    view = d.view(deep=False)
+    told = re.findall(r"box #(\d)", order_sentence(found_in(view), labels_of(view.problem), method))
+    run = list(dict.fromkeys(i.instance_id for i in view.iterations))
+    assert [int(i) for i in told[:3]] == run
+    alone = method not in ("vf_breadth", "vf_depth")
+    assert run == ([0, 1, 2] if alone else [second, first, third])
+    html = order_html(view)
+    assert (
+        f"{method.upper()} solves each object alone, in the order of the frame: box #0, box #1, box #2." in html
+    ) == (alone)
+    assert ("VF_b, VF_d and PHYSIM-MCTS would solve them in" in html) == alone
+    assert ("Solved in" in html) != alone
+
+
+def found_in(view: View) -> DependencyGraph:
+    assert view.problem.dependencies is not None
+    return view.problem.dependencies
 
 
 def test_names_from_data_cannot_break_the_page() -> None:

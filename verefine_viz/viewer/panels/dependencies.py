@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import viser
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
-from verefine_viz.viewer.carrying import alone_warning
 from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
 from verefine_viz.viewer.markup import link, sentence, text, warning
 from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
@@ -48,8 +47,7 @@ def order_html(view: View) -> str:
     }
     return "".join(
         (
-            sentence(f"{order_sentence(graph, names)} {RULES[graph.source]}"),
-            _use(view),
+            sentence(f"{order_sentence(graph, names, view.session.method.name)} {RULES[graph.source]}"),
             picture(graph, nodes),
             _actions(view, graph),
             *(_pair(edges, names) for edges in pairs(graph)),
@@ -58,20 +56,28 @@ def order_html(view: View) -> str:
     )
 
 
-def order_sentence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
-    """As in: Solved in 2 groups: first tuna can, then bowl, sugar box. sugar box stands on bowl."""
+def order_sentence(graph: DependencyGraph, names: Mapping[int, str], method: str) -> str:
+    """As in: Solved in 2 groups, in this order: tuna can; then bowl, sugar box. sugar box stands on bowl.
+
+    Args:
+        graph: whose order is told.
+        names: by instance_id, in the order of the frame.
+        method: by its name in a session file; one in which no object knows of the others does not follow the graph.
+    """
     groups = [", ".join(names[i] for i in cluster) for cluster in graph.clusters]
-    said = (
-        f"in this order: {groups[0]}"
-        if len(groups) == 1
-        else f"in {len(groups)} groups: first {'; then '.join(groups)}"
-    )
+    ordered = f"in {len(groups)} groups, " * (len(groups) > 1) + f"in this order: {'; then '.join(groups)}."
+    said = f"Solved {ordered}"
+    if method in ALONE:
+        said = (
+            f"{method_name(method)} solves each object alone, in the order of the frame: {', '.join(names.values())}. "
+            f"VF_b, VF_d and PHYSIM-MCTS would solve them {ordered}"
+        )
     carried = [
         f"{' and '.join(names[i] for i in rest)} {'stands' if len(rest) == 1 else 'stand'} on {names[base]}"
         for base, *rest in graph.support_lists
         if rest and graph.source == "recommended" and _carries_all(graph, base, rest)
     ]
-    return f"Solved {said}." + (f" {'; '.join(carried)}." if carried else "")
+    return said + (f" {'; '.join(carried)}." if carried else "")
 
 
 def pairs(graph: DependencyGraph) -> list[list[Edge]]:
@@ -85,14 +91,6 @@ def pairs(graph: DependencyGraph) -> list[list[Edge]]:
 def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
     direct = {e.second for e in graph.edges if e.kind == "support" and e.state == "used" and e.first == base}
     return set(rest) <= direct
-
-
-def _use(view: View) -> str:
-    name = view.session.method.name
-    if name not in ALONE or alone_warning(view):  # The warning beside the run says it already.
-        return ""
-    said = f"{method_name(name)} solves each object alone; VF_b, VF_d and PHYSIM-MCTS place what carries first."
-    return f'<p class="dim">{text(said)}</p>'
 
 
 def _actions(view: View, graph: DependencyGraph) -> str:
