@@ -11,7 +11,8 @@ from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.scales import last_of_old_scale, other_scale_sign
+from verefine_viz.viewer.scales import last_of_old_scale, one_scale_note, other_scale_sign
+from verefine_viz.viewer.tables import branches_table
 from verefine_viz.viewer.view import View
 
 
@@ -111,3 +112,66 @@ def test_numbers_of_two_scales_are_told_apart() -> None:
 def test_other_settings_leave_the_scale_as_it_is() -> None:
     d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 0.3),)), c.Step()])
     assert last_of_old_scale(d.view()) is None
+
+
+def scales_of(view: View) -> set[bool]:
+    """Whether what is told in one place scores as little as the stricter settings allow: poses, first poses, truth."""
+    assert view.truth is not None
+    assert view.state is not None
+    scores = [pose.score for pose in (*view.poses.values(), view.truth)]
+    firsts = [arm.entries[0].score.score for arm in view.state.arms]
+    known = [s.score for s in scores if s is not None] + [s.score for s in view.state.initial] + firsts
+    return {score <= 0.25 for score in known}
+
+
+def test_what_is_shown_at_once_is_of_one_scale() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER)])
+    assert scales_of(d.view()) == {False}, "the fork shows the iteration that it leaves from, as that was scored"
+    assert scales_of(d.carry_out([c.Step()]).view()) == {True}
+    assert scales_of(d.carry_out([c.Back()]).view()) == {False}
+    ended = debugger().carry_out([c.RunUntil("end"), c.Fork(STRICTER)])
+    assert scales_of(ended.view()) == {True}, "the answer is scored by the settings that it was chosen by"
+
+
+def test_an_object_that_was_worked_on_before_the_score_changed_is_told_by_the_later_score() -> None:
+    d = debugger(Session(method=MethodSettings(name="rir", iterations=1))).carry_out([c.OpenFrame("0/2")])
+    first = d.carry_out([c.Step()]).view().target.instance.instance_id
+    while d.carry_out([c.Step()]).view().target.instance.instance_id == first:
+        pass
+    view = d.carry_out([c.Fork(STRICTER), c.Step(), c.Focus(first)]).view()
+    assert view.shown is not None
+    assert view.shown.index < view.cursor
+    assert "accepted" in view.poses
+    assert scales_of(view) == {True}
+
+
+def test_a_pose_moved_where_the_score_changes_is_told_by_the_earlier_score() -> None:
+    T_cam_obj = tuple(debugger().view().target.instance.hypotheses[1].T_cam_obj.ravel())
+    by_hand = [c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose()]
+    d = debugger().carry_out([c.Step(), c.Step(), *by_hand, c.Fork(STRICTER)])
+    view = d.view()
+    assert view.state is not None
+    assert view.state.by_hand
+    assert scales_of(view) == {False}
+
+
+def test_errors_say_by_which_settings_all_scores_are() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER)])
+    assert one_scale_note(d.view()).endswith("All here are by the earlier settings.</p>")
+    said = one_scale_note(d.carry_out([c.Step()]).view())
+    assert "changed after iteration 2: scores up to there are not comparable with later ones. All here" in said
+    assert said.endswith("by the later settings.</p>")
+    assert one_scale_note(d.carry_out([c.Seek(1)]).view()) == ""
+    assert "by the earlier settings" in one_scale_note(d.carry_out([c.RunUntil("end"), c.Seek(2)]).view())
+    ended = debugger().carry_out([c.RunUntil("end"), c.Fork(STRICTER)])
+    assert "by the later settings" in one_scale_note(ended.view())
+
+
+def test_branches_of_another_score_are_marked() -> None:
+    d = debugger().carry_out([c.Step(), c.Step(), c.Fork((("method.exploration", 0.3),))])
+    assert "⚠" not in branches_table(d.view())
+    html = branches_table(d.carry_out([c.Fork(STRICTER)]).view())
+    assert html.count("⚠</span>") == 2, "both that were made before"
+    assert "⚠ scored by other settings than the shown branch: scores are not comparable." in html
+    html = branches_table(d.carry_out([c.ShowBranch(0)]).view())
+    assert html.count("⚠</span>") == 1, "seen from an earlier one, the stricter one is the other"

@@ -36,7 +36,8 @@ class Plan:
 
     def begun(self, problem: Problem) -> RunState:
         """The state before iteration 1."""
-        return self._edited(self.method_at(0).start(problem), 0)
+        method = self.method_at(0)
+        return self._edited(method.start(problem), 0, method)
 
     def after(self, k: int, made: RunState) -> RunState:
         """The state from which iteration ``k + 1`` is made, k ≥ 1, given the one that iteration ``k`` made.
@@ -46,18 +47,23 @@ class Plan:
         Raises:
             InputError: the method that takes over cannot go on with another score.
         """
-        if k in self.changes:
-            new = self.changes[k]
-            if new.verifier.settings != self.method_at(k - 1).verifier.settings:
-                made = new.judged_anew(made)
-        return self._edited(made, k)
+        new = self.method_at(k)
+        return self._edited(new.judged_anew(made) if self.scores_change(k) else made, k, new)
 
-    def _edited(self, state: RunState, k: int) -> RunState:
+    def before(self, k: int, made: RunState) -> RunState:
+        """The same by the method that made iteration ``k``: nothing is scored by the one that takes over."""
+        return self._edited(made, k, self.method_at(k - 1))
+
+    def scores_change(self, k: int) -> bool:
+        """Whether settings of the score change after iteration ``k`` ≥ 1."""
+        return k in self.changes and self.changes[k].verifier.settings != self.method_at(k - 1).verifier.settings
+
+    def _edited(self, state: RunState, k: int, by: Method[Any]) -> RunState:
         """``state`` after iteration ``k`` with the poses that were moved there."""
         for edit in self.edits:
             if edit.after_iteration == k:
                 T_cam_obj = np.array(edit.T_cam_obj).reshape(4, 4)
-                state = self.method_at(k).edit(state, edit.instance, edit.hypothesis, T_cam_obj)
+                state = by.edit(state, edit.instance, edit.hypothesis, T_cam_obj)
         return state
 
 
@@ -133,6 +139,11 @@ class Run:
     def state_at(self, k: int) -> Any:
         """The state after iteration ``k``; 0 = before the first."""
         return self._states[k]
+
+    def state_scored_at(self, k: int) -> Any:
+        """The state after iteration ``k`` with scores of its own settings, also where others hold from there on."""
+        is_last_of_scale = k > 0 and self._plan.scores_change(k)
+        return self._plan.before(k, self._made[k - 1]) if is_last_of_scale else self._states[k]
 
     @property
     def final_state(self) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Change, Session
@@ -51,8 +52,18 @@ class Branch:
 
     @property
     def judge(self) -> Judge:
-        """Judges by the settings of the iteration that is looked at."""
-        return self.judge_of(self.run.cursor)
+        """Judges by the settings of the iteration that is looked at; at the end of a finished run by its last ones."""
+        return self.judge_of(self.run.cursor + self.run.at_end)
+
+    @property
+    def final_judge(self) -> Judge:
+        """Judges by the settings that hold after the last iteration made."""
+        return self.judge_of(self.run.length + 1)
+
+    @property
+    def state(self) -> Any:
+        """The state at the cursor, with scores of the settings that :attr:`judge` judges by."""
+        return self.run.state if self.run.at_end else self.run.state_scored_at(self.run.cursor)
 
     def judge_of(self, index: int) -> Judge:
         """Judges by the settings of an iteration; of the first where ``index`` is 0."""

@@ -22,6 +22,7 @@ from verefine_viz.viewer.plays import (
 )
 from verefine_viz.viewer.pose_words import shift_mm, turn
 from verefine_viz.viewer.revealing import is_revealed
+from verefine_viz.viewer.scales import other_branch_sign, other_branches_note
 from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.view import View
 
@@ -212,7 +213,7 @@ def branches_table(view: View) -> str:
         cells = [
             f'<span class="cut" style="max-width:170px" title="{text(branch.name)}">{text(branch.name)}</span>',
             f"{branch.length}/{branch.n_iterations}",
-            number(best.score.score if best else None, 3),
+            number(best.score.score if best else None, 3) + other_branch_sign(branch),
             number(errors.add_s_mm if errors else None, 1),
         ]
         rows.append(Row(cells, c.ShowBranch(i), marked=i == view.branch))
@@ -220,7 +221,7 @@ def branches_table(view: View) -> str:
         ("branch", "click a row to switch to it"), ("made", "iterations"), ("best", "best score of this object"),
         ("ADD(-S)", "error of that pose [mm]"),
     ]  # fmt: skip
-    return table(head, rows)
+    return table(head, rows) + other_branches_note(view.branches)
 
 
 def event_lines(view: View) -> str:

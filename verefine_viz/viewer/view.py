@@ -68,6 +68,8 @@ class BranchSummary:
     """Per instance."""
     errors: tuple[PoseErrors | None, ...]
     """Per instance, of ``best``."""
+    has_other_scale: bool = False
+    """Whether the score of ``best`` is by other settings than that of the shown branch."""
 
 
 @dataclass(frozen=True)

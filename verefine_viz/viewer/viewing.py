@@ -45,7 +45,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     target, shown = _focus(branch, look)
     partial = is_partial(run, look)
     # Stage by stage an iteration has no result yet: neither an answer nor, where it is the newest, a place in curves.
-    now = run.state_at(run.cursor - 1) if partial else run.state
+    now = run.state_at(run.cursor - 1) if partial else branch.state
     iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
     state = state_of(now, target)
     truth = _truth(judge, target)
@@ -54,7 +54,8 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
     scene = scene_now(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
     found = scene.object(target.instance.instance_id).answer if answer else None
     arm = _arm(look, found if found is not None else shown, state)
-    poses = _poses(judge, target, shown, state, arm, look, is_current=shown is run.iteration, truth=truth)
+    told = _as_judged(shown, target, judge, branch)
+    poses = _poses(judge, target, told, state, arm, look, is_current=shown is run.iteration, truth=truth)
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = Judged("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
@@ -88,7 +89,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         exploration=branch.exploration_after(run.cursor),
         doubts=branch.doubts(),
         recording=branch.recording,
-        branches=tuple(_summary(b) for b in work.branches),
+        branches=tuple(_summary(b, branch) for b in work.branches),
         branch=work.index,
         cursor=run.cursor,
         progress=progress,
@@ -143,6 +144,14 @@ def _focus(branch: Branch, look: Look) -> tuple[Target, Iteration | None]:
         focus = next((k for k, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
     past = run.iterations[: run.cursor]
     return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
+
+
+def _as_judged(shown: Iteration | None, target: Target, judge: Judge, branch: Branch) -> Iteration | None:
+    """An iteration with scores of ``judge``: those of its own time are of other settings where they changed since."""
+    if shown is None or branch.judge_of(shown.index) is judge:
+        return shown
+    stages = tuple(s if s.score is None else replace(s, score=judge.score(target, s.T_cam_obj)) for s in shown.stages)
+    return replace(shown, stages=stages)
 
 
 def _arm(look: Look, shown: Iteration | Best | None, state: Any) -> int:
@@ -236,13 +245,15 @@ def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, deep: b
     return Side(pose, maps, probe(maps, target, *look.pixel) if look.pixel else None)
 
 
-def _summary(branch: Branch) -> BranchSummary:
+def _summary(branch: Branch, shown: Branch) -> BranchSummary:
     state = branch.run.final_state
+    other_scale = branch.final_judge.verifier.settings != shown.final_judge.verifier.settings
     errors = [
         branch.judge.errors(t, best.T_cam_obj) if best else None
         for t, best in zip(state.problem.targets, state.best, strict=True)
     ]
-    return BranchSummary(branch.name, branch.run.length, branch.run.n_iterations, tuple(state.best), tuple(errors))
+    run = branch.run
+    return BranchSummary(branch.name, run.length, run.n_iterations, tuple(state.best), tuple(errors), other_scale)
 
 
 def _first_poses(branch: Branch) -> dict[int, Float]:

@@ -6,6 +6,7 @@ import viser
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.scales import one_scale_note
 from verefine_viz.viewer.tables import errors_table, starts_table
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person
@@ -29,5 +30,5 @@ class ErrorsPanel:
         """All errors at the cursor; without ground truth only the sentence."""
         self._words.show(sentence(truth(view)))
         self.judge.visible = view.truth is not None
-        self._stages.show(errors_table(view) if view.truth else "")
+        self._stages.show(one_scale_note(view) + errors_table(view) if view.truth else "")
         self._starts.show(starts_table(view) if view.truth else "")
