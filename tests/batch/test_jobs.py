@@ -56,7 +56,7 @@ def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tm
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--methods", "pir", "ppir"), "unknown method 'ppir'; available: refine, "),
+        (("--methods", "pir", "ppir"), "unknown method 'ppir'; did you mean 'pir'? available: refine, "),
         (("--methods", "RIR"), "unknown method 'RIR'; did you mean 'rir'? available: refine, "),
         (("--methods", "pir,sir"), "--methods pir,sir: separate the names by blanks, --methods pir sir"),
         (("--methods", "pir", "pir"), "--methods names 'pir' twice"),

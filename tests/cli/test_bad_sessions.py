@@ -22,7 +22,7 @@ SESSION_FILES: dict[str, Case] = {
     "not TOML": (lambda d: d.file("s.toml", "[scene\n"), "is not TOML"),
     "JSON instead of TOML": (lambda d: d.file("s.toml", '{"scene": {}}'), "is not TOML"),
     "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read: it is no text, expected a .toml file"),
-    "unknown section": (lambda d: d.file("s.toml", "[scnee]\n"), "unknown field 'scnee'; available: "),
+    "unknown section": (lambda d: d.file("s.toml", "[scnee]\n"), "unknown field 'scnee'; did you mean 'scene'? "),
     "unknown field": (
         lambda d: d.file("s.toml", "[method]\nbudget = 5\n"),
         "unknown field 'method.budget'; available: ",
@@ -45,10 +45,10 @@ SESSION_FILES: dict[str, Case] = {
     "infinity": (lambda d: d.file("s.toml", "[physics]\nmass_kg = inf\n"), "physics.mass_kg = inf"),
     "unknown preset": (lambda d: d.file("s.toml", 'preset = "fast"\n'), "preset = 'fast'"),
     "unknown renderer": (lambda d: d.file("s.toml", '[score]\nrenderer = "vulkan"\n'), "score.renderer = 'vulkan'"),
-    "unknown method": (lambda d: d.file("s.toml", '[method]\nname = "rirr"\n'), "unknown method 'rirr'; available: "),
+    "unknown method": (lambda d: d.file("s.toml", '[method]\nname = "rirr"\n'), "unknown method 'rirr'; did you mean"),
     "unknown refiner": (
         lambda d: d.file("s.toml", '[method]\nrefiner = "ipc"\n'),
-        "unknown refiner 'ipc'; available: ",
+        "unknown refiner 'ipc'; did you mean 'icp'? available: ",
     ),
     "unknown demo": (
         lambda d: d.file("s.toml", '[scene]\ndemo = "teapot"\n'),

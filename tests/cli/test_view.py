@@ -44,8 +44,8 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
             ["--scene.objects", "99"],
             "unknown object 99 in scene.objects; available: 1 (mug) (demo scene 'mug')",
         ),
-        (["--method.name", "rirr"], "unknown method 'rirr'; available: "),
-        (["--method.refiner", "ipc"], "unknown refiner 'ipc'; available: icp"),
+        (["--method.name", "rirr"], "unknown method 'rirr'; did you mean 'rir'? available: "),
+        (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),
         ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
     ],
 )

@@ -136,7 +136,10 @@ def test_what_is_no_matter_of_digits_has_no_size(a: object, b: object, words: st
 
 
 def test_unknown_names_list_what_exists() -> None:
-    assert unknown("refiner", "ipc", ["icp", "identity"]) == "unknown refiner 'ipc'; available: icp, identity"
+    assert unknown("refiner", "foo", ["icp", "identity"]) == "unknown refiner 'foo'; available: icp, identity"
+    said = "unknown refiner 'ipc'; did you mean 'icp'? available: icp, identity"
+    assert unknown("refiner", "ipc", ["icp", "identity"]) == said
+    assert unknown("frame", "50/2", ["50/1"]) == "unknown frame '50/2'; available: 50/1"
     assert unknown("refiner", "ipc", []) == "unknown refiner 'ipc'; available: none"
     assert unknown("refiner", "ICP", ["icp"]) == "unknown refiner 'ICP'; did you mean 'icp'? available: icp"
     assert unknown("object", 99, range(1, 22)) == "unknown object 99; available: 1-21"

@@ -23,7 +23,7 @@ from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.rrd_messages import is_cut
 from verefine_viz.recording.unfinished import part_path
-from verefine_viz.recording.verdict import run_again, verdict, verify
+from verefine_viz.recording.verdict import Verdict, run_again, verdict, verify
 from verefine_viz.recording.viewer_process import free_port
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
@@ -39,6 +39,10 @@ def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
     found = verdict(tmp_path / "run.rrd", again)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, found.n_planned)
     assert found.in_words == f"no difference in {found.n_planned} iterations"
+
+
+def test_a_run_without_iterations_is_not_called_the_same() -> None:
+    assert Verdict(0, None, 0, True).in_words.startswith("there is nothing to compare")
 
 
 def record_changed(

@@ -280,7 +280,7 @@ def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(tmp_path: Path,
     ("scene", "words"),
     [
         ({"split": "val"}, ["unknown split 'val'; available: test"]),
-        ({"split": "../test"}, ["unknown split '../test'; available: test"]),
+        ({"split": "../test"}, ["unknown split '../test'; did you mean 'test'? available: test"]),
         ({"frames": ("50",)}, ['frame \'50\' is not "scene/image", such as "50/1"']),
         ({"frames": ("a/b",)}, ['is not "scene/image"']),
         ({"frames": ("7/-3",)}, ['is not "scene/image"']),

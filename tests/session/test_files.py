@@ -67,7 +67,7 @@ def test_overrides_win_field_by_field(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("[method]\nnam = 'rir'", "unknown field 'method.nam'; available: .*exploration.*name"),
+        ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
         ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
         ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
         ("[score]\ntau_m = 20", r"score.tau_m = 20: input should be less than or equal to 1"),

@@ -56,7 +56,7 @@ def test_it_starts_at_the_beginning() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ((("method.nme", "sir"),), "unknown field 'method.nme'; available: "),
+        ((("method.nme", "sir"),), "unknown field 'method.nme'; did you mean 'name'? available: "),
         ((("scene.demo", "box"),), "unknown section to compare 'scene'; available: preset, hypotheses, method"),
         ((("method", "sir"),), "unknown section to compare 'method'"),
         ((("preset", "best"),), "unknown preset 'best'; available: recommended, published"),

@@ -251,7 +251,7 @@ def test_a_run_that_is_over_says_what_can_be_done() -> None:
 
 
 def test_unknown_setting_names_what_exists() -> None:
-    with pytest.raises(SettingsError, match=r"unknown field 'method.explore'; available: .*exploration"):
+    with pytest.raises(SettingsError, match=r"unknown field 'method.explore'; did you mean 'exploration'[?]"):
         debugger().carry_out([c.Fork((("method.explore", 1.0),))])
     with pytest.raises((SettingsError, InputError), match="section"):
         debugger().carry_out([c.Fork((("scene.demo", "x"),))])

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 from verefine_viz.core.listing import listed
+
+NEAR = 0.65
+"""Names are near whose letters agree by this share, as with two of three or three of four in the same order."""
 
 
 class VerefineError(Exception):
@@ -39,8 +43,17 @@ class Cancelled(BaseException):
 
 
 def unknown(kind: str, name: object, available: Iterable[object]) -> str:
-    """The text for a name that does not exist: ``unknown refiner 'ipc'; available: icp, tricp``."""
+    """The text for a name that does not exist: ``unknown refiner 'ipc'; did you mean 'icp'? available: icp, tricp``."""
     names = list(available)
-    meant = [other for other in names if isinstance(name, str) and str(other).casefold() == name.strip().casefold()]
-    hint = f"did you mean {meant[0]!r}? " if meant else ""
-    return f"unknown {kind} {name!r}; {hint}available: {listed(names)}"
+    return f"unknown {kind} {name!r}; {meant(name, names)}available: {listed(names)}"
+
+
+def meant(name: object, available: Iterable[object]) -> str:
+    """A question after the name that was probably meant, with a space behind it; empty where none is near."""
+    if not isinstance(name, str):
+        return ""
+    by_letters = {str(other).casefold(): other for other in available}
+    # Another number is another thing, however alike they look.
+    least = 1.0 if any(map(str.isdigit, name)) else NEAR
+    near = get_close_matches(name.strip().casefold(), by_letters, n=1, cutoff=least)
+    return f"did you mean {by_letters[near[0]]!r}? " if near else ""

@@ -45,6 +45,8 @@ class Verdict:
     def in_words(self) -> str:
         if self.difference is not None:
             return f"differs, recorded against now: {self.difference}"
+        if not self.ends_early and self.n_planned == 0:
+            return "there is nothing to compare: neither the recording nor the new run has an iteration"
         if not self.ends_early:
             short = "" if self.n_compared == self.n_planned else f"; the whole run has {self.n_planned}"
             return f"no difference in {self.n_compared} iterations{short}"

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from verefine_viz.core.errors import meant
 from verefine_viz.core.settings import Session
 from verefine_viz.session.sources import Layer
 
@@ -33,7 +34,8 @@ def first_mistake(error: ValidationError) -> str:
     detail = error.errors()[0]
     field = _field(detail["loc"])
     if detail["type"] == "extra_forbidden":
-        return f"unknown field {field!r}; available: {', '.join(_siblings(detail['loc']))}"
+        names = _siblings(detail["loc"])
+        return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
     if detail["type"] == "tuple_type":
         return f"{field} = {repr(detail['input'])[:80]}: expected a list{_example(detail['loc'], detail['input'])}"
     if detail["type"] == "model_type":
