@@ -197,6 +197,48 @@ def test_the_page_offers_to_replace_it_until_something_else_is_done(tmp_path: Pa
     assert load_session(tmp_path / "theirs.toml") == OTHER
 
 
+def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_path: Path) -> None:
+    app = App(Session(), port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        session, settings = app.page.layout.session, app.page.layout.settings
+        with client(app.url) as browser:
+            browser.set(settings._fields["method.exploration"], 0.3)
+            browser.set(settings._fields["score.tau_m"], 0.01)
+            browser.set(session.save, True)
+            path = tmp_path / "my_session.toml"
+            until(app, lambda: app.debugger.message.startswith(f"Written: {path}"))
+        usual = Session()
+        said = f"c {usual.method.exploration:g} → 0.3, τ [m] {usual.score.tau_m:g} → 0.01; press “Restart with these”"
+        assert f"; not in the file, as not in use yet: {said} or “Fork here” in Settings" in app.debugger.message
+        assert load_session(path).score == usual.score
+        assert said in session._kept._handle.content
+        assert settings.waiting
+        app.send(c.Restart((("method.exploration", 0.3), ("score.tau_m", 0.01))))
+        app.wait_until_idle()
+        assert not settings.waiting
+    finally:
+        app.stop()
+
+
+def test_what_was_written_before_a_refusal_is_told_to_be_so(tmp_path: Path) -> None:
+    app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
+    try:
+        app.wait_until_idle()
+        kept = app.page.layout.session._kept
+        app.send(c.SaveSession("new"))
+        app.wait_until_idle()
+        assert "<p>Written: <code>" in kept._handle.content
+        for command in (FORK, c.SaveSession("new")):
+            app.send(command)
+            app.wait_until_idle()
+        assert "Nothing was written" in app.debugger.message
+        assert "Written:" not in kept._handle.content
+        assert "<p>Written before: <code>" in kept._handle.content
+    finally:
+        app.stop()
+
+
 def _offers_it(app: App) -> bool:
     """Whether a browser that connects now would see the link."""
     sent = app.server._websock_server._broadcast_buffer.message_from_id.values()

@@ -274,6 +274,8 @@ class SaveSession(Command):
     name: str
     replace: bool = False
     """Whether a file that holds another session, or another branch, may be replaced."""
+    waiting: tuple[str, ...] = ()
+    """What was typed as settings and is not in use, in words: it is not saved, and that is said."""
 
 
 @dataclass(frozen=True)

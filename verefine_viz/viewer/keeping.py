@@ -62,7 +62,7 @@ class Keeping:
         save_session(session, path)
         space.files.pop(path.resolve(), None)  # The file written last is the last one.
         space.files[path.resolve()] = Saved(session, space.branch)
-        return Kept(path.resolve(), note)
+        return Kept(path.resolve(), "; ".join(filter(None, (note, unused(command.waiting)))))
 
     def _export(self, debugger: Debugger, command: c.Export) -> Path:
         folder = self._folder / "runs" / "exports"
@@ -138,6 +138,17 @@ class Asking:
 
     def on_finish(self, state: RunState) -> None:
         """Nothing is left to wait for."""
+
+
+def unused(waiting: tuple[str, ...]) -> str:
+    """What was typed as settings and is not in the file, with how it gets there; "" = nothing was.
+
+    As in: not in the file, as not in use yet: c 0.7 → 0.3; press “Restart with these” or “Fork here”, then save again
+    """
+    if not waiting:
+        return ""
+    do = "press “Restart with these” or “Fork here” in Settings, then save again"
+    return f"not in the file, as not in use yet: {', '.join(waiting)}; {do}"
 
 
 def checked_name(name: str) -> str:

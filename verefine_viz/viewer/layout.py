@@ -121,7 +121,7 @@ class Layout:
         with tabs.add_tab("A/B"):
             self.compare = ComparePanel(gui, send)
         with tabs.add_tab("Session"):
-            self.session = SessionPanel(gui, send)
+            self.session = SessionPanel(gui, send, lambda: self.settings.waiting)
         tabs.dock_below(main)
         timeline = gui.add_panel()
         with timeline.add_tab("Timeline"):

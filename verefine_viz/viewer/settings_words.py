@@ -24,9 +24,8 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
         cursor: the iteration that a fork would go on from.
     """
     held = current_values(session, tuple(labels))
-    new = {name: value for name, value in typed.items() if value != held[name]}
-    if new:
-        changes = [f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in new.items()]
+    changes = waiting(session, labels, typed)
+    if changes:
         kept = (
             f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
         )
@@ -41,6 +40,14 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     if not other:
         return f"All {of}. Changes wait for Restart or Fork."
     return f"{of.capitalize()}, but {first_of(other, MOST, '; ')}. Changes wait for Restart or Fork."
+
+
+def waiting(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any]) -> tuple[str, ...]:
+    """What was typed and is not in use yet, as in: c 0.7 → 0.4. Takes what :func:`settings_words` does."""
+    held = current_values(session, tuple(labels))
+    return tuple(
+        f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in typed.items() if value != held[name]
+    )
 
 
 def _shown(value: Any) -> str:

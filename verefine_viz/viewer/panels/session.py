@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import viser
 
 from verefine_viz.viewer import commands as c
@@ -24,13 +26,19 @@ CHOOSE = "choose a session"
 
 
 class SessionPanel:
-    """Save, load, export."""
+    """Save, load, export.
 
-    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+    Args:
+        gui: where it is.
+        send: takes what was asked for.
+        waiting: what was typed as settings and is not in use, in words.
+    """
+
+    def __init__(self, gui: viser.GuiApi, send: Send, waiting: Callable[[], tuple[str, ...]]) -> None:
         self._words = Block(gui)
         self.name = gui.add_text("Name", "my_session", hint="written to sessions/NAME.toml")
         self.save = gui.add_button("Save session", hint="settings, breakpoints, changes and edited poses")
-        self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value))))
+        self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value, waiting=waiting()))))
         self._listed: tuple[str, ...] = ()
         self.at_hand = gui.add_dropdown("Open", [CHOOSE], hint="session files in sessions/; choose one to open it")
         self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v in self._listed else None))
@@ -58,7 +66,7 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = options[0]
-        self._kept.show("".join(written(kept) for kept in view.kept))
+        self._kept.show("".join(written(kept, view.refused) for kept in view.kept))
 
 
 def open_now(view: View) -> str:
@@ -66,10 +74,10 @@ def open_now(view: View) -> str:
     return CHOOSE if view.session_file is None else f"{view.session_file.name} is open"
 
 
-def written(kept: Kept) -> str:
-    """Where a file is, and what else became of it."""
+def written(kept: Kept, before: bool = False) -> str:
+    """Where a file is, and what else became of it; ``before``: something was refused since, which may be another."""
     note = f'; <span class="dim">{text(kept.note)}</span>' if kept.note else ""
-    return f"<p>Written: <code>{text(kept.path)}</code>{note}</p>"
+    return f"<p>Written{' before' if before else ''}: <code>{text(kept.path)}</code>{note}</p>"
 
 
 def opened(view: View) -> str:

@@ -12,7 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.panels.timeline import shortened
-from verefine_viz.viewer.settings_words import settings_words
+from verefine_viz.viewer.settings_words import settings_words, waiting
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
 
@@ -118,6 +118,15 @@ class SettingsPanel:
         self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
         self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
 
+    @property
+    def waiting(self) -> tuple[str, ...]:
+        """What was typed and waits for Restart or Fork, in words."""
+        return () if self._view is None else waiting(self._view.session, self._labels, self._typed)
+
+    @property
+    def _typed(self) -> dict[str, Any]:
+        return {name: handle.value for name, handle in self._fields.items()}
+
     def _label_estimate(self) -> None:
         """What the button does with the object in focus."""
         if self._view is not None:
@@ -127,5 +136,5 @@ class SettingsPanel:
     def _tell(self) -> None:
         """What holds, and what was typed since."""
         if self._view is not None:
-            typed = {name: handle.value for name, handle in self._fields.items()}
-            self._words.show(sentence(settings_words(self._view.session, self._labels, typed, self._view.cursor)))
+            said = settings_words(self._view.session, self._labels, self._typed, self._view.cursor)
+            self._words.show(sentence(said))
