@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.tools import FakeTools
+from verefine_viz.core.records import Best
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
@@ -123,7 +124,7 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     (said,) = (f.text for f in findings(view) if f.text.startswith("The score prefers"))
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
     assert ": 0.940 against 0.820 for the truth" in said
-    assert said.endswith("More iterations cannot help: look at the depth there and at the score's settings.")
+    assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
     assert "The score prefers this wrong pose to the true pose: 0.940 against 0.820. More iterations" in words.truth(
         view
     )
@@ -148,13 +149,28 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         return replace(view, poses=poses, truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
-    said = "The score prefers it to the true pose: 0.755 against 0.714. More iterations bring it no nearer"
+    said = "The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer"
     assert said in words.truth(preferred)
     assert compared(preferred).endswith("The score prefers best to the true pose.")
     known = scored(0.714, 0.755)
     assert words.truth(known).endswith("The true pose scores more: 0.755 against 0.714.")
     assert "prefers" not in compared(known)
     assert words.truth(scored(0.7, 0.7)).endswith("The true pose scores as much: 0.700.")
+
+
+def test_errors_say_that_the_best_pose_is_a_first_pose_which_iterations_left_as_it_is() -> None:
+    said = "10 %. It is a first pose: no iteration has improved upon it."
+    view = after(c.RunUntil("end"))
+    assert said not in words.truth(view)
+    first = after(c.Step()).state.arms[0].entries[0]
+    unrefined = Best(first.T_cam_obj, first.score, 0, 0, "initial")
+    assert view.state is not None
+    told = replace(view, state=replace(view.state, best=unrefined), is_answer=False)
+    assert said in words.truth(told)
+    assert said not in words.truth(replace(told, cursor=0)), "nothing was tried"
+    assert said not in words.truth(replace(told, cursor=1, is_partial=True)), "nothing was tried to its end"
+    answers = tuple(replace(o, answer=unrefined) for o in view.scene.objects)
+    assert said in words.truth(replace(view, scene=replace(view.scene, objects=answers)))
 
 
 def test_a_weak_plane_and_a_missing_one_are_found() -> None:

@@ -1,4 +1,4 @@
-"""Whether the score knows the true pose: where it prefers another one, more iterations bring it no nearer."""
+"""Whether the score knows the true pose: where it prefers another one, more iterations need not help."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def truth_score(view: View) -> str:
 
     Of an answer that only a turn makes wrong, which the model should have declared, that is said instead.
 
-    As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations bring it no nearer; if 5.5 mm is
-    too much, look at the depth there and at the score's settings.
+    As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer; if
+    5.5 mm is too much, look at the depth there and at the score's settings.
     """
     best, truth = view.poses.get("best"), view.truth
     if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
@@ -48,7 +48,7 @@ def truth_score(view: View) -> str:
     said = f"The score prefers it to the true pose: {own} against {true}."
     if best.is_of_best_scene:
         return said
-    return f"{said} More iterations bring it no nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."
+    return f"{said} More iterations need not bring it nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."
 
 
 def truth_beside(a: Judged, b: Judged) -> str:
@@ -61,4 +61,4 @@ def truth_beside(a: Judged, b: Judged) -> str:
 
 def _what_to_do(best: Judged) -> str:
     """Of a scene's best pose the score alone does not decide."""
-    return "" if best.is_of_best_scene else f" More iterations cannot help: {LOOK_AT}."
+    return "" if best.is_of_best_scene else f" More iterations need not help: {LOOK_AT}."

@@ -98,7 +98,17 @@ def truth(view: View) -> str:
         said += (
             f" Initial is where hypothesis {view.arm + 1} began; the {what} is of hypothesis {view.state.best.arm + 1}."
         )
-    return f"{said} {truth_score(view)}"
+    return f"{said}{never_refined(view)} {truth_score(view)}"
+
+
+def never_refined(view: View) -> str:
+    """That the best pose is a first pose although iterations worked on the object; "" where it is none."""
+    answer = view.scene.object(view.target.instance.instance_id).answer if view.is_answer else None
+    best = answer or (view.state.best if view.state is not None else None)
+    told = view.cursor - view.is_partial
+    if best is None or best.stage != "initial" or not any(i.index <= told for i in view.own_iterations):
+        return ""
+    return " It is a first pose: no iteration has improved upon it."
 
 
 def remaining(seconds: float | None) -> str:
