@@ -11,6 +11,7 @@ from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.bandit import score_lines
 from verefine_viz.viewer.scales import last_of_old_scale, one_scale_note, other_scale_sign
 from verefine_viz.viewer.tables import branches_table
 from verefine_viz.viewer.view import View
@@ -153,6 +154,17 @@ def test_a_pose_moved_where_the_score_changes_is_told_by_the_earlier_score() -> 
     assert view.state is not None
     assert view.state.by_hand
     assert scales_of(view) == {False}
+
+
+def test_what_an_object_began_with_keeps_its_score_in_the_history_and_in_the_curves() -> None:
+    d = debugger().carry_out([c.Step(), c.Step()])
+    before = d.view()
+    view = d.carry_out([c.Fork(STRICTER), c.Step()]).view()
+    began, begins = (score_lines(v, v.n_arms) for v in (before, view))
+    assert [line.values[0] for line in began] == [line.values[0] for line in begins]
+    assert before.state is not None
+    first = before.state.arms[view.arm].entries[0].score.score
+    assert f"initial</td><td>{first:.3f}</td>" in arm_history(view)
 
 
 def test_errors_say_by_which_settings_all_scores_are() -> None:

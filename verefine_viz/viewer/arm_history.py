@@ -41,7 +41,7 @@ def arm_history(view: View, most: int = 12) -> str:
             rows.append(Row(put, c.Seek(iteration.index - 1)))
     if begin:
         rows.append(_left_out(view, f"{begin} earlier", own[begin - 1][0]))
-    first = view.state.arms[j].entries[0]
+    first = view.begun.arms[j].entries[0]
     error = view.initial_errors[j]
     start = [
         "0", f"{swatch(STAGE_COLORS['initial'])}initial", f"{first.score.score:.3f}", "", "",

@@ -125,6 +125,8 @@ class View:
     """The object in focus."""
     state: Any
     """The method's state of the object in focus at the cursor: ``arms``, ``best``, ``initial``; None without any."""
+    begun: Any
+    """The same after the first iteration on the object, with the scores of that time; ``state`` where it had none."""
     poses: dict[str, Judged]
     """By stage, those that exist (and are revealed) at the cursor."""
     arm: int

@@ -100,6 +100,7 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         shown=shown,
         target=target,
         state=state,
+        begun=state_of(run.state_scored_at(own[0].index), target) if own else state,
         poses=poses,
         arm=arm,
         look=look,

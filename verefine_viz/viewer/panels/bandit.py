@@ -155,7 +155,7 @@ def whose(view: View) -> str:
 
 def score_lines(view: View, n_arms: int) -> list[Line]:
     """Score of each hypothesis's kept pose, and of the best so far."""
-    best = max(view.state.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
+    best = max(view.begun.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
     # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
     of_scene = any(i.tree is not None or i.scene_pass is not None for i in view.own_iterations)
     name = "answer" if of_scene else "best"
@@ -163,7 +163,7 @@ def score_lines(view: View, n_arms: int) -> list[Line]:
     values = [best, *(i.best.score.score for i in view.own_iterations)]
     lines = [Line(name, STAGE_COLORS["best"], values, width=BEST_PX)]
     for j in range(n_arms):
-        now = view.state.arms[j].entries[0].score.score
+        now = view.begun.arms[j].entries[0].score.score
         values = [now]
         for i in view.own_iterations:
             if i.arm == j and i.accepted_stage.score is not None:
