@@ -11,7 +11,7 @@ from numba import njit
 
 from tests.fakes import FakeRefiner
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
@@ -233,8 +233,8 @@ def test_what_a_refiner_of_another_program_raises_is_no_bug_of_this_one(
 def test_every_panel_has_something_to_say_everywhere(app: App) -> None:
     for command in (
         c.Step(), c.StepStage(), c.StepStage(), c.RunUntil("end"), c.OpenFrame("0/2"), c.RunUntil("end"), c.Focus(0),
-        c.SelectArm(1), c.ScrubPath(0), c.ScrubPath(2), c.PlayPath(), c.EditPose(), c.ForkFromPose(), c.ColorCloud(),
-        c.ColorCloud(), c.ShowMap("angle"), c.ProbePixel(40, 40), c.ScoreGroundTruth(), c.ShowBranch(0),
+        c.SelectArm(1), c.ScrubPath(0), c.ScrubPath(2), c.PlayPath(), c.EditPose(), DRAGGED, c.ForkFromPose(),
+        c.ColorCloud(), c.ColorCloud(), c.ShowMap("angle"), c.ProbePixel(40, 40), c.ScoreGroundTruth(), c.ShowBranch(0),
         c.Restart((("physics.enabled", False),)), c.Step(), c.Restart((("method.name", "pir"),)), c.Step(),
         c.Restart((("method.name", "refine"),)), c.RunUntil("end"),
     ):  # fmt: skip
@@ -330,4 +330,16 @@ def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
 def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
     run, physics = app.page.layout.run, app.page.layout.physics
     assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
-    assert physics.edit.order < physics._words._handle.order < physics._standing._handle.order
+    assert physics.edit.order < physics.go_on.order < physics._words._handle.order < physics._standing._handle.order
+
+
+def test_only_what_can_be_done_with_a_pose_can_be_pressed(app: App) -> None:
+    physics = app.page.layout.physics
+    for command, is_edited in ((c.Step(), False), (c.EditPose(), True), (DRAGGED, True), (c.ForkFromPose(), False)):
+        app.send(command)
+        app.wait_until_idle()
+        assert (physics.go_on.visible, physics.edit.visible) == (is_edited, not is_edited), command
+    app.send(c.EditPose())
+    app.send(c.EditPose(False))
+    app.wait_until_idle()
+    assert (physics.go_on.visible, physics.edit.visible) == (False, True)

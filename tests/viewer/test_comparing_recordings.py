@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.tools import DRAGGED
 from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, same, sides
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
@@ -64,7 +65,7 @@ def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_
     assert "Continue from here" not in d.message
     with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued; .*press Restart"):
         d.apply(c.ForkFromPose())
-    d.carry_out([c.EditPose(on=False), c.Restart(), c.EditPose(), c.ForkFromPose()])
+    d.carry_out([c.EditPose(on=False), c.Restart(), c.EditPose(), DRAGGED, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis ")
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform
@@ -162,12 +162,13 @@ def test_the_time_left_is_that_of_the_open_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "end", [c.EditPose(False), c.ForkFromPose(), c.Back(), c.Focus(0), c.ShowScene(), c.SelectArm(0)]
+    "end",
+    [[c.EditPose(False)], [DRAGGED, c.ForkFromPose()], [c.Back()], [c.Focus(0)], [c.ShowScene()], [c.SelectArm(0)]],
 )
-def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: c.Command) -> None:
+def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: list[c.Command]) -> None:
     d = debugger().carry_out([c.Step(), c.Compare("initial", "best"), c.EditPose()])
     assert (d.look.a, d.look.b) == ("accepted", "edited")
-    d.carry_out([c.EditPose(), end])
+    d.carry_out([c.EditPose(), *end])
     assert d.look.edited is None
     assert (d.look.a, d.look.b) == ("initial", "best")
     d.carry_out([c.EditPose(), c.Compare("current", "edited"), c.EditPose(False)])
@@ -248,6 +249,15 @@ def test_a_run_that_is_over_says_what_can_be_done() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.Step()])
     assert d.message == "The run is over. Restart it, or fork it with other settings."
     assert d.carry_out([c.RunUntil("end")]).message.startswith("The run is over")
+
+
+@pytest.mark.parametrize("run", [c.RunUntil("end"), c.TogglePause()])
+@pytest.mark.parametrize("back", [c.Back(), c.Seek(0), c.SeekStage(1, "current")])
+def test_a_run_that_is_over_goes_to_its_end_without_a_word_from_before_it(back: c.Command, run: c.Command) -> None:
+    d = debugger().carry_out([c.RunUntil("end"), back, run])
+    assert d.message == ""
+    assert d.view().is_answer
+    assert d.carry_out([run]).message.startswith("The run is over"), "nothing is left to go to"
 
 
 def test_unknown_setting_names_what_exists() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.tools import DRAGGED, FakeTools
 from verefine_viz.core.settings import Edit, MethodSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
@@ -62,7 +62,7 @@ def keeping(tmp_path: Path) -> Keeping:
 
 
 FORK = c.Fork((("method.exploration", 0.4),), 0)
-MOVE = (c.EditPose(), c.ForkFromPose())
+MOVE = (c.EditPose(), DRAGGED, c.ForkFromPose())
 IN_EACH = (*MOVE, c.OpenFrame("0/2"), *MOVE)
 
 

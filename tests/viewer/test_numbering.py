@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.test_answer import SearchTools
-from tests.viewer.tools import FakeTools
+from tests.viewer.tools import DRAGGED, FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, page, record
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
@@ -36,7 +36,8 @@ def check(d: Debugger) -> None:
 def test_after_going_back_forking_comparing_and_restarting(name: str, tools: type[FakeTools]) -> None:
     session = Session(method=MethodSettings(name=name, iterations=2))
     d = Debugger(session, None, tools).carry_out([TWO, c.RunTo(3), c.Back(), c.Back(), c.Step(), c.Fork(), END])
-    check(d.carry_out([c.Seek(1), c.EditPose(), c.ForkFromPose(), c.ShowBranch(0), END, c.Fork(WIDER, 1, run=True)]))
+    by_hand = [c.Seek(1), c.EditPose(), DRAGGED, c.ForkFromPose()]
+    check(d.carry_out([*by_hand, c.ShowBranch(0), END, c.Fork(WIDER, 1, run=True)]))
     if tools is FakeTools:
         check(d.carry_out([s.CompareRun(SIR), s.SwapSides()]))
     check(d.carry_out([c.Restart(), c.Step(), c.OpenFrame("0/1"), END]))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.tools import DRAGGED, FakeTools
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session
@@ -21,9 +21,6 @@ from verefine_viz.viewer.refusal import Unconfirmed
 from verefine_viz.viewer.tables import arms_table
 from verefine_viz.viewer.words import chosen
 
-FAR = c.DragPose(tuple(float(x) for x in transform(np.eye(3), [0.05, 0.08, 0.7]).ravel()))
-"""Scores less than every hypothesis."""
-
 
 def debugger(method: str = "rir", frame: str = "0/1") -> Debugger:
     session = Session(title="boxes", method=MethodSettings(name=method, iterations=2, exploration=0.1))
@@ -32,7 +29,7 @@ def debugger(method: str = "rir", frame: str = "0/1") -> Debugger:
 
 @pytest.mark.parametrize("method", ["rir", "even", "expl", "vf_breadth", "vf_depth"])
 def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_taken(method: str) -> None:
-    d = debugger(method).carry_out([c.Step(), c.SelectArm(2), c.EditPose(), FAR, c.ForkFromPose()])
+    d = debugger(method).carry_out([c.Step(), c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis 3 goes on from where you put it, with a score of 0.")
     assert d.message.endswith("Step or Run: it is refined next.")
     view = d.carry_out([c.Step()]).view()
@@ -42,7 +39,7 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
 
 
 def test_before_the_first_iteration_the_table_marks_the_moved_hypothesis_as_the_next() -> None:
-    view = debugger().carry_out([c.SelectArm(2), c.EditPose(), FAR, c.ForkFromPose()]).view()
+    view = debugger().carry_out([c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose()]).view()
     assert chosen(view) == "Nothing was chosen yet. Hypothesis 3 was moved by hand: it comes first."
     assert "</i>3 ◂</td>" in arms_table(view)
     assert arms_table(view).count("◂</td>") == 1
@@ -53,20 +50,20 @@ def test_without_a_moved_pose_nothing_is_said_of_it() -> None:
 
 
 def test_where_objects_take_turns_it_says_when() -> None:
-    d = debugger("vf_depth", "0/2").carry_out([c.Focus(1), c.EditPose(), FAR, c.ForkFromPose()])
+    d = debugger("vf_depth", "0/2").carry_out([c.Focus(1), c.EditPose(), DRAGGED, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis 1 of box #1 goes on from where you put it")
     assert d.message.endswith("it is refined as soon as box #1 is next in turn.")
 
 
 def test_a_pose_without_iterations_left_is_scored_and_not_gone_on_from_although_the_run_goes_on() -> None:
-    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), FAR])
+    d = debugger("rir", "0/2").carry_out([c.RunTo(7), c.Focus(0), c.EditPose(), DRAGGED])
     assert "No iteration is left here" in d.message
     with pytest.raises(InputError, match=r"is left for box #0 at iteration 7, so .*; press “Cancel”, go back on the"):
         d.apply(c.ForkFromPose())
     assert not d.workspace.run.is_done
     assert d.look.edited is not None
     assert len(d.workspace.work.branches) == 1
-    d.carry_out([c.EditPose(on=False), c.Seek(1), c.EditPose(), FAR, c.ForkFromPose()])
+    d.carry_out([c.EditPose(on=False), c.Seek(1), c.EditPose(), DRAGGED, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis ")
 
 
@@ -77,6 +74,21 @@ def test_nothing_goes_on_from_a_pose_at_the_end_of_a_run(method: str) -> None:
     with pytest.raises(InputError, match="no iteration is left for box"):
         d.apply(c.ForkFromPose())
     assert len(d.workspace.work.branches) == 1
+
+
+@pytest.mark.parametrize("frame", ["0/1", "0/2"])
+def test_a_pose_that_was_not_moved_is_not_gone_on_from(frame: str) -> None:
+    d = debugger(frame=frame).carry_out([c.Step(), c.SelectArm(2), c.EditPose()])
+    for again in (False, True):
+        with pytest.raises(InputError, match=r"the pose was not moved yet; drag .* or press “Cancel”"):
+            d.apply(c.ForkFromPose())
+        assert d.look.edited is not None
+        assert (len(d.workspace.work.branches), d.workspace.session.edits) == (1, ())
+        if not again:  # Moved and put back: as if nobody had touched it.
+            assert d.look.edited_from is not None
+            d.carry_out([DRAGGED, c.DragPose(d.look.edited_from)])
+    d.carry_out([DRAGGED, c.ForkFromPose()])
+    assert (len(d.workspace.work.branches), len(d.workspace.session.edits)) == (2, 1)
 
 
 def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
@@ -105,24 +117,24 @@ def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
     ids=lambda command: type(command).__name__,
 )  # fmt: skip
 def test_a_moved_pose_is_not_lost_before_a_person_says_so(command: c.Command) -> None:
-    d = debugger().carry_out([c.Step(), c.EditPose(), FAR])
+    d = debugger().carry_out([c.Step(), c.EditPose(), DRAGGED])
     with pytest.raises(Unconfirmed, match=r"pose that you moved would be lost: .* “Cancel” in the Physics") as refused:
         d.apply(command)
-    assert (d.look.edited, d.workspace.frame, d.workspace.run.length) == (FAR.T_cam_obj, "0/1", 1)
+    assert (d.look.edited, d.workspace.frame, d.workspace.run.length) == (DRAGGED.T_cam_obj, "0/1", 1)
     d.carry_out([refused.value.command])  # The link goes on from it.
-    assert d.workspace.run.edits[0].T_cam_obj == FAR.T_cam_obj
+    assert d.workspace.run.edits[0].T_cam_obj == DRAGGED.T_cam_obj
     d.carry_out([command])
 
 
 def test_a_pose_that_was_not_moved_or_is_let_go_keeps_nobody_from_stepping() -> None:
     d = debugger().carry_out([c.EditPose(), c.Step()])
     assert d.look.edited is None
-    d.carry_out([c.EditPose(), FAR, c.EditPose(on=False), c.Step()])
+    d.carry_out([c.EditPose(), DRAGGED, c.EditPose(on=False), c.Step()])
     assert (d.workspace.run.length, d.workspace.run.edits) == (2, ())
 
 
 def test_a_moved_pose_that_nothing_can_go_on_from_is_let_go_by_a_link() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), c.EditPose(), FAR, c.ColorCloud()])
+    d = debugger().carry_out([c.RunUntil("end"), c.EditPose(), DRAGGED, c.ColorCloud()])
     with pytest.raises(Unconfirmed, match="pose that you moved would be lost") as refused:
         d.apply(c.Back())
     assert refused.value.command == c.EditPose(on=False)
@@ -134,7 +146,7 @@ def test_saving_says_that_a_pose_under_the_hand_is_not_in_the_file(tmp_path: Pat
     keeping = Keeping(None, tmp_path)  # pyright: ignore[reportArgumentType]
     d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([c.EditPose(), c.SaveSession("a")])
     assert d.message.endswith("a.toml")
-    d.carry_out([FAR, c.SaveSession("b")])
+    d.carry_out([DRAGGED, c.SaveSession("b")])
     assert d.message.endswith("; not the pose under the hand: press “Continue from here”, then save again")
 
 

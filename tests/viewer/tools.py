@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import Session
@@ -16,6 +19,10 @@ from verefine_viz.observation.dependency import dependency_graph
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
+from verefine_viz.viewer.commands import DragPose
+
+DRAGGED = DragPose(tuple(float(x) for x in transform(np.eye(3), [0.05, 0.08, 0.7]).ravel()))
+"""Puts the edited pose where no hypothesis of a box is; it scores less than each."""
 
 
 class FakeTools:

@@ -124,11 +124,16 @@ class Posing:
         if T is None:
             raise InputError("no pose is being edited; press Edit pose first")
         run, instance_id = debugger.workspace.run, view.target.instance.instance_id
-        if self._hint_for(view, T) == TO_TRY:
+        hint = self._hint_for(view, T)
+        if hint == TO_TRY:
             label = view.scene.object(instance_id).label
             raise InputError(
                 f"no iteration is left for {label} at iteration {run.cursor}, so nothing could go on from the moved "
                 "pose; press “Cancel”, go back on the timeline, then edit"
+            )
+        if hint == BY_HAND and not debugger.look.is_moved:
+            raise InputError(
+                "the pose was not moved yet; drag its arrows and rings in 3D or type numbers first, or press “Cancel”"
             )
         debugger.workspace.fork(run.cursor, (), (instance_id, view.arm, T))
         debugger.look = replace(debugger.look.moved(), focus=instance_id, arm=view.arm)

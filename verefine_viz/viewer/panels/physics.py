@@ -22,10 +22,13 @@ class PhysicsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         # No hint: it would cover the numbers below while the pointer rests on a button that was pressed.
-        self.edit = gui.add_button_group("By hand", ["Edit pose", "Continue from here", "Cancel"])
-        gui.add_html(f"<style>{unlabelled(self.edit)}</style>")
-        actions = {"Edit pose": c.EditPose(), "Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
-        self.edit.on_click(by_person(lambda v: send(actions[v])))
+        self.edit = gui.add_button_group("By hand", ["Edit pose"])
+        self.edit.on_click(by_person(lambda _: send(c.EditPose())))
+        # In its place while a pose is edited: a button of a group cannot be greyed out.
+        self.go_on = gui.add_button_group("By hand", ["Continue from here", "Cancel"], visible=False)
+        actions = {"Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
+        self.go_on.on_click(by_person(lambda v: send(actions[v])))
+        gui.add_html(f"<style>{unlabelled(self.edit)}{unlabelled(self.go_on)}</style>")
         self.numbers = PoseNumbers(gui, send)
         self._words = Block(gui)  # Below: while a pose is moved it changes, and must not push what moves it.
         self._standing = Block(gui)
@@ -38,6 +41,8 @@ class PhysicsPanel:
 
     def show(self, view: View) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
+        self.go_on.visible = view.look.edited is not None
+        self.edit.visible = not self.go_on.visible
         # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
         self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
         if view.has_judged_standing:
