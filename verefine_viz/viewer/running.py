@@ -46,9 +46,10 @@ class Running:
                 debugger.log.append(c.Seek(ahead[0]))
                 return
         if run.is_done:
+            if run.at_end and debugger.look.stage is None:
+                debugger.message = OVER
             debugger.seek(run.length)
             debugger.log.append(c.SeekEnd())
-            debugger.message = OVER
             return
         self.goal = goal
 
