@@ -210,7 +210,7 @@ def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_p
             until(app, lambda: app.debugger.message.startswith(f"Written: {path}"))
         usual = Session()
         said = f"c {usual.method.exploration:g} → 0.3, τ [m] {usual.score.tau_m:g} → 0.01; press “Restart with these”"
-        assert f"; not in the file, as not in use yet: {said} or “Fork here” in Settings" in app.debugger.message
+        assert f"; not in the file, as they were not in use: {said} or “Fork here” in Settings" in app.debugger.message
         assert load_session(path).score == usual.score
         assert said in session._kept._handle.content
         assert settings.waiting

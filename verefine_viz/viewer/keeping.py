@@ -143,12 +143,13 @@ class Asking:
 def unused(waiting: tuple[str, ...]) -> str:
     """What was typed as settings and is not in the file, with how it gets there; "" = nothing was.
 
-    As in: not in the file, as not in use yet: c 0.7 → 0.3; press “Restart with these” or “Fork here”, then save again
+    As in: not in the file, as they were not in use: c 0.7 → 0.3; press “Restart with these” or “Fork here” in
+    Settings, then save again
     """
     if not waiting:
         return ""
     do = "press “Restart with these” or “Fork here” in Settings, then save again"
-    return f"not in the file, as not in use yet: {', '.join(waiting)}; {do}"
+    return f"not in the file, as they were not in use: {', '.join(waiting)}; {do}"
 
 
 def checked_name(name: str) -> str:
