@@ -30,6 +30,8 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
         return st.lists(st.tuples(st.text(), ANY_VALUE)).map(tuple)
     if hint == c.Pose:
         return st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=16, max_size=16).map(tuple)
+    if hint == tuple[str, ...]:
+        return st.lists(st.text()).map(tuple)
     args = get_args(hint)
     if all(isinstance(a, str) for a in args):
         return st.sampled_from(args)
