@@ -110,7 +110,7 @@ def test_the_largest_number_is_taken(name: str) -> None:
 def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
     with pytest.raises(SettingsError, match="the breakpoint unstable cannot be 7: give on or off"):
         with_changes(BreakpointSettings(), (("unstable", 7),))
-    with pytest.raises(SettingsError, match=r"unknown breakpoint 'jump'; did you mean 'jump_mm'[?] available: .*jump_mm"):
+    with pytest.raises(SettingsError, match=r"unknown breakpoint 'jump'; did you mean 'jump_mm'[?] available: "):
         with_changes(BreakpointSettings(), (("jump", 1.0),))
     with pytest.raises(SettingsError, match=r"unknown breakpoint 'waiting.unstable'"):
         with_changes(BreakpointSettings(), (("waiting.unstable", 1.0),))
