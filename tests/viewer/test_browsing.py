@@ -110,7 +110,7 @@ def test_a_run_that_was_left_is_opened_with_its_own_session_again(debugger: Debu
 
 
 def test_a_run_that_does_not_exist_is_refused(debugger: Debugger) -> None:
-    with pytest.raises(InputError, match="unknown run 'pir'; did you mean '.ir'[?] available: rir, sir"):
+    with pytest.raises(InputError, match=r"unknown run 'pir'; did you mean '.ir'[?] available: rir, sir"):
         debugger.apply(c.OpenAt("0/1", 1, "pir"))
 
 
