@@ -48,7 +48,7 @@ def test_the_settings_of_a_section_can_be_asked_for_alone(capsys: pytest.Capture
 def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["view", "--help-settings", "scores"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "unknown section of settings 'scores'; available: scene, hypotheses, " in line
+    assert "unknown section of settings 'scores'; did you mean 'score'? available: scene, hypotheses, " in line
 
 
 def test_commands_without_settings_have_their_help_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:

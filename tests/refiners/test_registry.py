@@ -22,7 +22,7 @@ def test_identity_changes_nothing() -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(SettingsError, match=r"^unknown refiner 'ipc'; available: icp, trimmed_icp, identity$"):
+    with pytest.raises(SettingsError, match=r"^unknown refiner 'ipc'; did you mean 'icp'[?] available: icp, trimmed_icp, identity$"):
         make_refiner("ipc", Session())
 
 
