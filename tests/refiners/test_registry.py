@@ -22,7 +22,8 @@ def test_identity_changes_nothing() -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(SettingsError, match=r"^unknown refiner 'ipc'; did you mean 'icp'[?] available: icp, trimmed_icp, identity$"):
+    said = "unknown refiner 'ipc'; did you mean 'icp'? available: icp, trimmed_icp, identity"
+    with pytest.raises(SettingsError, match=f"^{re.escape(said)}$"):
         make_refiner("ipc", Session())
 
 
