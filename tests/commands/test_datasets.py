@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import huggingface_hub
-import numpy as np
 import pytest
-from PIL import Image
 
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
-from tests.scenes.sizes import scene, written
+from verefine_viz.commands import dataset_check
 from verefine_viz.commands.dataset_catalogue import CATALOGUE
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.splits import splits_of
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
-from verefine_viz.scenes.write_bop import write_bop
 
 
 @pytest.fixture
@@ -37,12 +34,6 @@ def advice(made: Made) -> dict[str, str]:
 
 def missing(parts: Parts) -> dict[str, str]:
     return {what.split()[0]: lacking for what, lacking in what_can_be_run(parts)}
-
-
-def change_depth(made: Made, change: Any) -> None:
-    for file in (made.scene / "depth").iterdir():
-        depth = np.asarray(Image.open(file))
-        Image.fromarray(change(depth).astype(np.uint16)).save(file)
 
 
 def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
@@ -68,63 +59,6 @@ def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.Capture
     assert said.endswith("No part needs a look: exit code 0.\n")
 
 
-def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
-    change_depth(made, lambda depth: np.roll(depth, (6, 9), axis=(0, 1)))
-    (said,) = advice(made).values()
-    assert "not registered to colour" in said
-    x, y = (int(word.split(" px")[0]) for word in said.split("displaced by ")[1].split(": ")[0].split(" and "))
-    assert abs(x + 9) <= 3
-    assert abs(y + 6) <= 3
-
-
-def with_camera(root: Path, change: Callable[[list[float]], None]) -> Path:
-    """A folder of frames of scene 0, with another cam_K (9 numbers)."""
-    write_bop(root, [scene("clutter", f"0/{k}") for k in range(2)])
-    path = root / "test" / "000000" / "scene_camera.json"
-    content = json.loads(path.read_text())
-    for entry in content.values():
-        change(entry["cam_K"])
-    path.write_text(json.dumps(content))
-    return root
-
-
-def moved(k: int, px: float) -> Callable[[list[float]], None]:
-    """Adds to one number of cam_K."""
-    return lambda K: K.__setitem__(k, K[k] + px)
-
-
-@pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
-def test_without_masks_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
-    tmp_path: Path, dx: int, named: str
-) -> None:
-    root = with_camera(tmp_path / "clutter", moved(2, dx))
-    for kind in ("mask_visib", "mask"):
-        shutil.rmtree(root / "test" / "000000" / kind)
-    said = {f.name: f.advice for f in check_split(root, "test").findings}["registration"]
-    assert said.endswith(
-        f"either depth is not registered to colour (warp it into the colour camera first), or cx of cam_K is {named}"
-    )
-
-
-@pytest.mark.parametrize(("k", "px", "named"), [(2, 40, "cx of cam_K looks 40 px too large"), (5, -20, "cy of cam_K")])
-def test_masks_tell_a_wrong_principal_point_from_depth_that_is_not_registered(
-    tmp_path: Path, k: int, px: float, named: str
-) -> None:
-    found = {f.name: f for f in check_split(with_camera(tmp_path / "clutter", moved(k, px)), "test").findings}
-    assert found["sizes"].advice.startswith(named)
-    assert "displaced" not in found["registration"].advice
-    assert not found["each frame"].is_looked_at
-
-
-@pytest.mark.parametrize(("k", "px", "named"), [(0, 80, "fx"), (4, -80, "fy")])
-def test_one_wrong_focal_length_is_found(tmp_path: Path, k: int, px: float, named: str) -> None:
-    root = with_camera(tmp_path / "clutter", moved(k, px))
-    found = {f.name: f for f in check_split(root, "test").findings}
-    assert found["sizes"].advice.startswith(f"{named} of cam_K looks too {'large' if px > 0 else 'small'}, about ")
-    assert "displaced" not in found["registration"].advice
-    assert Datasets("check", str(root)).run([]) == 1
-
-
 @pytest.mark.parametrize(("without", "said"), [((0, 1), "all of them"), ((1,), "7/1")])
 def test_frames_without_colour_are_a_note(made: Made, without: Sequence[int], said: str) -> None:
     for k in without:
@@ -133,57 +67,6 @@ def test_frames_without_colour_are_a_note(made: Made, without: Sequence[int], sa
     assert f"no rgb or gray image in {said}: drawn without colour" in found.found
     assert advice(made) == {}
     assert Datasets("check", str(made.root)).run([]) == 0
-
-
-@pytest.mark.parametrize("factor", [10.0, 0.1])
-def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
-    def scaled(content: dict[str, Any]) -> None:
-        for entry in content.values():
-            entry["depth_scale"] *= factor
-
-    made.edit("scene_camera.json", scaled)
-    assert f"measured depth is {factor:.3g}" in advice(made)["registration"]
-
-
-@pytest.mark.parametrize(("focal", "instances"), [(0.88, range(6)), (1.15, range(6)), (0.75, [3])])
-def test_a_wrong_focal_length_is_found_and_not_taken_for_displaced_depth(
-    tmp_path: Path, focal: float, instances: Sequence[int]
-) -> None:
-    frames = [scene("clutter", f"0/{k}").only(instances) for k in range(2)]
-    found = {f.name: f.advice for f in check_split(written(tmp_path / "clutter", frames, focal), "test").findings}
-    off = "too small" if focal < 1 else "too large"
-    assert found["sizes"].startswith(f"fx and fy of cam_K look {off}, about ")
-    assert float(found["sizes"].split("about ")[1].split()[0]) == pytest.approx(1 / focal, rel=0.02)
-    assert "displaced" not in found["registration"]
-
-
-@pytest.mark.parametrize("kinds", [("mask_visib", "mask"), ("mask",), ()])
-def test_sizes_are_compared_with_the_masks_that_are_there(tmp_path: Path, kinds: Sequence[str]) -> None:
-    root = written(tmp_path / "clutter", [scene()], 0.85)
-    for kind in ("mask_visib", "mask"):
-        if kind not in kinds:
-            shutil.rmtree(root / "test" / "000000" / kind)
-    named = [f for f in check_split(root, "test").findings if f.name == "sizes"]
-    assert [f.found.split(" than ")[0] for f in named] == ["objects appear 18% larger"] * (kinds != ())
-
-
-def test_true_poses_in_metres_are_found(made: Made) -> None:
-    def in_metres(content: dict[str, Any]) -> None:
-        for entry in (entry for entries in content.values() for entry in entries):
-            entry["cam_t_m2c"] = [x / 1000 for x in entry["cam_t_m2c"]]
-
-    made.edit("scene_gt.json", in_metres)
-    said = advice(made)["registration"]
-    times = float(said.removeprefix("measured depth is about ").split()[0])
-    assert 800 < times <= 1000
-    assert said.endswith("check that cam_t_m2c in scene_gt.json is in millimetres, it looks like metres")
-
-
-def test_meshes_in_metres_are_found(made: Made) -> None:
-    path = made.root / "models" / "models_info.json"
-    info = json.loads(path.read_text())
-    path.write_text(json.dumps({key: {"diameter": entry["diameter"] * 1000} for key, entry in info.items()}))
-    assert "its unit was taken to be metres" in advice(made)["models"]
 
 
 def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
@@ -338,6 +221,16 @@ def test_scores_need_targets_and_diameters(made: Made) -> None:
     assert missing(check_split(made.root, "test"))["evaluate:"] == ""
     (made.root / "models" / "models_info.json").unlink()
     assert "models_info.json cannot be read" in missing(check_split(made.root, "test"))["evaluate:"]
+
+
+def test_without_a_targets_file_the_frames_that_are_looked_at_stand_for_all(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for kind in ("rgb", "depth"):
+        (made.scene / kind / "000001.png").unlink()
+    assert "000001; its width is needed" in missing(check_split(made.root, "test"))["evaluate:"]
+    monkeypatch.setattr(dataset_check, "LOOKED", 1)
+    assert missing(check_split(made.root, "test"))["evaluate:"] == ""
 
 
 def test_objects_without_a_diameter_are_named(made: Made) -> None:

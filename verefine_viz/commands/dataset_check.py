@@ -18,9 +18,9 @@ from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.commands.truth_check import check_truths
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.listing import first_of
-from verefine_viz.evaluation.files import default_targets
 from verefine_viz.evaluation.model import EvalModels
-from verefine_viz.evaluation.truth import BopTruth
+from verefine_viz.evaluation.targets import read_targets, targets_path
+from verefine_viz.evaluation.truth import BopTruth, visible_targets
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.jsonfile import read_json
@@ -55,7 +55,7 @@ def check_split(folder: Path, split: str) -> Parts:
     looked = _spread(frames, LOOKED)
     check_images(dataset, looked, parts)
     _check_masks(dataset, looked, parts)
-    _check_scoring(dataset, parts)
+    _check_scoring(dataset, looked, parts)
     if parts.ground_truth and parts.depth and parts.models:
         drawn = _spread(frames, DRAWN)
         is_in_place = _check_sizes(dataset, drawn, parts)
@@ -177,13 +177,17 @@ def _check_each_frame(dataset: BopDataset, looked: Sequence[tuple[int, int]], pa
             parts.add("each frame", *judged)
 
 
-def _check_scoring(dataset: BopDataset, parts: Parts) -> None:
-    """Whether BOP scores find what they need besides images; what they would refuse is said in their words."""
+def _check_scoring(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts: Parts) -> None:
+    """Whether BOP scores find what they need besides images; what they would refuse is said in their words.
+
+    Without a targets file they ask for all frames of the split, of which those that are ``looked`` at stand for all.
+    """
     if not parts.ground_truth:  # Said already.
         return
     try:
         models, truth = EvalModels(dataset.folder), BopTruth(dataset)
-        targets = default_targets(dataset, truth)
+        path, with_truth = targets_path(dataset.folder, dataset.split), set(truth.images())
+        targets = read_targets(path) if path else visible_targets(truth, [ids for ids in looked if ids in with_truth])
         for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):
             models.diameter_mm(obj_id)
         missing = [image for image in targets.counts if not dataset.has(*image)]

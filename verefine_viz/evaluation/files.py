@@ -123,14 +123,14 @@ def default_split(dataset: Path) -> str:
 
 def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: BopTruth) -> Targets:
     if path is None:
-        return default_targets(dataset, truth, task)
+        return _default_targets(dataset, truth, task)
     inside = dataset.folder / path
     if not path.is_file() and not inside.is_file():
         raise InputError(f"targets file {path} does not exist, neither here nor in {dataset.folder}")
     return read_targets(path if path.is_file() else inside)
 
 
-def default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = None) -> Targets:
+def _default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = None) -> Targets:
     """What the data set asks for; where it does not say so, every instance of the split that is 10 % visible.
 
     Raises:
@@ -138,11 +138,10 @@ def default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = No
     """
     if task == "detection" or targets_path(dataset.folder, dataset.split, task) is not None:
         return read_targets(find_targets(dataset.folder, dataset.split, task))
-    images = [(scene_id, im_id) for scene_id in dataset.scene_ids for im_id in dataset.image_ids(scene_id)]
-    with_truth = [image for image in images if dataset.ground_truth(*image) is not None]
-    if not with_truth:
+    images = truth.images()
+    if not images:
         raise InputError(f"no image of {dataset.folder / dataset.split} has ground truth; without it nothing is scored")
-    return visible_targets(truth, with_truth)
+    return visible_targets(truth, images)
 
 
 def _no_targets_file(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:

@@ -113,6 +113,19 @@ class BopTruth:
     def model(self, obj_id: int) -> EvalModel:
         return self._models.get(obj_id)
 
+    def images(self) -> list[tuple[int, int]]:
+        """Those of the split that have ground truth, (scene_id, im_id).
+
+        Raises:
+            InputError: a scene's files are damaged.
+        """
+        found: list[tuple[int, int]] = []
+        for scene_id in self._dataset.scene_ids:
+            if (self._dataset.scene_folder(scene_id) / "scene_gt.json").is_file():
+                truths = self._scene(scene_id)[2]
+                found += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if str(i) in truths]
+        return found
+
     @property
     def notes(self) -> tuple[str, ...]:
         notes = [*self._models.notes]
