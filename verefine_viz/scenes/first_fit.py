@@ -25,7 +25,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.scenes.size_fit import witnesses
-from verefine_viz.scenes.size_words import middle_off, sideways
+from verefine_viz.scenes.size_words import middle_off, percent, sideways
 
 FEWEST = 3
 """Of fewer objects chance, or one wrong detection, may look like a rule."""
@@ -70,7 +70,7 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
         return ()
     ratio = float(np.exp(middle))
     return (
-        f"measured depth is {_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the first poses say: check "
+        f"measured depth is {percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the first poses say: check "
         f"depth_scale in scene_camera.json (about {1 / ratio:.2f} times as much would fit), and that cam_K is that of "
         "the camera the poses were estimated for",
     )
@@ -161,7 +161,7 @@ def _pulled(moved: _Moved, axes: tuple[int, int]) -> _Told | None:
     what = {(1, 1): "fx and fy of cam_K look", (1, 0): "fx of cam_K looks", (0, 1): "fy of cam_K looks"}[axes]
     along = {(1, 1): "", (1, 0): " sideways", (0, 1): " up and down"}[axes]
     return _Told(
-        f"refinement moved the objects {_percent(factor)} {away} the image's centre{along} than their first poses: "
+        f"refinement moved the objects {percent(factor)} {away} the image's centre{along} than their first poses: "
         f"{what} too {off}, about {factor:.2f} times as much would fit; or the poses were estimated for another camera",
         left_px,
     )
@@ -203,7 +203,3 @@ def _weighted_median(values: Float, weights: Float) -> float:
     order = np.argsort(values)
     so_far = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(so_far, so_far[-1] / 2)])
-
-
-def _percent(ratio: float) -> str:
-    return f"{abs(ratio - 1):.0%}"

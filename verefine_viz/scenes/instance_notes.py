@@ -38,10 +38,10 @@ def instance_notes(
         model = models[instance.obj_id]
         name = f"{model.name} (#{instance.instance_id})"
         if not instance.hypotheses and source == "results":
-            notes.append(f"{name} has no hypothesis: {_why_none(ids, instance, instances, files)}")
+            notes.append(f"{without(instance, model)}{_why_none(ids, instance, instances, files)}")
         if not instance.hypotheses and source == "perturb":
             notes.append(
-                f"{name} has no hypothesis: there is no ground truth to disturb; set hypotheses.source to 'results' "
+                f"{without(instance, model)}there is no ground truth to disturb; set hypotheses.source to 'results' "
                 "and name results files"
             )
         if len(instance.points_cam):
@@ -50,6 +50,11 @@ def instance_notes(
         else:
             notes.append(f"{name} has no depth inside its mask")
     return tuple(notes)
+
+
+def without(instance: Instance, model: ObjectModel) -> str:
+    """How the note of an instance without hypotheses begins; the reason follows."""
+    return f"{model.name} (#{instance.instance_id}) has no hypothesis: "
 
 
 def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], files: Sequence[ResultsFile]) -> str:

@@ -44,7 +44,7 @@ def alike() -> Verdict:
 def about_depth(depth: float) -> Verdict:
     """Where sizes are right, and measured depth is ``depth`` times the true one."""
     return Verdict(
-        f"{alike().found}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs",
+        f"{alike().found}, but measured depth is {percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs",
         f"check depth_scale in scene_camera.json: {fitting(1 / depth)}",
         "depth",
     )
@@ -69,7 +69,7 @@ def about_sides(wide: float, high: float) -> Verdict:
     """Where objects appear so many times as wide, and so many times as high."""
     sides = ((wide, "wider", "narrower", "fx"), (high, "higher", "lower", "fy"))
     off = [side for side in sides if abs(np.log(side[0])) > PLAIN_SIDE]
-    found = " and ".join(f"{_percent(times)} {more if times > 1 else less}" for times, more, less, _ in off)
+    found = " and ".join(f"{percent(times)} {more if times > 1 else less}" for times, more, less, _ in off)
     advice = ", and ".join(f"{name} of cam_K looks {_off(times)}" for times, _, _, name in off)
     return Verdict(
         f"objects appear {found} than their models",
@@ -83,7 +83,7 @@ def about_size(cause: Cause, factor: float) -> Verdict:
     is_larger = factor > 1
     size, away = ("larger", "farther from") if is_larger else ("smaller", "nearer to")
     off = _off(factor)
-    found = f"objects appear {_percent(factor)} {size} than their models in their true poses"
+    found = f"objects appear {percent(factor)} {size} than their models in their true poses"
     match cause:
         case "focal length":
             found += f" and lie {away} the image's centre by as much"
@@ -134,5 +134,6 @@ def _off(factor: float) -> str:
     return f"too {'small' if factor > 1 else 'large'}, {fitting(factor)}"
 
 
-def _percent(ratio: float) -> str:
+def percent(ratio: float) -> str:
+    """How far a ratio is from 1."""
     return f"{abs(ratio - 1):.0%}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.diagnosis.words import DATA_FIRST, DECLARE
+from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.carrying import alone_warning, carried
@@ -81,10 +82,9 @@ def _support(view: View) -> list[Finding]:
 def _no_hypothesis(view: View) -> list[Finding]:
     if view.state is not None:
         return []
-    model, instance_id = view.target.model, view.target.instance.instance_id
-    known = f"{model.name} (#{instance_id}) has no hypothesis: "
+    known = without(view.target.instance, view.target.model)
     why = next((note for note in view.problem.notes if note.startswith(known)), None)
-    return [Finding(f"{why or f'{known}add a results file that holds object {model.obj_id}'}.")]
+    return [Finding(f"{why or f'{known}add a results file that holds object {view.target.model.obj_id}'}.")]
 
 
 def _why_wrong(view: View) -> list[Finding]:

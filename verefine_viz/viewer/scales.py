@@ -33,7 +33,7 @@ def one_scale_note(view: View) -> str:
     if k is None:
         return ""
     # At the end of a finished run its answer is judged, by the last settings.
-    is_later = view.cursor > k or view.cursor == view.progress.done == view.progress.total
+    is_later = view.cursor > k or view.at_end
     said = f"{_changed(k)} All here are by the {'later' if is_later else 'earlier'} settings."
     return f'<p class="legend dim">{text(said)}</p>'
 

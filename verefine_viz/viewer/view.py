@@ -203,6 +203,11 @@ class View:
         """The poses that the session moves by hand in this frame."""
         return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
 
+    @property
+    def at_end(self) -> bool:
+        """Whether the cursor is at the end of a finished run."""
+        return self.cursor == self.progress.done == self.progress.total
+
     @cached_property
     def data_doubts(self) -> tuple[str, ...]:
         """``doubts``, or what a batch found in the same frame: before a run is over it may know more."""

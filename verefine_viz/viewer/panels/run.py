@@ -98,7 +98,7 @@ class RunPanel:
 def of_the_end(view: View) -> str:
     """What is shown at the end of a finished run, and the way to what it is not."""
     last = view.iterations[-1] if view.iterations else None
-    if last is None or not view.progress.done == view.progress.total == view.cursor:
+    if last is None or not view.at_end:
         return ""
     if not view.is_answer:
         return f'<p class="dim">Shown: the last iteration. {link("show the answer", c.SeekEnd())}</p>'
