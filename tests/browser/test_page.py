@@ -32,6 +32,13 @@ def test_first_minute(look: Look) -> None:
     assert screen.app.debugger.workspace.run.is_done
 
 
+def test_without_a_gpu_edges_are_not_smoothed(look: Look) -> None:
+    """Chromium draws by software here; smooth edges would double the time of every picture."""
+    screen = look(MUG)
+    smoothed = "() => window.__viserMutable.canvas.getContext('webgl2').getContextAttributes().antialias"
+    assert screen.page.evaluate(smoothed) is False
+
+
 def test_every_panel(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import gzip
 import socket
 import threading
 from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
+import viser
 from websockets.exceptions import InvalidStatus
 
 from tests.viewer.client import client
@@ -29,6 +34,30 @@ def test_foreign_origin_is_refused(server: Server, origin: str) -> None:
     with pytest.raises(InvalidStatus) as refusal, client(server.url, origin):
         pass
     assert refusal.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "identity"])
+def test_the_page_begins_with_our_script_and_is_the_library_s_otherwise(server: Server, encoding: str) -> None:
+    served = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
+    for _ in range(2):
+        with urlopen(Request(server.url, headers={"Accept-Encoding": encoding})) as answer:
+            body = answer.read()
+        assert int(answer.headers.get("Content-Length")) == len(body)
+        page = gzip.decompress(body) if encoding == "gzip" else body
+        before, head, after = page.partition(b"<head><script>")
+        script, end, rest = after.partition(b"</script>")
+        assert head
+        assert end
+        assert before + b"<head>" + rest == served
+        assert b"antialias" in script
+        assert b"Escape" in script
+
+
+def test_other_addresses_are_answered_as_before(server: Server) -> None:
+    with pytest.raises(HTTPError) as error:
+        urlopen(f"{server.url}/no/such/file.html")
+    assert error.value.code == 404
+    error.value.close()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])

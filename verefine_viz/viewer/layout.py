@@ -13,7 +13,6 @@ from verefine_viz.viewer.command_lines import from_json
 from verefine_viz.viewer.downloads import asked_by
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
-from verefine_viz.viewer.page_keys import page_keys
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
@@ -94,7 +93,7 @@ class Layout:
     def __init__(self, server: viser.ViserServer, send: Send, batch: Gallery | None = None) -> None:
         gui = server.gui
         set_theme(gui)
-        gui.add_html(small_window(RIGHT_PX) + page_keys())
+        gui.add_html(small_window(RIGHT_PX))
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         self._hide(gui, self.link)

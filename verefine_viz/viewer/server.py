@@ -21,6 +21,7 @@ import viser
 import websockets.asyncio.server
 
 from verefine_viz.core.errors import UnavailableError
+from verefine_viz.viewer.page_script import Answer, with_script
 
 _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
@@ -48,8 +49,8 @@ class Server(viser.ViserServer):
                 port,
                 port,
             )
-        # viser prints a banner and takes no option for origins; both are seen to while it is built.
-        with _CONSTRUCTION, _only_origins(allowed_origins(host)), contextlib.redirect_stdout(io.StringIO()):
+        # viser prints a banner and takes no option for origins or scripts; all is seen to while it is built.
+        with _CONSTRUCTION, _served_our_way(allowed_origins(host)), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, verbose=False)
         if port and self.get_port() != port:
             taken = self.get_port()
@@ -128,12 +129,12 @@ def _taken(host: str, port: int) -> str:
 
 
 @contextlib.contextmanager
-def _only_origins(origins: list[re.Pattern[str] | None]) -> Iterator[None]:
-    """While viser starts, its websocket server is told which origins to accept."""
+def _served_our_way(origins: list[re.Pattern[str] | None]) -> Iterator[None]:
+    """While viser starts, its web server is told which origins to accept and which script to begin the page with."""
     original = websockets.asyncio.server.serve
 
-    def serve(*args: Any, **kwargs: Any) -> Any:
-        return original(*args, **{**kwargs, "origins": origins})
+    def serve(*args: Any, process_request: Answer, **kwargs: Any) -> Any:
+        return original(*args, **{**kwargs, "process_request": with_script(process_request), "origins": origins})
 
     websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
     try:
