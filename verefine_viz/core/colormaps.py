@@ -33,14 +33,21 @@ class Scale:
     anchors: tuple[RGB, ...]
     """Evenly spaced colours."""
 
+    def shades(self, values: NDArray[np.floating]) -> Image:
+        """Places (…) in the palette of values (…); NaN and infinity are 0."""
+        share = (values - values.dtype.type(self.low)) * values.dtype.type(254 / (self.high - self.low))
+        known = np.isfinite(share)
+        share = np.clip(np.rint(np.where(known, share, 0)), 0, 254).astype(np.uint8)
+        return np.where(known, share + np.uint8(1), np.uint8(0))
+
     def colors(self, values: NDArray[np.floating]) -> Image:
         """RGB (…, 3) of values (…); NaN becomes :data:`EMPTY`."""
-        missing = ~np.isfinite(values)
-        share = (np.where(missing, self.low, values) - self.low) / (self.high - self.low)
-        index = np.clip(np.round(share * 255), 0, 255).astype(np.intp)
-        out = lookup_table(self.anchors)[index]
-        out[missing] = EMPTY
-        return out
+        return rgb(self.shades(values), self.palette)
+
+    @property
+    def palette(self) -> bytes:
+        """768 bytes RGB: :data:`EMPTY`, then 255 colours from ``low`` to ``high``."""
+        return _palette(self.anchors)
 
     def gradient(self) -> str:
         """The colour bar as a CSS gradient, low on the left."""
@@ -51,6 +58,11 @@ class Scale:
         """What to write at the left, middle and right of the bar."""
         middle = (self.low + self.high) / 2
         return f"{self.low:g}", f"{middle:g}", f"{self.high:g} {self.unit}".strip()
+
+
+@cache
+def _palette(anchors: tuple[RGB, ...]) -> bytes:
+    return bytes(EMPTY) + lookup_table(anchors)[np.linspace(0, 255, 255).round().astype(int)].tobytes()
 
 
 @cache
@@ -75,7 +87,15 @@ ANGLE = Scale(0.0, 90.0, "°", _INFERNO)
 FIT = Scale(0.0, 1.0, "", _VIRIDIS)
 
 
+CLASS_PALETTE = (bytes(EMPTY) + b"".join(bytes(CLASS_COLORS[name]) for name in PIXEL_CLASSES)).ljust(768, b"\0")
+"""768 bytes RGB of a pixel-class map: 0 = none, 1 + index into ``PIXEL_CLASSES``."""
+
+
 def class_image(classes: NDArray[np.uint8]) -> Image:
-    """RGB (H, W, 3) of a pixel-class map: 0 = none, 1 + index into ``PIXEL_CLASSES``."""
-    table = np.array([EMPTY, *(CLASS_COLORS[name] for name in PIXEL_CLASSES)], np.uint8)
-    return table[classes]
+    """RGB (…, 3) of a pixel-class map (…)."""
+    return rgb(classes, CLASS_PALETTE)
+
+
+def rgb(places: NDArray[np.uint8], palette: bytes) -> Image:
+    """RGB (…, 3) of places (…) in a palette."""
+    return np.frombuffer(palette, np.uint8).reshape(256, 3)[places]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.colormaps import ANGLE, EMPTY, FIT, Scale, depth_scale, difference_scale, lookup_table
-from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.core.colormaps import ANGLE, CLASS_PALETTE, EMPTY, FIT, Scale, depth_scale, difference_scale, rgb
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, ScoreMaps
+from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.recording import chunks, columns, entities
 from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.png import indexed_png
@@ -69,7 +68,7 @@ class Maps:
         o = self._observation
         scale = self._scales["rendered"]
         depth = self._indexed(self._cut(o.depth_m), scale, only=self._cut(o.depth_m) > 0)
-        right = np.frombuffer(_palette(scale), np.uint8).reshape(256, 3)[depth]
+        right = rgb(depth, scale.palette)
         left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
@@ -95,7 +94,7 @@ class Maps:
     def _pictures(self, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> Iterator[Piece]:
         of = rr.EncodedImage
         for name, image in images.items():
-            palette = _CLASS_PALETTE if name == "classes" else _palette(self._scales[name])
+            palette = CLASS_PALETTE if name == "classes" else self._scales[name].palette
             parts = [columns.blobs(of.descriptor_blob(), [indexed_png(image, palette)]), _png_type()]
             yield chunks.rows_of(f"{root}/{name}", [iteration], parts)
 
@@ -162,11 +161,3 @@ def _indices(
             if known[y, x] and np.isfinite(value):
                 out[y, x] = 1 + np.uint8(min(max(np.rint(254 * (value - low) / (high - low)), 0.0), 254.0))
     return out
-
-
-@lru_cache(maxsize=64)
-def _palette(scale: Scale) -> bytes:
-    return bytes(EMPTY) + lookup_table(scale.anchors)[np.linspace(0, 255, 255).round().astype(int)].tobytes()
-
-
-_CLASS_PALETTE = (bytes(EMPTY) + b"".join(bytes(CLASS_COLORS[name]) for name in PIXEL_CLASSES)).ljust(768, b"\0")

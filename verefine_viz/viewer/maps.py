@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
 
-from verefine_viz.core.colormaps import ANGLE, FIT, Image, Scale, class_image, depth_scale, difference_scale
+from verefine_viz.core.colormaps import ANGLE, CLASS_PALETTE, FIT, Image, Scale, depth_scale, difference_scale, rgb
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PIXEL_CLASSES, ScoreMaps
 
@@ -94,11 +94,18 @@ def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
 
 def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None) -> Image:
     """One map as RGB (H, W, 3): of the whole image, or of a part of it."""
+    return rgb(*map_shades(name, maps, target, tau_m, crop))
+
+
+def map_shades(
+    name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None
+) -> tuple[NDArray[np.uint8], bytes]:
+    """One map as places (H, W) in a palette, and the palette."""
     crop = crop or Crop(0, 0, target.observation.camera.width, target.observation.camera.height)
     scale = scale_of(name, target, tau_m)
     if scale is None:
-        return class_image(crop.of(maps.classes))
-    return scale.colors(map_values(name, maps, target, crop))
+        return crop.of(maps.classes), CLASS_PALETTE
+    return scale.shades(map_values(name, maps, target, crop)), scale.palette
 
 
 def map_values(name: MapName, maps: ScoreMaps, target: Target, crop: Crop) -> NDArray[np.floating]:
@@ -163,6 +170,6 @@ def png(image: Image) -> bytes:
     return out.getvalue()
 
 
-def data_uri(image: Image) -> str:
-    """An image as something an ``<img>`` can show without a further request."""
-    return "data:image/png;base64," + base64.b64encode(png(image)).decode("ascii")
+def data_uri(content: bytes) -> str:
+    """A PNG as something an ``<img>`` can show without a further request."""
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")

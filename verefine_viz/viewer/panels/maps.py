@@ -7,9 +7,11 @@ import json
 import numpy as np
 import viser
 
+from verefine_viz.core.colormaps import rgb
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.recording.png import indexed_png
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_image, scale_of
+from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_shades, png, scale_of
 from verefine_viz.viewer.markup import carries, swatch, text
 from verefine_viz.viewer.pair_words import score_digits
 from verefine_viz.viewer.score_tables import CLASS_MEANING
@@ -68,12 +70,14 @@ def _row(view: View, side: Side, crop: Crop, letter: str) -> str:
 
 def _picture(view: View, side: Side, name: MapName, crop: Crop) -> str:
     assert side.maps is not None
-    image = map_image(name, side.maps, view.map_target, view.session.score.tau_m, crop)
-    if view.look.pixel is not None:
-        image = _with_cross(image, view.look.pixel[0] - crop.u0, view.look.pixel[1] - crop.v0)
+    shades, palette = map_shades(name, side.maps, view.map_target, view.session.score.tau_m, crop)
+    if view.look.pixel is None:
+        picture = indexed_png(shades, palette)
+    else:
+        picture = png(_with_cross(rgb(shades, palette), view.look.pixel[0] - crop.u0, view.look.pixel[1] - crop.v0))
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     return (
-        f'<img src="{data_uri(image)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '
+        f'<img src="{data_uri(picture)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '
         f'alt="{text(LABELS[name][0])} of {text(side.pose.label)}" title="click for the numbers of a pixel">'
     )
 
