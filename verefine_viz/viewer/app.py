@@ -228,11 +228,11 @@ class App:
             self.debugger.apply(command)
         except VerefineError as error:
             self.debugger.message, self.debugger.refused = str(error), True
-        self.page.show()
+        self.page.show(with_picture=True)
         self.page.go_on()
         self.page.leave_off()
         self._telling.repeat()
 
     def _show(self) -> None:
-        self.page.show()
+        self.page.show(with_picture=self.debugger.is_busy)
         self._telling.shown()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from time import monotonic
+from typing import Literal
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
@@ -17,7 +18,9 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.viewing import later, standing
 
 FRAME_S = 1 / 25
-"""Time between two pictures of an animation [s]."""
+"""Time between two pictures of an animation, and from words to the picture that goes with them [s]."""
+CALM_S = 0.25
+"""What is shown sooner after the last comes with its picture [s]: a person drags a slider."""
 _END = object()
 
 
@@ -38,7 +41,8 @@ class Page:
         self.layout = Layout(server, requests.send, batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
-        self._is_shallow = False
+        self._view: View | None = None
+        self._left: Literal["maps", "picture"] | None = None
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
 
@@ -50,27 +54,37 @@ class Page:
     @property
     def wait_s(self) -> float | None:
         """How long it is complete without :meth:`go_on` [s]; None = until something is asked for."""
-        if self._is_shallow:
-            return 0
+        if self._left is not None:
+            return FRAME_S if self._left == "picture" else 0
         if self._animation is not None:
             return FRAME_S
         return None if self._later is None else 0
 
-    def show(self) -> None:
-        """Poses, numbers and words at once; what takes longer is left to :meth:`go_on`."""
-        self._view = self._debugger.view(deep=False)
+    def show(self, with_picture: bool = False) -> None:
+        """Words and numbers at once; what takes longer is left to :meth:`go_on`.
+
+        Of an object that is shown already score maps come at once too, and the picture is left: a browser without a GPU
+        takes its time for that, and would not show anything before.
+
+        Args:
+            with_picture: leave that by no means; there is more to do.
+        """
+        view = self._debugger.view(deep=False)
+        hurries = with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(view, self._view)
+        self._left = "maps" if hurries else "picture"
+        self._view = view if hurries else self._debugger.view()
         hand_is_ahead = self._requests.holds(c.Seek)
         with self._server.atomic():
-            self.scene.show(self._view)
-            self.sides.show(self._view)
+            if hurries:
+                self._draw(self._view)
             self.layout.show(self._view, hand_is_ahead)
         self._server.flush()
         self._shown_at = monotonic()
-        self._is_shallow = True
 
     def animate(self, command: c.Command, before: int) -> None:
         """Has what a command did shown picture by picture, where it is to be; ``before`` was the cursor before it."""
         view = self._view
+        assert view is not None
         stepped = isinstance(command, c.Step) and view.cursor == before + 1
         if stepped and view.look.animate and view.is_current:
             self._animation = self.scene.animation(view)
@@ -78,9 +92,9 @@ class Page:
             self._animation = self.scene.path_animation(view)
 
     def go_on(self) -> None:
-        """One thing more: score maps, the next picture, or something about the whole scene's physics."""
-        if self._is_shallow:
-            self._show_deep()
+        """One thing more: score maps or the picture, the next one of an animation, or physics of the whole scene."""
+        if self._left is not None:
+            self._show_left()
         elif self._animation is not None:
             if next(self._animation, _END) is _END:
                 self._animation = None
@@ -92,12 +106,19 @@ class Page:
         """Something else is to be shown: what is left of animation and physics is of no use."""
         self._animation = self._later = None
 
-    def _show_deep(self) -> None:
-        self._is_shallow = False
+    def _draw(self, view: View) -> None:
+        self.scene.show(view)
+        self.sides.show(view)
+
+    def _show_left(self) -> None:
+        left, self._left = self._left, None
         view = self._debugger.view()
         with self._server.atomic():
-            self.scene.show_deep(view)
-            self.layout.show_deep(view)
+            if left == "picture":
+                self._draw(view)
+            else:
+                self.scene.show_deep(view)
+                self.layout.show_deep(view)
         self._server.flush()
         if not view.physics.complete or _judged_alone(view):
             self._later = later(view, self._debugger.workspace.branch.judge)
@@ -109,6 +130,15 @@ class Page:
             self.scene.show_physics(view)
             self.layout.show_physics(view)
         self._server.flush()
+
+
+def _is_known(view: View, shown: View | None) -> bool:
+    """Whether it is of the frame and object that are shown already."""
+    return (
+        shown is not None
+        and view.problem is shown.problem
+        and view.target.instance.instance_id == shown.target.instance.instance_id
+    )
 
 
 def _judged_alone(view: View) -> bool:
