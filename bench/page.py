@@ -1,8 +1,8 @@
 """How long a click takes until its result is on the screen: ``python -m bench.page [SESSION]``; needs Chromium.
 
 The page is served by a process of its own and looked at in headless Chromium at 1280×800, whose software WebGL takes
-part of the same cores. Words, numbers, score maps and curves of an iteration arrive together; the clock runs, in the
-page itself, from the click until they are drawn.
+part of the same cores. Words, numbers, score maps and curves of an iteration arrive together, its first picture in 3D
+after them; the clock runs, in the page itself, from the click until they are drawn.
 """
 
 from __future__ import annotations
@@ -25,15 +25,33 @@ from verefine_viz.recording.viewer_process import LOOPBACK, free_port
 
 REPEATS = 12
 SLOW_MS = 300_000
-PAUSE_MS = 1500
-"""Between two clicks: the animation of a step is over."""
+CALM_MS, HURRIED_MS = 3000, 1200
+"""Between two clicks: the animation of a step is over, or still goes on."""
 CLICK = """
 ([button, words]) => new Promise(resolve => {
   const clicked = performance.now();
+  const gl = window.__viserMutable.canvas.getContext("webgl2");
+  const pictures = window.__viserTestpoints.rendererInfo.render;
+  const drawn = {};
+  const keep = what => {
+    drawn[what] = performance.now() - clicked;
+    if (drawn.words && drawn.picture) resolve([drawn.words, drawn.picture]);
+  };
+  const finish = sync => {
+    if (gl.getSyncParameter(sync, gl.SYNC_STATUS) === gl.SIGNALED) keep("picture");
+    else setTimeout(() => finish(sync), 1);
+  };
+  const nextPicture = before => {
+    if (pictures.frame === before) return requestAnimationFrame(() => nextPicture(before));
+    const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    finish(sync);
+  };
   const watch = new MutationObserver(() => {
     if (document.body.textContent.includes(words)) {
       watch.disconnect();
-      requestAnimationFrame(() => requestAnimationFrame(() => resolve(performance.now() - clicked)));
+      requestAnimationFrame(() => requestAnimationFrame(() => keep("words")));
+      nextPicture(pictures.frame);
     }
   });
   watch.observe(document.body, {subtree: true, childList: true, characterData: true});
@@ -68,13 +86,21 @@ def _measured(address: str) -> list[dict[str, Any]]:
         page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
         page.get_by_text(re.compile("^Ready")).first.wait_for(timeout=SLOW_MS)
         # The first steps of a page are not timed: software WebGL compiles its shaders then.
-        steps = [_click(page, "Step ▶", k) for k in range(1, REPEATS + 1)][2:]
-        backs = [_click(page, "◀ Back", k) for k in range(REPEATS - 1, 1, -1)]
-    return [_row("an iteration forward, made anew", steps), _row("an iteration back", backs)]
+        steps = [_click(page, "Step ▶", k, CALM_MS) for k in range(1, REPEATS + 1)][2:]
+        backs = [_click(page, "◀ Back", k, CALM_MS) for k in range(REPEATS - 1, 0, -1)]
+        page.get_by_role("button", name="Restart").first.click()
+        hurried = [_click(page, "Step ▶", k, HURRIED_MS) for k in range(1, REPEATS + 1)][2:]
+    return [
+        _row("an iteration forward, made anew", [words for words, _ in steps]),
+        _row("… its first picture in 3D", [picture for _, picture in steps]),
+        _row("an iteration back", [words for words, _ in backs]),
+        _row("an iteration forward while the last still moves", [words for words, _ in hurried]),
+    ]
 
 
-def _click(page: Page, button: str, k: int) -> float:
-    page.wait_for_timeout(PAUSE_MS)
+def _click(page: Page, button: str, k: int, pause_ms: int) -> tuple[float, float]:
+    """Times until words, numbers and maps are drawn, and until the first picture in 3D is [ms]."""
+    page.wait_for_timeout(pause_ms)
     return page.evaluate(CLICK, [button, f"Iteration {k} of "])
 
 
