@@ -71,6 +71,7 @@ class Page:
         """
         view = self._debugger.view(deep=False)
         hurries = with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(view, self._view)
+        # Before the maps: where they fail, what is shown to say so does without them.
         self._left = "maps" if hurries else "picture"
         self._view = view if hurries else self._debugger.view()
         hand_is_ahead = self._requests.holds(c.Seek)
