@@ -19,6 +19,7 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import page
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_lines import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
@@ -56,6 +57,31 @@ def test_buttons_and_hotkeys_move_the_run(app: App) -> None:
         until(app, lambda: cursor(app) == 6)
         browser.trigger(command_of(app, "First"))
         until(app, lambda: cursor(app) == 0)
+
+
+def test_words_and_maps_come_before_the_picture_unless_somebody_hurries(
+    app: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came: list[str] = []
+    draw, write = app.page.scene.show, app.page.layout.show
+    monkeypatch.setattr(app.page.scene, "show", lambda view: (came.append("picture"), draw(view)))
+    monkeypatch.setattr(
+        app.page.layout,
+        "show",
+        lambda view, hand: (came.append("words and maps" if view.deep else "words"), write(view, hand)),
+    )
+
+    def shown(command: c.Command, calm_s: float) -> list[str]:
+        came.clear()
+        monkeypatch.setattr(page, "CALM_S", calm_s)
+        app.send(command)
+        app.wait_until_idle()
+        return list(came)
+
+    assert shown(c.Step(), 0) == ["words and maps", "picture"]
+    assert shown(c.Seek(0), 1e9) == ["picture", "words"]
+    assert shown(c.Back(), 0) == ["words and maps", "picture"]
+    assert shown(c.OpenFrame("0/2"), 0) == ["picture", "words"]
 
 
 def test_slider_seeks_and_follows(app: App) -> None:
