@@ -165,13 +165,18 @@ def is_seen(screen: Screen, found: Any, edge_px: float = 2) -> bool:
     Its lowest and uppermost ``edge_px`` do not count.
     """
     found.first.wait_for(timeout=SLOW_MS)
-    screen.page.wait_for_timeout(300)
-    return found.first.evaluate(
-        """(e, edge) => {const b = e.getBoundingClientRect();
-        const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
-        return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);}""",
-        edge_px,
-    )
+    for _ in range(15):  # A page that was just opened may still be moving.
+        screen.page.wait_for_timeout(300)
+        if found.first.evaluate(_IS_SEEN, edge_px):
+            return True
+    return False
+
+
+_IS_SEEN = """(e, edge) => {
+    const b = e.getBoundingClientRect();
+    const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
+    return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);
+}"""
 
 
 @pytest.fixture
