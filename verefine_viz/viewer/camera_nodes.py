@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from verefine_viz.core.colormaps import Image
 from verefine_viz.viewer.maps import map_image
 from verefine_viz.viewer.view import View
 
@@ -28,6 +27,7 @@ class CameraNodes:
             "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
         )
         photo = view.problem.observation.rgb
+        self._darkened = np.uint8(60) if photo is None else (photo * 0.55).astype(np.uint8)
         image = photo if photo is not None else np.full((*camera.shape, 3), 90, np.uint8)
         centre = (
             ((camera.width - 1) / 2 - camera.cx) / camera.fx * IMAGE_PLANE_M,
@@ -50,16 +50,11 @@ class CameraNodes:
         if not self._image.visible or side is None or side.maps is None:
             return
         picture = map_image(view.look.map, side.maps, view.map_target, view.session.score.tau_m)
-        image = _overlaid(picture, side.maps.classes > 0, view.problem.observation.rgb)
+        # A score map where the score says something, over the darkened photo elsewhere.
+        image = np.where((side.maps.classes > 0)[..., None], picture, self._darkened)
         if view.look.pixel is not None:
             u, v = view.look.pixel
             image[max(v - 4, 0) : v + 5, u] = image[v, max(u - 4, 0) : u + 5] = (255, 255, 255)
         if not np.array_equal(image, self._shown):
             self._image.image = image
             self._shown = image
-
-
-def _overlaid(picture: Image, relevant: np.ndarray, photo: Image | None) -> Image:
-    """A score map where the score says something, over the darkened photo elsewhere."""
-    back = np.full_like(picture, 60) if photo is None else (photo * 0.55).astype(np.uint8)
-    return np.where(relevant[..., None], picture, back)
