@@ -33,7 +33,7 @@ def test_first_minute(look: Look) -> None:
 
 
 def test_without_a_gpu_edges_are_not_smoothed(look: Look) -> None:
-    """Chromium draws by software here; smooth edges would double the time of every picture."""
+    """Chromium draws by software here; smooth edges would take half as long again."""
     screen = look(MUG)
     smoothed = "() => window.__viserMutable.canvas.getContext('webgl2').getContextAttributes().antialias"
     assert screen.page.evaluate(smoothed) is False

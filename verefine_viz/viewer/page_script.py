@@ -29,7 +29,7 @@ _SMOOTH_EDGES = """
   }
 }
 """.replace("SOFTWARE", "|".join(SOFTWARE))
-"""Without a GPU smooth edges take half the time of every picture, and a step waits for it."""
+"""Without a GPU smooth edges take a third of the time of every picture, and a step waits for it."""
 
 
 def with_script(answer: Answer) -> Answer:
