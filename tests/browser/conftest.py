@@ -159,6 +159,13 @@ def saved(folder: Path, **settings: Any) -> Path:
     return path
 
 
+_IS_SEEN = """(e, edge) => {
+    const b = e.getBoundingClientRect();
+    const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
+    return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);
+}"""
+
+
 def is_seen(screen: Screen, found: Any, edge_px: float = 2) -> bool:
     """Whether the first of what was found lies on the screen whole, with nothing over it and not scrolled away.
 
@@ -170,13 +177,6 @@ def is_seen(screen: Screen, found: Any, edge_px: float = 2) -> bool:
         if found.first.evaluate(_IS_SEEN, edge_px):
             return True
     return False
-
-
-_IS_SEEN = """(e, edge) => {
-    const b = e.getBoundingClientRect();
-    const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
-    return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);
-}"""
 
 
 @pytest.fixture

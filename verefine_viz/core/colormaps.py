@@ -33,12 +33,11 @@ class Scale:
     anchors: tuple[RGB, ...]
     """Evenly spaced colours."""
 
-    def shades(self, values: NDArray[np.floating]) -> Image:
+    def shades(self, values: NDArray[np.floating]) -> NDArray[np.uint8]:
         """Places (…) in the palette of values (…); NaN and infinity are 0."""
-        share = (values - values.dtype.type(self.low)) * values.dtype.type(254 / (self.high - self.low))
-        known = np.isfinite(share)
-        share = np.clip(np.rint(np.where(known, share, 0)), 0, 254).astype(np.uint8)
-        return np.where(known, share + np.uint8(1), np.uint8(0))
+        known = np.isfinite(values)
+        share = 254 * (np.where(known, values, self.low) - self.low) / (self.high - self.low)
+        return np.where(known, 1 + np.clip(np.rint(share), 0, 254), 0).astype(np.uint8)
 
     def colors(self, values: NDArray[np.floating]) -> Image:
         """RGB (…, 3) of values (…); NaN becomes :data:`EMPTY`."""

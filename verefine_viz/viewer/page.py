@@ -113,7 +113,10 @@ class Page:
 
     def _show_left(self) -> None:
         left, self._left = self._left, None
-        view = self._debugger.view()
+        if left == "maps":
+            self._view = self._debugger.view()
+        view = self._view
+        assert view is not None
         with self._server.atomic():
             if left == "picture":
                 self._draw(view)

@@ -23,7 +23,5 @@ addEventListener("click", event => {
 }, true);
 """
 
-
-def page_keys() -> str:
-    """A script that sees to it that Escape cancels from any box, and that a click on a tab does not take the keys."""
-    return _ON_ESCAPE + _ON_TAB
+PAGE_KEYS = _ON_ESCAPE + _ON_TAB
+"""A script that sees to it that Escape cancels from any box, and that a click on a tab does not take the keys."""

@@ -5,17 +5,18 @@ from __future__ import annotations
 import gzip
 import http
 from collections.abc import Callable
+from functools import lru_cache
 
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from verefine_viz.rendering.gl_context import SOFTWARE
-from verefine_viz.viewer.page_keys import page_keys
+from verefine_viz.viewer.page_keys import PAGE_KEYS
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 """What a web server answers to a request; None = nothing, it opens a websocket."""
 
-_SMOOTH_EDGES = """
+_ROUGH_EDGES = """
 {
   const probe = document.createElement("canvas").getContext("webgl2");
   const names = probe?.getExtension("WEBGL_debug_renderer_info");
@@ -34,8 +35,6 @@ _SMOOTH_EDGES = """
 
 def with_script(answer: Answer) -> Answer:
     """Serves the page with our script at its very beginning; everything else as it was."""
-    script = f"<script>{_SMOOTH_EDGES}{page_keys()}</script>".encode()
-    ready: dict[str, bytes] = {}
 
     def answer_with_script(connection: ServerConnection, request: Request) -> Response | None:
         response = answer(connection, request)
@@ -43,15 +42,16 @@ def with_script(answer: Answer) -> Answer:
             return response
         if not response.headers.get("Content-Type", "").startswith("text/html"):
             return response
-        encoding = response.headers["Content-Encoding"]
-        if encoding not in ready:
-            page = bytes(response.body or b"")
-            page = gzip.decompress(page) if encoding == "gzip" else page
-            page = page.replace(b"<head>", b"<head>" + script, 1)
-            ready[encoding] = gzip.compress(page) if encoding == "gzip" else page
-        response.body = ready[encoding]
+        response.body = _with_script(bytes(response.body or b""), response.headers.get("Content-Encoding") == "gzip")
         del response.headers["Content-Length"]
         response.headers["Content-Length"] = str(len(response.body))
         return response
 
     return answer_with_script
+
+
+@lru_cache(maxsize=4)
+def _with_script(page: bytes, is_packed: bool) -> bytes:
+    page = gzip.decompress(page) if is_packed else page
+    page = page.replace(b"<head>", f"<head><script>{_ROUGH_EDGES}{PAGE_KEYS}</script>".encode(), 1)
+    return gzip.compress(page) if is_packed else page
