@@ -1,0 +1,25 @@
+"""Score maps have the same colours in a recording as on the page."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from verefine_viz.core.colormaps import ANGLE, FIT, Scale, depth_scale, difference_scale
+from verefine_viz.recording.maps import _indices
+
+SCALES = (ANGLE, FIT, depth_scale(0.31, 0.94), difference_scale(0.02))
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@given(st.data())
+def test_compiled_for_recordings_they_are_the_same(scale: Scale, data: st.DataObject) -> None:
+    reach = scale.high - scale.low
+    ends = [float(np.float32(end)) for end in (scale.low - reach, scale.high + reach)]
+    some = st.floats(*ends, width=32) | st.sampled_from([np.nan, np.inf, -np.inf])
+    values = data.draw(arrays(np.float32, (3, 4), elements=some))
+    known = np.ones(values.shape, bool)
+    assert np.array_equal(_indices(values, known, 1.0, scale.low, scale.high), scale.shades(values.astype(np.float64)))
