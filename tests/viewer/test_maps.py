@@ -13,7 +13,7 @@ from tests.fakes import FakeVerifier, box_problem
 from verefine_viz.core.colormaps import EMPTY
 from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.viewer.cloud import clicked_pixel, cloud_colors, cloud_of
-from verefine_viz.viewer.maps import MAP_NAMES, Crop, crop_around, map_image, png, probe, scale_of
+from verefine_viz.viewer.maps import MAP_NAMES, Crop, crop_around, map_image, map_over, png, probe, scale_of
 
 PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]
@@ -28,6 +28,15 @@ def test_a_part_of_a_map_is_that_part_of_the_whole(name: str) -> None:
     crop = Crop(10, 5, 50, 45)
     assert whole.shape == (60, 80, 3)
     assert np.array_equal(map_image(name, MAPS, TARGET, TAU_M, crop), whole[5:45, 10:50])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_over_a_photo_a_map_hides_what_belongs_to_the_score_and_nothing_else(name: str) -> None:
+    photo = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
+    for maps in (MAPS, replace(MAPS, classes=np.zeros_like(MAPS.classes))):
+        whole = map_image(name, maps, TARGET, TAU_M)  # type: ignore[arg-type]
+        shown = map_over(photo, name, maps, TARGET, TAU_M)  # type: ignore[arg-type]
+        assert np.array_equal(shown, np.where((maps.classes > 0)[..., None], whole, photo))
 
 
 def test_scales_depend_on_the_frame_only() -> None:

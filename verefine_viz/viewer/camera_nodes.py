@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from verefine_viz.viewer.maps import map_image
+from verefine_viz.viewer.maps import map_over
 from verefine_viz.viewer.view import View
 
 IMAGE_PLANE_M = 0.12
@@ -27,7 +27,7 @@ class CameraNodes:
             "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
         )
         photo = view.problem.observation.rgb
-        self._darkened = np.uint8(60) if photo is None else (photo * 0.55).astype(np.uint8)
+        self._darkened = np.full((*camera.shape, 3), 60, np.uint8) if photo is None else (photo * 0.55).astype(np.uint8)
         image = photo if photo is not None else np.full((*camera.shape, 3), 90, np.uint8)
         centre = (
             ((camera.width - 1) / 2 - camera.cx) / camera.fx * IMAGE_PLANE_M,
@@ -49,9 +49,7 @@ class CameraNodes:
         side = view.b or view.a
         if not self._image.visible or side is None or side.maps is None:
             return
-        picture = map_image(view.look.map, side.maps, view.map_target, view.session.score.tau_m)
-        # A score map where the score says something, over the darkened photo elsewhere.
-        image = np.where((side.maps.classes > 0)[..., None], picture, self._darkened)
+        image = map_over(self._darkened, view.look.map, side.maps, view.map_target, view.session.score.tau_m)
         if view.look.pixel is not None:
             u, v = view.look.pixel
             image[max(v - 4, 0) : v + 5, u] = image[v, max(u - 4, 0) : u + 5] = (255, 255, 255)

@@ -54,24 +54,34 @@ class Crop:
             out[v0 - self.v0 : v1 - self.v0, u0 - self.u0 : u1 - self.u0] = image[v0:v1, u0:u1]
         return out
 
+    def part(self, image: NDArray[Any]) -> NDArray[Any]:
+        """The same without a copy, of an image that holds all of it."""
+        return image[self.v0 : self.v1, self.u0 : self.u1]
+
+
+def bounds(mask: NDArray[np.bool_]) -> Crop:
+    """The smallest part of the image that holds ``mask``; of no size where that is empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return Crop(0, 0, 0, 0)
+    return Crop(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
+
 
 def crop_around(mask: NDArray[np.bool_], aspect: float, margin: float = 0.25, step: int = 16) -> Crop:
     """The part of the image to show for an object: around ``mask``, of the given width / height.
 
     Sizes go in steps, so that the picture does not jitter from iteration to iteration. An empty mask gives all of it.
     """
-    h, w = mask.shape
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) == 0:
-        rows, columns = np.array([0, h - 1]), np.array([0, w - 1])
-        margin = 0.0
-    height, width = int(rows[-1] - rows[0] + 1), int(columns[-1] - columns[0] + 1)
+    found = bounds(mask)
+    if found.height == 0:
+        found, margin = Crop(0, 0, mask.shape[1], mask.shape[0]), 0.0
+    height, width = float(found.height), float(found.width)
     moved = step // 2 + 3  # The middle is rounded below: a small object must still be inside.
     height, width = max(height * (1 + 2 * margin), height + moved), max(width * (1 + 2 * margin), width + moved)
     height = max(height, width / aspect, step)
     height = int(np.ceil(height / step) * step)
     width = round(height * aspect)
-    v, u = (int(rows[0] + rows[-1] + 1) // 2, int(columns[0] + columns[-1] + 1) // 2)
+    v, u = (found.v0 + found.v1) // 2, (found.u0 + found.u1) // 2
     half = step // 2
     v, u = round(v / half) * half, round(u / half) * half
     return Crop(u - width // 2, v - height // 2, u - width // 2 + width, v - height // 2 + height)
@@ -95,6 +105,15 @@ def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
 def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None) -> Image:
     """One map as RGB (H, W, 3): of the whole image, or of a part of it."""
     return rgb(*map_shades(name, maps, target, tau_m, crop))
+
+
+def map_over(photo: Image, name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
+    """One map where it belongs to the score, a photo (H, W, 3) elsewhere."""
+    image = photo.copy()
+    says = maps.classes > 0
+    part = bounds(says)
+    np.copyto(part.part(image), map_image(name, maps, target, tau_m, part), where=part.part(says)[..., None])
+    return image
 
 
 def map_shades(
