@@ -12,7 +12,7 @@ import logging
 import os
 import zipfile
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -204,6 +204,16 @@ def _mass_properties(mesh: trimesh.Trimesh, parts: list[Float]) -> tuple[Float, 
 
 def _read(path: Path) -> Collider | None:
     """The collider kept at ``path``; None if there is none that can be used."""
+    try:
+        changed_ns = path.stat().st_mtime_ns
+    except OSError:  # Reading it says why.
+        changed_ns = 0
+    return _read_as_of(path, changed_ns)
+
+
+@lru_cache(maxsize=64)
+def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
+    """The same of a file that was last changed then, which is not read twice."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
             parts = tuple(np.split(kept["vertices"], kept["splits"]))
