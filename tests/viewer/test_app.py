@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from numba import njit
 
-from tests.fakes import FakeRefiner
+from tests.fakes import FakeRefiner, FakeVerifier
 from tests.viewer.client import client, until
 from tests.viewer.tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
@@ -237,6 +237,31 @@ def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
     app.wait_until_idle()
     assert app.debugger.message == "ZeroDivisionError: division by zero (a bug: please report it with the log)"
     assert app.debugger.running.goal is None
+
+
+@pytest.mark.parametrize("calm_s", [0.0, 60.0])
+def test_maps_that_cannot_be_made_are_told_of_and_not_tried_until_something_is_done(
+    app: App, monkeypatch: pytest.MonkeyPatch, calm_s: float
+) -> None:
+    tried: list[int] = []
+
+    def fail(*_: object) -> None:
+        tried.append(cursor(app))
+        raise ValueError("no maps")
+
+    monkeypatch.setattr(page, "CALM_S", calm_s)
+    monkeypatch.setattr(FakeVerifier, "maps", fail)
+    for k in (1, 2):
+        app.send(c.Step())
+        app.wait_until_idle()
+        assert app.debugger.message == "ValueError: no maps (a bug: please report it with the log)"
+        assert cursor(app) == k
+        assert app.page.wait_s is None
+        assert tried.count(k) <= 2
+    monkeypatch.undo()
+    app.send(c.Back())
+    app.wait_until_idle()
+    assert app.debugger.message == ""
 
 
 def test_what_a_refiner_of_another_program_raises_is_no_bug_of_this_one(

@@ -142,6 +142,7 @@ class App:
                 self._try_to_carry_out(command)
 
     def _try_to_carry_out(self, command: Command | object | None) -> None:
+        only_shows = not isinstance(command, Command) and not self.debugger.is_busy
         try:
             self._carry_out(command)
         except Cancelled:
@@ -152,15 +153,25 @@ class App:
             if not isinstance(error, VerefineError):
                 _LOG.exception("command %s failed", command)
                 said = told(error)
-            self._give_up(said, refused=True, offer=offer)
+            self._give_up(said, refused=True, offer=offer, with_maps=not only_shows)
 
-    def _give_up(self, message: str, refused: bool = False, offer: tuple[str, Command] | None = None) -> None:
-        """Shows what was open before a command that was not carried out, and says why it was not."""
+    def _give_up(
+        self,
+        message: str,
+        refused: bool = False,
+        offer: tuple[str, Command] | None = None,
+        with_maps: bool = True,
+    ) -> None:
+        """Shows what was open before a command that was not carried out, and says why it was not.
+
+        Without score maps where they, or what comes with them, are what could not be shown: or it would go on for ever.
+        """
         self.page.leave_off()
         self.debugger.running.pause()
         self.debugger.comparing.pause()
         self.debugger.message, self.debugger.refused, self.debugger.offer = message, refused, offer
-        self._show()
+        self.page.show(with_picture=True, with_maps=with_maps)
+        self._telling.shown()
 
     def _open(self) -> None:
         keeping = Keeping(self.server, self._folder, self._patience)

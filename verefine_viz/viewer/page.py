@@ -60,7 +60,7 @@ class Page:
             return FRAME_S
         return None if self._later is None else 0
 
-    def show(self, with_picture: bool = False) -> None:
+    def show(self, with_picture: bool = False, with_maps: bool = True) -> None:
         """Words and numbers at once; what takes longer is left to :meth:`go_on`.
 
         Of an object that is shown already score maps come at once too, and the picture is left: a browser without a GPU
@@ -68,11 +68,11 @@ class Page:
 
         Args:
             with_picture: leave that by no means; there is more to do.
+            with_maps: or leave those out, where the picture is not left.
         """
         view = self._debugger.view(deep=False)
         hurries = with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(view, self._view)
-        # Before the maps: where they fail, what is shown to say so does without them.
-        self._left = "maps" if hurries else "picture"
+        self._left = "picture" if not hurries else "maps" if with_maps else None
         self._view = view if hurries else self._debugger.view()
         hand_is_ahead = self._requests.holds(c.Seek)
         with self._server.atomic():

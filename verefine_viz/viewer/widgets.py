@@ -137,5 +137,5 @@ class Chart:
         with self._container:
             return self._gui.add_uplot(
                 data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=False),
-                axes=(WHOLE_NUMBERS, uplot.Axis(size=labels_px)), padding=(4, 14, 0, 0),
+                axes=(WHOLE_NUMBERS, uplot.Axis(size=labels_px)), padding=(9, 14, 0, 0),
             )  # fmt: skip
