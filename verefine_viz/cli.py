@@ -29,7 +29,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import SettingsError, VerefineError
+from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.places import at_home
 
 PROGRAM = "verefine-viz"
@@ -126,6 +126,8 @@ def parse(words: list[str]) -> Command:
     except SystemExit as end:
         if end.code != USAGE:
             raise
+        if words and words[0] not in COMMANDS and not words[0].startswith("-"):
+            raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help") from None
         program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
         command = COMMANDS.get(words[0]) if words else None
         raise SettingsError(one_line(said.getvalue(), program, command, words)) from None

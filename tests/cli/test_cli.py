@@ -111,7 +111,10 @@ def test_batch_takes_several_sessions() -> None:
     ("words", "expected"),
     [
         ([], f"expected one of {{{', '.join(cli.COMMANDS)}}}"),
-        (["veiw"], f"unrecognized options: veiw; available subcommands: {', '.join(cli.COMMANDS)}"),
+        (
+            ["veiw"],
+            f"unknown command 'veiw'; did you mean 'view'? available: {', '.join(cli.COMMANDS)}; see verefine-viz",
+        ),
         (["view", "--scor.tau-m", "1"], "unrecognized options: --scor.tau-m"),
         (
             ["view", "--recording.kep", "all"],

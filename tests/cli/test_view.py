@@ -46,6 +46,11 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
         ),
         (["--method.name", "rirr"], "unknown method 'rirr'; did you mean 'rir'? available: "),
         (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),
+        (
+            ["poses.csv"],
+            "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a recording "
+            "(.rrd); poses in a CSV are named by a session: [hypotheses] files",
+        ),
         ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
     ],
 )

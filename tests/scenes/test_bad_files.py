@@ -145,6 +145,14 @@ def test_a_folder_that_is_no_data_set(tmp_path: Path) -> None:
         open_scene(SceneSettings(source="bop", dataset=str(tmp_path)), HypothesesSettings())
 
 
+def test_a_folder_of_data_sets(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name / "test" / "000001").mkdir(parents=True)
+    expected = rf"; data sets that have it: {tmp_path}/a, {tmp_path}/b; set scene.dataset to one of them$"
+    with pytest.raises(InputError, match=expected):
+        open_scene(SceneSettings(source="bop", dataset=str(tmp_path)), HypothesesSettings())
+
+
 @pytest.mark.parametrize("named", ["yc/test", "yc/test/000007", "."])
 def test_a_folder_near_the_data_set(tmp_path: Path, named: str) -> None:
     make(tmp_path / "made").root.rename(tmp_path / "yc")

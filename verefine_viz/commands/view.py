@@ -83,7 +83,9 @@ def _check_kind(path: Path | None) -> None:
     """
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
-        raise InputError(f"{path} {why}; expected a session (.toml), the folder of a batch run, or a recording (.rrd)")
+        hint = "; poses in a CSV are named by a session: [hypotheses] files" if path.suffix == ".csv" else ""
+        expected = "a session (.toml), the folder of a batch run, or a recording (.rrd)"
+        raise InputError(f"{path} {why}; expected {expected}{hint}")
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:

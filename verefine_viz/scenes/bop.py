@@ -271,7 +271,9 @@ def _meant(folder: Path, split: str) -> str:
     """Which data set somebody meant who named a folder in it, or the one that it lies in; empty if nobody can tell."""
     below = [path for path in folder.iterdir() if path.is_dir()]
     near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if _scenes_in(place / split)]
-    return f"; the data set is {near[0]}: set scene.dataset to it" if len(near) == 1 else ""
+    if len(near) > 1:
+        return f"; data sets that have it: {listed(near)}; set scene.dataset to one of them"
+    return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
 
 
 def _scenes_in(folder: Path) -> dict[int, Path]:

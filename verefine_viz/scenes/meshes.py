@@ -120,8 +120,8 @@ def _loaded(path: Path, skip_materials: bool) -> trimesh.Trimesh:
     try:
         loaded = trimesh.load_mesh(path, process=False, skip_materials=skip_materials)
     except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
-        reason = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{path} is damaged or no mesh ({type(error).__name__}: {reason})") from None
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path} is damaged, cut off or no mesh ({reason}); fetch it again") from None
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
         raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
     if not np.isfinite(loaded.vertices).all():

@@ -46,6 +46,10 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     return _of_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
 
 
+_OPEN_QUOTE = "Illegal character '\\n'"
+"""What the parser says of a text that does not end in its line."""
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         # Some editors begin a text with a byte order mark, which TOML does not know.
@@ -61,7 +65,8 @@ def _read(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"session file {path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"session file {path} is not TOML: {error}") from None
+        hint = "; a quote that begins there is not closed" if str(error).startswith(_OPEN_QUOTE) else ""
+        raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
 
 
 def resolve(raw: Raw, origin: str = "session") -> Session:

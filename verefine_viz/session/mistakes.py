@@ -42,7 +42,9 @@ def first_mistake(error: ValidationError) -> str:
         return f"{field} = {repr(detail['input'])[:80]}: expected a section, [{field}]"
     # A field of several kinds (a word or a vector) fails once for each of them.
     ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
-    return f"{field} = {repr(detail['input'])[:80]}: {', or '.join(dict.fromkeys(ways))}"
+    if detail["loc"][:2] == ("scene", "objects"):
+        ways = ["expected the id of an object, as 5 for obj_000005.ply"]
+    return f"{field} = {repr(detail['input'])[:80]}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
 
 
 def _field(location: tuple[int | str, ...]) -> str:
@@ -50,8 +52,18 @@ def _field(location: tuple[int | str, ...]) -> str:
     return ".".join(str(part) for part in location if not (isinstance(part, str) and re.search(r"[\[(]", part)))
 
 
+def _unit(field: str) -> str:
+    unit = _UNITS.get(field.rpartition("_")[2])
+    return f", in {unit}" if unit else ""
+
+
+_UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
+
+
 def _example(location: tuple[int | str, ...], value: Any) -> str:
-    """The list that somebody meant who wrote its only entry."""
+    """The list that somebody meant who wrote its only entry, or nothing."""
+    if value == "":
+        return ", []"
     model: Any = Session
     for part in location:
         model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
