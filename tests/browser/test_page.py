@@ -50,6 +50,12 @@ def test_without_a_gpu_what_moves_is_drawn_coarsely_and_what_rests_is_sharp(look
     page.get_by_role("button", name="Step ▶").click()
     page.wait_for_function(f"{sharpness} === 0.5")
     page.wait_for_function(f"{sharpness} === 1")
+    page.mouse.move(600, 150)
+    page.mouse.down()
+    page.mouse.move(650, 160, steps=5)
+    page.wait_for_function(f"{sharpness} === 0.5")
+    page.mouse.up()
+    page.wait_for_function(f"{sharpness} === 1")
 
 
 def test_every_panel(look: Look) -> None:
