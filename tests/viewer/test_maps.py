@@ -97,7 +97,7 @@ def test_the_probe_gives_the_numbers_of_the_pixel() -> None:
     assert inside.contribution == pytest.approx(1 / MAPS.counted.sum())
     assert outside.rendered_m is None
     assert outside.difference_mm is None
-    assert outside.pixel_class == "not part of the score"
+    assert outside.pixel_class == "not scored"
     assert outside.contribution == 0.0
 
 

@@ -176,7 +176,7 @@ def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
         angle_deg=angle if rendered > 0 and np.isfinite(angle) else None,
         f_d=f_d,
         f_n=f_n,
-        pixel_class=PIXEL_CLASSES[value - 1] if value else "not part of the score",
+        pixel_class=PIXEL_CLASSES[value - 1] if value else "not scored",
         contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
         counted=counted,
     )
