@@ -60,7 +60,7 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
     assert box(screen, "moved 32.5 mm").is_visible()
     screen.app.send(c.OpenSession(str(tmp_path / "kept.toml")))
     screen.until(lambda: screen.app.debugger.workspace.breakpoints == kept)
-    assert box(screen, "moved 32.5 mm").is_checked()
+    screen.until(box(screen, "moved 32.5 mm").is_checked)
 
 
 def test_a_pose_put_near_the_truth_is_refined_next_and_wins(look: Look) -> None:

@@ -11,8 +11,8 @@ from verefine_viz.session.toolbox import Toolbox
 
 FOLDER = Path(__file__).parent
 SCENES = {"vf_breadth": "stack", "vf_depth": "stack", "physim_mcts": "clutter"}
-"""Of methods that need company; the others are traced on the duck. Its tree
-is not grown on the stack: 60 steps of simulation make 3e-5 there of the last digit, which differs between processors."""
+"""Of methods that need company; the others are traced on the duck. No tree is grown on the stack: there 60 steps of
+simulation make 3e-5 of the last digit, which differs between processors."""
 
 
 def trace_file(name: str) -> Path:
