@@ -39,25 +39,6 @@ def test_without_a_gpu_edges_are_not_smoothed(look: Look) -> None:
     assert screen.page.evaluate(smoothed) is False
 
 
-def test_without_a_gpu_what_moves_is_drawn_coarsely_and_what_rests_is_sharp(look: Look) -> None:
-    page = look(MUG).page
-    page.wait_for_function("window.__viserMutable.requestRender.isRough")
-    sharpness = """(() => {
-        const {canvas, scene} = window.__viserMutable;
-        return canvas.width / (canvas.clientWidth * scene.__r3f.root.getState().viewport.dpr);
-    })()"""
-    page.wait_for_function(f"{sharpness} === 1")
-    page.get_by_role("button", name="Step ▶").click()
-    page.wait_for_function(f"{sharpness} === 0.5")
-    page.wait_for_function(f"{sharpness} === 1")
-    page.mouse.move(600, 150)
-    page.mouse.down()
-    page.mouse.move(650, 160, steps=5)
-    page.wait_for_function(f"{sharpness} === 0.5")
-    page.mouse.up()
-    page.wait_for_function(f"{sharpness} === 1")
-
-
 def test_every_panel(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")

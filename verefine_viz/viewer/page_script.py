@@ -27,41 +27,17 @@ _WITHOUT_GPU = """
     HTMLCanvasElement.prototype.getContext = function (kind, options) {
       return get.call(this, kind, kind.startsWith("webgl") ? {...options, antialias: false} : options);
     };
-    const drawRoughly = viewer => {
-      const three = viewer.scene.__r3f.root, request = viewer.requestRender;
-      // viser would go over to fewer pixels by itself after some slow pictures, and seldom come back.
-      const settings = window.__viserTestpoints.devSettings;
+    // viser would go over to fewer pixels by itself after some slow pictures, and seldom come back.
+    const held = setInterval(() => {
+      const settings = window.__viserTestpoints?.devSettings;
+      if (!settings) return;
+      clearInterval(held);
       if (settings.get().fixedDpr === null) settings.set({fixedDpr: window.devicePixelRatio});
-      let calm;
-      const drawSharply = () => {
-        calm = undefined;
-        const {gl, viewport, invalidate} = three.getState();
-        gl.setPixelRatio(viewport.dpr);
-        invalidate();
-      };
-      const moves = () => {
-        const {gl, viewport} = three.getState();
-        if (calm === undefined) gl.setPixelRatio(viewport.dpr / 2);
-        clearTimeout(calm);
-        calm = setTimeout(drawSharply, 400);
-      };
-      viewer.requestRender = () => {
-        moves();
-        request();
-      };
-      viewer.requestRender.isRough = true;
-      viewer.cameraControl.addEventListener("update", moves);
-    };
-    // viser makes its view known some time after the page is there, and anew when its canvas is.
-    setInterval(() => {
-      const viewer = window.__viserMutable;
-      if (viewer?.cameraControl && !viewer.requestRender.isRough) drawRoughly(viewer);
     }, 500);
   }
 }
 """.replace("SOFTWARE", "|".join(SOFTWARE))
-"""Without a GPU smooth edges take a third of the time of every picture, and a step waits for it. While something moves
-every other pixel will do: there are 1.5 times as many pictures."""
+"""Without a GPU smooth edges take a third of the time of every picture, and a step waits for it."""
 
 
 def with_script(answer: Answer) -> Answer:
