@@ -46,8 +46,8 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     return _of_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
 
 
-_OPEN_QUOTE = "Illegal character '\\n'"
-"""What the parser says of a text that does not end in its line."""
+_OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
+"""What the parser says of a text that does not end in its line, or at all."""
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -65,7 +65,8 @@ def _read(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"session file {path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
-        hint = "; a quote that begins there is not closed" if str(error).startswith(_OPEN_QUOTE) else ""
+        is_open = any(saying in str(error) for saying in _OPEN_QUOTE)
+        hint = "; a quote is opened there or before and not closed" if is_open else ""
         raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
 
 

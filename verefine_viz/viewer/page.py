@@ -68,7 +68,7 @@ class Page:
 
         Args:
             with_picture: leave that by no means; there is more to do.
-            with_maps: or leave those out, where the picture is not left.
+            with_maps: whether those follow it; False = they could not be made.
         """
         view = self._debugger.view(deep=False)
         hurries = with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(view, self._view)
