@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
+from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS, Look, Screen
 from verefine_viz.core.geometry import apply
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
@@ -37,6 +37,19 @@ def test_without_a_gpu_edges_are_not_smoothed(look: Look) -> None:
     screen = look(MUG)
     smoothed = "() => window.__viserMutable.canvas.getContext('webgl2').getContextAttributes().antialias"
     assert screen.page.evaluate(smoothed) is False
+
+
+def test_without_a_gpu_3d_stays_at_the_resolution_of_the_screen(look: Look) -> None:
+    """viser would draw fewer pixels after a few slow pictures, and software draws slowly."""
+    screen = look(MUG)
+    page = screen.page.context.browser.new_page(viewport=SIZE)
+    page.goto(screen.app.url)
+    held = "() => window.__viserTestpoints?.devSettings?.get().fixedDpr === window.devicePixelRatio"
+    page.wait_for_function(held, timeout=SLOW_MS)
+    page.wait_for_function("window.__viserTestpoints.rendererInfo?.render?.frame >= 8", timeout=SLOW_MS)
+    width = "() => { const c = window.__viserMutable.canvas; return c.width / c.clientWidth / window.devicePixelRatio; }"
+    assert page.evaluate(width) == pytest.approx(1.0, abs=0.01)
+    page.close()
 
 
 def test_every_panel(look: Look) -> None:
