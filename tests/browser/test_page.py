@@ -47,8 +47,8 @@ def test_without_a_gpu_3d_stays_at_the_resolution_of_the_screen(look: Look) -> N
     held = "() => window.__viserTestpoints?.devSettings?.get().fixedDpr === window.devicePixelRatio"
     page.wait_for_function(held, timeout=SLOW_MS)
     page.wait_for_function("window.__viserTestpoints.rendererInfo?.render?.frame >= 8", timeout=SLOW_MS)
-    width = "() => { const c = window.__viserMutable.canvas; return c.width / c.clientWidth / window.devicePixelRatio; }"
-    assert page.evaluate(width) == pytest.approx(1.0, abs=0.01)
+    share = "() => { const c = window.__viserMutable.canvas; return c.width / c.clientWidth / devicePixelRatio; }"
+    assert page.evaluate(share) == pytest.approx(1.0, abs=0.01)
     page.close()
 
 
