@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from tests.fakes import FakeVerifier
 from tests.viewer.tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.comparison import Difference
 from verefine_viz.viewer import commands as c
@@ -14,6 +18,8 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.markup import sentence
 from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.side_scores import better, scores_note
+from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
 
 
@@ -40,11 +46,73 @@ def test_a_run_beside_itself_has_no_difference_to_jump_to() -> None:
     assert {o.winner for o in sides(d).outcomes} == {"even"}
 
 
-def test_scores_by_another_rule_are_told_and_judged_by_one() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("score.tau_m", 0.01),))])
+def test_scores_by_other_settings_are_not_compared() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun((*SIR, ("score.tau_m", 0.01)))])
     v = sides(d)
     assert not v.scores_alike
-    assert v.settings == (("score.tau_m", 0.02, 0.01),)
+    said = "Scores of A and B are not comparable: score.tau_m is 0.02 in A, 0.01 in B. "
+    assert f"{said}Errors against ground truth are." in scores_note(v)
+    assert "score ⚠" in outcome_table(v)
+    assert "is nearer to the truth on 2 of 2 objects" in summary(v)
+    blind = without_truth(v)
+    assert f"{said}Without ground truth nothing here says which is better" in scores_note(blind)
+    assert "At the end nothing says which is better." in summary(blind)
+    assert [better(blind, o) for o in blind.outcomes] == [None, None]
+    one = replace(v, outcomes=v.outcomes[:1])
+    assert "A is nearer to the truth" in summary(one)
+    assert "scores" not in summary(one)
+
+
+def test_scores_by_the_same_settings_are_compared() -> None:
+    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun((*SIR, ("score.renderer", "cpu")))]))
+    assert scores_note(v) == ""
+    assert "⚠" not in outcome_table(v)
+    blind = without_truth(v)
+    assert [better(blind, o) for o in blind.outcomes] == ["A", "A"]
+
+
+def test_each_side_is_told_with_its_own_scores() -> None:
+    class Stricter(FakeTools):
+        """Scores a tenth with the smaller tolerance."""
+
+        def __init__(self, session: Session) -> None:
+            super().__init__(session)
+            if session.score.tau_m < 0.02:
+                self.verifier = StrictVerifier()
+
+    class StrictVerifier(FakeVerifier):
+        def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+            scores = super().score(target, Ts_cam_obj, placed)
+            return replace(scores, score=scores.score / 10)
+
+    d = Debugger(SESSION, None, Stricter).carry_out([c.RunUntil("end"), s.CompareRun((("score.tau_m", 0.01),))])
+    v = sides(d)
+    assert v.now_a is not None
+    assert v.now_b is not None
+    assert v.now_a.score is not None
+    assert v.now_b.score is not None
+    assert v.now_b.score < 0.1 < 0.9 < v.now_a.score
+    assert f">{v.now_a.score:.2f} → {v.now_b.score:.2f}<" in outcome_table(v), "as in the table above it"
+    assert f"by those of A, B&#x27;s answer scores {10 * v.now_b.score:.2f}" in outcome_table(v)
+
+
+def test_settings_changed_on_the_way_count() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.Fork((("score.alpha", 0.293),), 2, run=True), s.CompareBranch(0)])
+    assert "score.alpha is 0.293 in A, 0.707 in B" in scores_note(sides(d))
+
+
+def without_truth(v: SidesView) -> SidesView:
+    """The same, where nobody knows who is nearer."""
+    blind = [replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes]
+    return replace(v, outcomes=tuple(blind))
+
+
+def test_settings_without_room_are_in_a_tooltip() -> None:
+    v = sides(debugger().carry_out([s.CompareRun((("preset", "published"),))]))
+    shown, _, rest = settings_list(v).partition("title=")
+    assert len(v.settings) > 8
+    assert shown.count(" → ") == 9, "eight and the heading"
+    assert all(name in rest for name, _, _ in v.settings[8:])
 
 
 def test_without_ground_truth_nobody_is_called_nearer() -> None:
@@ -52,11 +120,8 @@ def test_without_ground_truth_nobody_is_called_nearer() -> None:
     assert "is nearer to the truth on 2 of 2 objects, B on 0." in summary(v)
     means = [sum(o.errors.add_s_mm for o in side) / 2 for side in zip(*((o.a, o.b) for o in v.outcomes), strict=True)]
     assert f">{means[0]:.1f} → {means[1]:.1f}</span>" in outcome_table(v)
-    blind = tuple(
-        replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes
-    )
-    assert "A scores higher on 2 of 2 objects" in summary(replace(v, outcomes=blind))
-    assert "nearer" not in summary(replace(v, outcomes=blind))
+    assert "A scores higher on 2 of 2 objects" in summary(without_truth(v))
+    assert "nearer" not in summary(without_truth(v))
 
 
 def test_names_from_data_are_text() -> None:

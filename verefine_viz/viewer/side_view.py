@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
@@ -81,7 +81,7 @@ class SidesView:
     outcomes: tuple[Outcome, ...]
     """The answers so far, at the end of what is computed."""
     frame_scores: tuple[float, float] | None
-    """How well all answers of A and all of B explain the frame together, by the rule of A; None for one object."""
+    """How well all answers of A and all of B explain the frame together; None for one object."""
     effort_a: Effort
     effort_b: Effort
     now_a: SideNow | None
@@ -114,7 +114,8 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, who
     if moment is not None and not chosen and moment.instance_id in found.a.instance_ids:
         focus = found.a.problem.target(moment.instance_id)
     own = focus.instance.instance_id
-    session_a, session_b = a.tools.session, b.tools.session
+    # With what was changed on the way, as its answers are scored.
+    session_a, session_b = a.settings, b.settings
     alike = scores_alike(session_a, session_b)
     judge = a.judge
     between = settings_between(session_a, session_b)
@@ -156,7 +157,7 @@ def sides_view(comparing: Comparing, a: Branch, focus: Target, chosen: bool, who
         "All objects, means over the moments" if whole_scene else f"{name_of(found.a.problem, own)}, by refiner calls",
         found.differences,
         answers,
-        _frame_scores(a, found.a.problem, answers),
+        _frame_scores(found, a, b, answers),
         effort_of(found.a),
         effort_of(found.b),
         _now(found.a, judge, focus, kept(k_a), found.timeline.a_at(place)) if own in poses else None,
@@ -281,12 +282,16 @@ def _drawn(calls: tuple[int, ...], sides: Sequence[Line]) -> Curves:
     return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
 
 
-def _frame_scores(a: Branch, problem: Problem, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
-    both = [o for o in answers if o.a is not None and o.b is not None]
+def _frame_scores(found: Compared, a: Branch, b: Branch, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
+    """Of all answers of A and of B together: by the settings of A, or where B scores by others, of B by its own."""
+    both = [(o.instance_id, o.a.best, o.b.best) for o in answers if o.a is not None and o.b is not None]
     if len(both) < 2:
         return None
-    targets = [problem.target(o.instance_id) for o in both]
-    one = np.array([o.a.best.T_cam_obj for o in both if o.a])
-    other = np.array([o.b.best.T_cam_obj for o in both if o.b])
-    score_a, score_b = (together(a.judge, targets, Ts_cam_obj, a.tools.session).score for Ts_cam_obj in (one, other))
-    return score_a, score_b
+    alike = scores_alike(a.settings, b.settings)
+    judge_b, session_b, problem_b = (
+        (a.judge, a.settings, found.a.problem) if alike else (b.final_judge, b.settings, found.b.problem)
+    )
+    one, other = np.array([x.T_cam_obj for _, x, _ in both]), np.array([x.T_cam_obj for _, _, x in both])
+    score_a = together(a.judge, [found.a.problem.target(own) for own, _, _ in both], one, a.settings)
+    score_b = together(judge_b, [problem_b.target(own) for own, _, _ in both], other, session_b)
+    return score_a.score, score_b.score

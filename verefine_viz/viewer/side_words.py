@@ -12,6 +12,7 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_words import TERMS
+from verefine_viz.viewer.side_scores import better, has_both, judged_by_a, own_score, plain, score_sign
 from verefine_viz.viewer.side_view import SideNow, SidesView
 from verefine_viz.viewer.tables import number
 
@@ -33,10 +34,7 @@ def _parting(v: SidesView) -> str:
     if deed is None:
         assert score is not None
         return f"{a} and {b} reach the same poses, but judge them differently: {_at(score)}, B {score.text}."
-    said = f"{a} and {b} {_until(deed)} {_deed(v, deed)}."
-    if score is not None and score.place < deed.place and not v.scores_alike:
-        said += " They score poses by different rules."
-    return said
+    return f"{a} and {b} {_until(deed)} {_deed(v, deed)}."
 
 
 def _until(deed: Difference) -> str:
@@ -71,20 +69,24 @@ def _at(difference: Difference) -> str:
 
 def _ending(v: SidesView) -> str:
     when = _when(v)
-    known = [o for o in v.outcomes if o.winner is not None]
-    if not known:
+    answered, known = [o for o in v.outcomes if has_both(o)], [o for o in v.outcomes if better(v, o) is not None]
+    if not answered:
         return f"{when} neither has an answer for the same object."
+    if not known:  # Scores by different settings, and no ground truth.
+        return f"{when} nothing says which is better."
     if len(v.outcomes) == 1:
         o = known[0]
         assert o.a is not None
         assert o.b is not None
         if o.a.errors is None or o.b.errors is None:
-            better = {"A": "A scores higher", "B": "B scores higher", "even": "they score the same"}
-            return f"{when} {better[o.winner or 'even']}: A {o.a.score:.2f}, B {o.b.score:.2f}."
-        better = {"A": "A is nearer to the truth", "B": "B is nearer to the truth", "even": "they are equally near"}
-        off = f"A is {o.a.errors.add_s_mm:.1f} mm off and scores {o.a.score:.2f}"
-        return f"{when} {better[o.winner or 'even']}: {off}, B {o.b.errors.add_s_mm:.1f} mm and {o.b.score:.2f}."
-    wins = tally(v.outcomes)
+            higher = {"A": "A scores higher", "B": "B scores higher", "even": "they score the same"}
+            return f"{when} {higher[o.winner or 'even']}: A {o.a.score:.2f}, B {o.b.score:.2f}."
+        nearer = {"A": "A is nearer to the truth", "B": "B is nearer to the truth", "even": "they are equally near"}
+        said, off_a, off_b = f"{when} {nearer[o.winner or 'even']}", o.a.errors.add_s_mm, o.b.errors.add_s_mm
+        if not v.scores_alike:
+            return f"{said}: A is {off_a:.1f} mm off, B {off_b:.1f} mm."
+        return f"{said}: A is {off_a:.1f} mm off and scores {o.a.score:.2f}, B {off_b:.1f} mm and {o.b.score:.2f}."
+    wins = tally(known)
     # Without ground truth nobody knows who is nearer.
     blind = all(o.a is not None and o.a.errors is None for o in known)
     said = f"{when} A {'scores higher' if blind else 'is nearer to the truth'} on {wins['A']} of {len(known)} objects, "
@@ -134,7 +136,7 @@ def now_table(v: SidesView) -> str:
         (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here; ■ = no more of it comes"),
         ("it.", "iteration that made this pose; 0 = a first pose"),
         ("hyp.", "hypothesis that it belongs to"), ("stage", "what it was in that iteration"),
-        ("score", f"of the {what} pose, by its own rule"),
+        ("score", f"of the {what} pose, by the settings of its own run"),
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),
     ]  # fmt: skip
     ended = [v.moment is not None and k is None for k in ((v.moment.a, v.moment.b) if v.moment else (None, None))]
@@ -168,28 +170,27 @@ def outcome_table(v: SidesView) -> str:
         a, b = o.a, o.b
         cells = [
             f'<span title="{text(o.name)}">{text(o.name)}</span>',
-            _pair(a, b, lambda x: x.score, 2),
+            f'<span title="{judged_by_a(v, o)}">{_pair(a, b, own_score, 2)}</span>',
             f'<span title="{_offsets(a, b)}">{_pair(a, b, lambda x: x.errors and x.errors.add_s_mm, 1)}</span>',
             _pair(a, b, lambda x: x.errors and x.errors.rotation_deg, 0, "°"),
-            {"A": _winner("A"), "B": _winner("B"), "even": "=", None: _NONE}[o.winner],
+            {"A": _winner("A"), "B": _winner("B"), "even": "=", None: _NONE}[better(v, o)],
         ]
         rows.append(Row(cells, Focus(o.instance_id), marked=o.name == v.focus and len(v.outcomes) > 1))
     if len(v.outcomes) > 1:
         rows.append(_frame_row(v))
-    rule = "" if v.scores_alike else " Both by the rule of A, since B scores differently."
     head = [
         ("A → B", "the answers so far; click a row for the object's curves"),
-        ("score", f"verification score of A → B.{rule}"),
+        (f"score{score_sign(v)}", "verification score of A → B, each by the settings of its own run"),
         ("ADD(-S)", "error against ground truth [mm], A → B"),
         ("rot.", "rotation error, A → B"),
-        ("", "who is nearer to ground truth; without it, who scores higher"),
+        ("", "who is nearer to ground truth; without it, who scores higher, if both score alike"),
     ]
     return table(head, rows) + f'<p class="dim">{_effort(v.effort_a, v.effort_b)}</p>'
 
 
 def _frame_row(v: SidesView) -> Row:
     """All objects together, as the list of objects has them."""
-    errors = [_mean([o for o in v.outcomes if o.winner is not None], side) for side in ("a", "b")]
+    errors = [_mean([o for o in v.outcomes if has_both(o)], side) for side in ("a", "b")]
     scores = v.frame_scores or (None, None)
     return Row(
         [
@@ -234,11 +235,8 @@ def settings_list(v: SidesView) -> str:
     if not v.settings:
         return '<p class="dim">Both have the same settings.</p>'
     most = 8
-    lines = [f"{name}: {_value(one)} → {_value(other)}" for name, one, other in v.settings[:most]]
-    more = f"<br>and {len(v.settings) - most} more" if len(v.settings) > most else ""
-    return f'<p class="dim"><b>Settings of A → B</b><br>{"<br>".join(text(line) for line in lines)}{more}</p>'
-
-
-def _value(value: Any) -> str:
-    said = f"{value:g}" if isinstance(value, float) else str(value)
-    return said if len(said) <= 40 else f"{said[:39]}…"
+    lines = [text(f"{name}: {plain(one)} → {plain(other)}") for name, one, other in v.settings]
+    shown, rest = lines[:most], lines[most:]
+    if rest:
+        shown.append(f'<span class="term" title="{"&#10;".join(rest)}">and {len(rest)} more</span>')
+    return f'<p class="dim"><b>Settings of A → B</b><br>{"<br>".join(shown)}</p>'

@@ -12,6 +12,7 @@ from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.changes import current_values
 from verefine_viz.viewer.markup import hinted, link, sentence, text
 from verefine_viz.viewer.scene_words import TERMS
+from verefine_viz.viewer.side_scores import scores_note
 from verefine_viz.viewer.side_view import SidesView
 from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
 from verefine_viz.viewer.view import View
@@ -48,7 +49,7 @@ class ComparePanel:
         )
         self.slider.on_update(by_person(lambda v: send(s.SeekMoment(int(v)))))
         gui.add_html(f"<style>{compact(self.moves, ROW_PX)}{compact(self.slider, ROW_PX)}</style>")
-        self._now = Block(gui, "names tight")
+        self._now = Block(gui, "errors tight")
         self._outcome = Block(gui, "names")
         self._curves = gui.add_folder("Curves", visible=False)
         with self._curves:
@@ -82,7 +83,7 @@ class ComparePanel:
         self._words.show(hinted(summary(v), TERMS) + legend(v) + computing(v, view.progress.running))
         self.slider.max = max(len(v.timeline), 1)
         self.slider.value = min(v.place, int(self.slider.max))
-        self._now.show(f'<p class="dim">{text(where(v))}</p>{now_table(v)}')
+        self._now.show(f'<p class="dim">{text(where(v))}</p>{scores_note(v)}{now_table(v)}')
         self._outcome.show(outcome_table(v))
         self._show_curves(v)
         self.poses.value = next(label for label, which in POSES.items() if which == v.which)
@@ -92,7 +93,7 @@ class ComparePanel:
 
     def _show_curves(self, v: SidesView) -> None:
         x, curves = [float(n) for n in v.curves.calls], v.curves
-        alike = "" if v.scores_alike else ", each by its own rule"
+        alike = "" if v.scores_alike else ", each by its own settings"
         said = f"{v.curves_of}: score of the best pose so far{alike}"
         self.score.show(x, _pair(curves.score_a, curves.score_b))
         if curves.error_a is not None and curves.error_b is not None:
