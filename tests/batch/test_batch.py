@@ -154,6 +154,34 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     assert without_times(out) == without_times(uninterrupted)
 
 
+def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
+    uninterrupted: Path, session: Path, made: Made, tmp_path: Path
+) -> None:
+    out, file = tmp_path / "out", made.root / "models" / "obj_000005.ply"
+    whole = file.read_bytes()
+    how = f"{N_FRAMES} objects were not solved, as a model or mask is missing or damaged"
+    try:
+        file.write_bytes(whole[: len(whole) // 2])
+        done = batch_here(session, out, "--workers", 1)
+    finally:
+        file.write_bytes(whole)
+    assert done.returncode == 1
+    assert f"{N_FRAMES} left out" in done.stdout
+    assert f"note ({N_FRAMES} frames): object 5 is left out: {file}" in done.stdout
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith(how)
+    assert "with --retry-failed solves their frames again" in last
+    assert {o["status"] for o in without_times(out)[1] if o["obj_id"] == "5"} == {"left_out"}
+    # Mended, but not asked to try again: it stays as it was, and says so.
+    as_it_was = batch_here(session, out, "--workers", 1)
+    assert as_it_was.returncode == 1
+    assert as_it_was.stdout.splitlines()[-1].startswith(how)
+    again = batch_here(session, out, "--workers", 1, "--retry-failed")
+    assert again.returncode == 0
+    assert "left out" not in again.stdout
+    assert without_times(out) == without_times(uninterrupted)
+
+
 def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> None:
     names = ("pir", "rir")
     paths = []

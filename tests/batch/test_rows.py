@@ -110,6 +110,14 @@ def test_objects_that_cannot_be_solved_have_a_row_of_their_own() -> None:
     assert (row.instance_id, row.obj_id, row.name, row.visib_fract, row.has_truth) == (7, 3, "mug", 0.25, True)
     assert (row.message, row.is_correct, row.was_asked_for) == ("left out: 000001_000007.png is missing", None, False)
     assert len(result.estimates) == 2
+    assert not result.can_be_mended
+
+
+def test_files_that_cannot_be_read_are_counted_as_what_somebody_can_mend() -> None:
+    problem = box_problem(n_hypotheses=2, n_instances=2)
+    left_out = [LeftOut(k, 3, "mug", "", has_truth=True, is_unreadable=k > 2) for k in (2, 3, 4)]
+    _, result = solved(replace(problem, left_out=tuple(left_out)))
+    assert (result.n_unreadable, result.can_be_mended, result.failed) == (2, True, False)
 
 
 def test_a_failed_frame_has_a_row_for_each_object_that_is_known_to_be_in_it() -> None:

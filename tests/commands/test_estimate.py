@@ -98,6 +98,24 @@ def test_a_frame_that_fails_is_named_and_the_others_are_written(
     assert not out.with_name("pool.csv.journal").exists()
 
 
+def test_an_object_whose_model_is_damaged_is_named_and_tried_again_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = make_frames(tmp_path / "data", 2)
+    session, out, file = write_session(tmp_path, made), tmp_path / "pool.csv", made.root / "models" / "obj_000005.ply"
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    assert run(session, "--out", out, *BY_PPF) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file} holds no triangles" in said[1]
+    assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged")
+    assert {row.obj_id for row in read_results(out)} == {2}
+    file.write_bytes(whole)
+    assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0
+    assert {row.obj_id for row in read_results(out)} == {2, 5}
+    assert not out.with_name("pool.csv.journal").exists()
+
+
 def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make_frames(tmp_path / "data", 1)
     session = write_session(tmp_path, made)

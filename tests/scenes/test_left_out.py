@@ -46,6 +46,7 @@ def test_a_mask_that_cannot_be_used(made: Made, what: str) -> None:
     assert facts(problem.left_out) == [(1, 5, True, 0.6)]
     said = "its mask is empty, though 60% of it is visible" if what == "empty" else file.name
     assert said in problem.left_out[0].why
+    assert problem.left_out[0].is_unreadable == (what != "empty")
     assert made.read(objects=(2,)).left_out == ()
 
 
@@ -67,6 +68,7 @@ def test_a_model_that_is_missing(made: Made) -> None:
     problem = made.read()
     assert facts(problem.left_out) == [(1, 5, True, 0.6)]
     assert "unknown model 5" in problem.left_out[0].why
+    assert problem.left_out[0].is_unreadable
 
 
 def test_what_was_not_detected(made: Made) -> None:
@@ -75,7 +77,7 @@ def test_what_was_not_detected(made: Made) -> None:
     problem = made.read(masks=str(file))
     assert [i.obj_id for i in problem.instances] == [2, 5]
     assert facts(problem.left_out) == [(None, 2, True, 0.7)]
-    assert problem.left_out[0].why == "it was not detected"
+    assert (problem.left_out[0].why, problem.left_out[0].is_unreadable) == ("it was not detected", False)
     assert facts(made.open(masks=str(file)).all_left_out(made.frame, "")) == [
         (None, 2, True, 0.5), (None, 5, True, 0.6), (None, 2, True, 0.7)
     ]  # fmt: skip

@@ -133,9 +133,10 @@ def test_a_batch_says_what_the_page_would_say(tmp_path: Path, capsys: pytest.Cap
         f'[scene]\nsource = "bop"\ndataset = "{made.root}"\nmodel_points = 200\n[hypotheses]\nmax_per_object = 1\n'
         '[method]\nname = "vf_breadth"\niterations = 1\n[dependency]\norder = [[5]]\n[recording]\nkeep = "none"\n'
     )
-    assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), "--workers", "1", "--no-diagnose"]) == 0
+    assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), "--workers", "1", "--no-diagnose"]) == 1
     said = capsys.readouterr().out
     assert "obj_000005 (#1) is left out" in said
+    assert "1 object was not solved, as a model or mask is missing or damaged (frames.csv says which)" in said
     assert "note (1 frame): given order: unknown object 5; available: 2; it is ignored" in said
     notes = json.loads((tmp_path / "out" / "run.json").read_text())["totals"]["notes"]
     assert sum("left out" in note for note in notes) == 1

@@ -78,7 +78,7 @@ def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_o
     problem = box.problem(made.frame)
     assert [i.obj_id for i in problem.instances] == [2, 2]
     assert [n for n in problem.notes if n.startswith("object 5 is left out: ") and "physics.enabled = false" in n]
-    assert [(one.instance_id, one.obj_id, one.has_truth) for one in problem.left_out] == [(1, 5, True)]
+    assert [(one.instance_id, one.obj_id, one.is_unreadable) for one in problem.left_out] == [(1, 5, True)]
     assert all(best is not None for best in box.run(problem).finish().best)
     assert len(Toolbox(resolve({**raw, "physics": {"enabled": False}})).problem(made.frame).instances) == 3
     only_flat = resolve({**raw, "scene": {**raw["scene"], "objects": [5]}})

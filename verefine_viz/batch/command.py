@@ -31,7 +31,10 @@ MISSED = {
 def run_jobs(
     jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool = False, task: TaskName = "explain"
 ) -> int:
-    """Runs one job after the other, on this machine by the same workers; the exit code: 0, or 1 where frames failed.
+    """Runs one job after the other, on this machine by the same workers.
+
+    Returns:
+        The exit code: 0, or 1 where a frame failed or a file of an object could not be read.
 
     Raises:
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
@@ -39,7 +42,7 @@ def run_jobs(
     if len(jobs) == 1:
         outcome = _run(jobs[0], jobs[0].folder.name, place, retry_failed, task, None)
         _print_summary(outcome)
-        return 1 if outcome.n_failed else 0
+        return 1 if outcome.n_failed or outcome.n_unreadable else 0
     check_jobs(jobs)
     if place.cluster:
         return _run_all(jobs, out, place, retry_failed, task, None)
@@ -74,8 +77,11 @@ def _run_all(
     n_failed = sum(outcome.n_failed for _, outcome in outcomes)
     if n_failed:
         console.print(f"{n_failed} frames failed; the same command with --retry-failed tries them again.")
+    n_unreadable = sum(outcome.n_unreadable for _, outcome in outcomes)
+    if n_unreadable:
+        console.print(unreadable(n_unreadable))
     console.print(escape(what_next([job.session.scene for job in jobs], out)))
-    return 1 if n_failed else 0
+    return 1 if n_failed or n_unreadable else 0
 
 
 def _run(job: Job, title: str, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
@@ -106,6 +112,17 @@ def _print_summary(outcome: Outcome) -> None:
     _print_failures(console, outcome)
     if outcome.n_failed:
         console.print("The same command with --retry-failed tries them again.")
+    if outcome.n_unreadable:
+        console.print(unreadable(outcome.n_unreadable))
+
+
+def unreadable(n: int) -> str:
+    """What is the matter with ``n`` objects whose files cannot be read, and what to do."""
+    who, whose = ("1 object was", "its frame") if n == 1 else (f"{n} objects were", "their frames")
+    return (
+        f"{who} not solved, as a model or mask is missing or damaged (frames.csv says which); mend it, and the same "
+        f"command with --retry-failed solves {whose} again."
+    )
 
 
 def _print_doubt(console: Console, outcome: Outcome) -> None:

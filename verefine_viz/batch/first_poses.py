@@ -7,6 +7,7 @@ from pathlib import Path
 
 from verefine_viz.batch.frame import unforeseen
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame
+from verefine_viz.batch.summary import left_out_row
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.session.toolbox import Toolbox
@@ -47,4 +48,12 @@ def _pools(problem: Problem, estimator: str) -> FrameResult:
             Estimate(obj_id=instance.obj_id, score=h.confidence, T_cam_obj=tuple(float(x) for x in h.T_cam_obj.ravel()))
             for h in instance.hypotheses
         ]
-    return FrameResult(frame=problem.frame, failed=False, seconds=0.0, objects=tuple(rows), estimates=tuple(estimates))
+    rows += [left_out_row(problem, one, estimator) for one in problem.left_out]
+    return FrameResult(
+        frame=problem.frame,
+        failed=False,
+        seconds=0.0,
+        objects=tuple(rows),
+        estimates=tuple(estimates),
+        n_unreadable=sum(one.is_unreadable for one in problem.left_out),
+    )

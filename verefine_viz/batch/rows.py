@@ -146,8 +146,15 @@ class FrameResult(Row):
     """What a person should know about the frame's data: objects left out, unknown names in a given order, …"""
     doubts: tuple[str, ...] = ()
     """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
+    n_unreadable: int = 0
+    """Objects that were left out as their model or mask is missing or damaged; somebody can mend that."""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
+
+    @property
+    def can_be_mended(self) -> bool:
+        """Whether another try may find more, once files are as they should be."""
+        return self.failed or self.n_unreadable > 0
 
     @property
     def solving_s(self) -> float:

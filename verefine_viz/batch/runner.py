@@ -107,6 +107,11 @@ class Outcome:
     def n_failed(self) -> int:
         return self.totals["frames_failed"]
 
+    @property
+    def n_unreadable(self) -> int:
+        """Objects, in frames that did not fail, whose model or mask is missing or damaged."""
+        return self.totals["objects_unreadable"]
+
 
 def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The frames of a session and what a person should know about the choice, after everything in it that can be wrong
@@ -145,7 +150,8 @@ def run_batch(
         out: the folder of the batch.
         place: where to compute.
         tell: told at the start, after each frame, and when something takes longer than usual.
-        retry_failed: try frames again that failed in an earlier start.
+        retry_failed: try frames again that failed in an earlier start, or in which a file of an object could
+            not be read.
         task: what to do with each frame.
         workers: that stand ready for this session and folder, and are left running; None: some are started.
 
@@ -218,7 +224,7 @@ class _Batch:
         missing: list[str] = []
         for frame in self.frames:
             result = self.folder.journal.read(frame)
-            if result is None or (result.failed and retry_failed):
+            if result is None or (result.can_be_mended and retry_failed):
                 missing.append(frame)
             else:
                 self.counts.add(result)

@@ -37,7 +37,7 @@ def frame_result(run: Run, session: Session) -> FrameResult:
     if doubts:
         told = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
         rows = tuple(row.model_copy(update={"evidence": told}) if row.status == "ok" else row for row in rows)
-    rows += tuple(_left_out_row(problem, one, session) for one in problem.left_out)
+    rows += tuple(left_out_row(problem, one, session.method.name, session.hypotheses.seed) for one in problem.left_out)
     estimates = tuple(
         Estimate(
             obj_id=target.instance.obj_id,
@@ -57,6 +57,7 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         estimates=estimates,
         notes=notes,
         doubts=doubts,
+        n_unreadable=sum(one.is_unreadable for one in problem.left_out),
     )
 
 
@@ -103,8 +104,9 @@ def _object_row(
     )
 
 
-def _left_out_row(problem: Problem, one: LeftOut, session: Session) -> ObjectRow:
-    made_by = {"method": session.method.name, "seed": session.hypotheses.seed}
+def left_out_row(problem: Problem, one: LeftOut, method: str, seed: int | None = None) -> ObjectRow:
+    """The row of an object that was not looked at."""
+    made_by = {"method": method, "seed": seed}
     ids = {"scene_id": problem.scene_id, "im_id": problem.im_id}
     message = f"left out: {' '.join(one.why.split())}"
     return ObjectRow(**made_by, **ids, **left_out_facts(one), status="left_out", message=message)

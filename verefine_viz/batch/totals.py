@@ -26,7 +26,9 @@ class Counts:
     objects_without_answer: int = 0
     """Without a hypothesis."""
     objects_left_out: int = 0
-    """Without a mask or a model that can be used."""
+    """Without a mask or a model that can be used, or not detected."""
+    objects_unreadable: int = 0
+    """Those of them whose mask or model is missing or damaged."""
     objects_in_failed_frames: int = 0
     objects_with_truth: int = 0
     objects_correct: int = 0
@@ -35,6 +37,7 @@ class Counts:
         """Takes a finished frame."""
         self.frames_done += 1
         self.frames_failed += result.failed
+        self.objects_unreadable += result.n_unreadable
         for row in result.objects:
             if not row.is_object:
                 continue
@@ -108,6 +111,7 @@ class Totals:
             "answers_with_truth": counts.answers_with_truth,
             "objects_without_answer": counts.objects_without_answer,
             "objects_left_out": counts.objects_left_out,
+            "objects_unreadable": counts.objects_unreadable,
             "objects_in_failed_frames": counts.objects_in_failed_frames,
             "objects_with_truth": counts.objects_with_truth,
             "objects_correct": counts.objects_correct,

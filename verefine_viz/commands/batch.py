@@ -36,7 +36,8 @@ class Batch:
     """A worker that holds more than this after a frame is replaced by a new one; none = 80 % of the machine's memory
     shared by all."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Try frames again that failed before; without it they stay as they are."""
+    """Try frames again that failed before, or in which a model or mask could not be read; without it they stay as they
+    are."""
     diagnose: bool = True
     """Say why an answer is wrong where ground truth is known (columns cause and evidence); its re-runs take time, for
     wrong answers only."""

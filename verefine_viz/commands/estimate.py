@@ -26,7 +26,8 @@ class Estimate:
     """Worker processes, no more than 4 per core, of which no more are started than there are frames; the results are
     the same for any number."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Try frames again that failed in an earlier start of the same command."""
+    """Try frames again that failed in an earlier start of the same command, or in which a model or mask could not be
+    read."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:

@@ -10,9 +10,10 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from verefine_viz.batch.command import unreadable
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
-from verefine_viz.batch.rows import read_frames_csv
+from verefine_viz.batch.rows import ObjectRow, read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.dependency_settings import DependencySettings
@@ -22,6 +23,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.session.files import load_session
 
+WITHOUT = ("left_out", "no_answer")
+"""How an object without a pose is marked."""
 SHOWN = 10
 """Objects without a pose that are named; the others are counted."""
 
@@ -31,8 +34,9 @@ def write_pools(
 ) -> int:
     """Estimates every frame of the session at ``path`` into the results file ``out``; the exit code.
 
-    Frames that fail are listed and make it 1; the others are written. Where nothing was found in any frame there is
-    nothing to write. Beside ``out`` lies a journal while frames are missing, so that the next start goes on.
+    Frames that fail and objects whose files cannot be read are listed and make it 1; the others are written. Where
+    nothing was found in any frame there is nothing to write. Beside ``out`` lies a journal while something is missing,
+    so that the next start goes on.
 
     Raises:
         VerefineError: the session or ``out`` cannot be used.
@@ -53,12 +57,19 @@ def write_pools(
     if n_found:
         with atomic(out) as part:
             shutil.copyfile(journal / "results.csv", part)
-    without = [f"{row.scene_id}/{row.im_id}: no hypothesis for {row.name} (#{row.instance_id})" for row in rows
-               if row.status == "no_answer"]  # fmt: skip
-    _print_summary(outcome, n_found, without, out)
-    if not outcome.n_failed:
+    # What can be mended comes first: only the first ones are named.
+    lacking = sorted((row for row in rows if row.status in WITHOUT), key=lambda row: WITHOUT.index(row.status))
+    _print_summary(outcome, n_found, [_without(row) for row in lacking], out)
+    is_whole = not outcome.n_failed and not outcome.n_unreadable
+    if is_whole:
         shutil.rmtree(journal)
-    return 1 if outcome.n_failed or not n_found else 0
+    return 0 if is_whole and n_found else 1
+
+
+def _without(row: ObjectRow) -> str:
+    number = "" if row.instance_id is None else f" (#{row.instance_id})"
+    why = f", {row.message}" if row.status == "left_out" else ""
+    return f"{row.frame}: no hypothesis for {row.name}{number}{why}"
 
 
 def _only_estimating(session: Session) -> Session:
@@ -82,3 +93,5 @@ def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path
         console.print(escape(f"frame {frame} failed: {why}"))
     if outcome.n_failed:
         console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
+    if outcome.n_unreadable:
+        console.print(unreadable(outcome.n_unreadable))

@@ -67,6 +67,8 @@ class LeftOut:
     has_truth: bool
     """Whether its true pose is known."""
     visib_fract: float | None = None
+    is_unreadable: bool = False
+    """A file of it is missing or damaged, which somebody can mend; else the data are like that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +79,10 @@ class Target:
     instance: Instance
     model: ObjectModel
 
-    def left_out(self, why: str) -> LeftOut:
+    def left_out(self, why: str, is_unreadable: bool = False) -> LeftOut:
         """The same object where it cannot be solved."""
-        i = self.instance
-        return LeftOut(i.instance_id, i.obj_id, self.model.name, why, i.T_cam_obj_gt is not None, i.visib_fract)
+        i, has_truth = self.instance, self.instance.T_cam_obj_gt is not None
+        return LeftOut(i.instance_id, i.obj_id, self.model.name, why, has_truth, i.visib_fract, is_unreadable)
 
 
 @dataclass(frozen=True, eq=False)

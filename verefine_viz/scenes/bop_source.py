@@ -151,8 +151,11 @@ class BopSource:
         return models, faults, notes
 
     def _left_out(self, segment: Segment, why: str) -> LeftOut:
+        """An object whose model cannot be read."""
         name, has_truth = self._dataset.models.name(segment.obj_id), segment.T_cam_obj_gt is not None
-        return LeftOut(segment.instance_id, segment.obj_id, name, why, has_truth, segment.visib_fract)
+        return LeftOut(
+            segment.instance_id, segment.obj_id, name, why, has_truth, segment.visib_fract, is_unreadable=True
+        )
 
     def _asked_for(self, left_out: Collection[LeftOut]) -> tuple[LeftOut, ...]:
         return tuple(one for one in left_out if not self._scene.objects or one.obj_id in self._scene.objects)

@@ -68,7 +68,7 @@ def segments_of_folder(
         except InputError as error:
             notes.append(f"{name} is left out: {error}")
             if _is_seen(entry):
-                left_out.append(_left_out(dataset, entry, str(error), entry.gt_id))
+                left_out.append(replace(_left_out(dataset, entry, str(error), entry.gt_id), is_unreadable=True))
             continue
         if not mask.any():
             notes.append(f"{name} is left out: its mask is empty")

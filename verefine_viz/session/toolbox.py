@@ -113,7 +113,11 @@ class Toolbox:
         notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
         if not instances:
             raise InputError(f"no instance of frame {problem.frame} can be solved: {'; '.join(notes)}")
-        left_out = tuple(t.left_out(broken[t.instance.obj_id]) for t in problem.targets if t.instance.obj_id in broken)
+        left_out = tuple(
+            t.left_out(broken[t.instance.obj_id], is_unreadable=True)
+            for t in problem.targets
+            if t.instance.obj_id in broken
+        )
         return replace(
             problem,
             instances=instances,
