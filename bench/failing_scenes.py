@@ -6,6 +6,7 @@ Everything that is not broken on purpose is as it should be.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +49,19 @@ def bad_pool(rng: np.random.Generator) -> Broken:
         x, y, _z = 40 * level(rng.uniform(0, 2 * np.pi))
         poses.append(moved(T, level(rng.uniform(0, 2 * np.pi)), rng.uniform(95, 165), (x, y, 25)))
     return broken_by(Cause.POOL, frame_of([Thing(m, T, tuple(poses))], rng), session_of(iterations=3))
+
+
+def pool_in_metres(rng: np.random.Generator) -> Broken:
+    """Good first poses, their translations in metres or centimetres where millimetres are expected."""
+    m = model(str(rng.choice(["duck", "mug", "jug"])))
+    T = standing(m, rng)
+    factor = float(rng.choice([1e-3, 0.1]))
+    problem = frame_of([Thing(m, T, near(T, rng, 2, 10, 10))], rng)
+    (instance,) = problem.instances
+    poses = [transform(h.T_cam_obj[:3, :3], factor * h.T_cam_obj[:3, 3]) for h in instance.hypotheses]
+    pool = tuple(replace(h, T_cam_obj=pose) for h, pose in zip(instance.hypotheses, poses, strict=True))
+    spoilt = replace(problem, instances=(replace(instance, hypotheses=pool),))
+    return broken_by(Cause.UNIT, spoilt, session_of())
 
 
 def empty_pool(rng: np.random.Generator) -> Broken:
@@ -281,9 +295,11 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.REFINER: straying_refiner,
     Cause.POOL: bad_pool,
     Cause.NO_HYPOTHESIS: empty_pool,
+    Cause.UNIT: pool_in_metres,
 }
+"""A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 
 
 def broken_scene(cause: Cause, seed: int) -> Broken:
     """The ``seed``-th scene in which ``cause`` is what is broken."""
-    return GENERATORS[cause](np.random.default_rng((list(Cause).index(cause), seed)))
+    return GENERATORS[cause](np.random.default_rng((list(GENERATORS).index(cause), seed)))

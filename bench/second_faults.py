@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from bench.failing_scenes import GENERATORS
 from bench.made_up_frames import SETTINGS, Broken, level
 from bench.wrong_input import leaning, seen_through
 from verefine_viz.core.arrays import Mask
@@ -60,7 +61,7 @@ SECOND: dict[Cause, Callable[[Broken, np.random.Generator], Broken]] = {
 
 def with_second(broken: Broken, seed: int) -> tuple[Broken, Cause]:
     """The scene with one smaller fault of another kind, and which."""
-    rng = np.random.default_rng((77, list(Cause).index(broken.cause), seed))
+    rng = np.random.default_rng((77, list(GENERATORS).index(broken.cause), seed))
     kinds = [cause for cause in SECOND if cause != broken.cause]
     kind = kinds[rng.integers(len(kinds))]
     return SECOND[kind](broken, rng), kind

@@ -18,7 +18,7 @@ from bench.made_up_frames import Thing as Made
 from bench.made_up_frames import comes_right, frame_of, model, near, standing
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.geometry import apply, transform
+from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
@@ -218,8 +218,25 @@ def test_translations_of_another_unit_are_named(factor: float, unit: str) -> Non
     if not unit:
         assert found == ()
         return
-    assert found[0].cause == Cause.POOL
-    assert f"its translation looks like {unit} where millimetres are expected" in found[0].sentence
+    assert (found[0].cause, found[0].is_confirmed) == (Cause.UNIT, True)
+    said = f"The translations of 2 of 2 hypotheses of the duck look like {unit}, where millimetres are expected; "
+    assert found[0].sentence.startswith(f"{said}with {factor:g} × t the error is ")
+    assert found[0].evidence["error_repaired"] < 0.1
+
+
+def test_where_millimetres_alone_do_not_help_the_pool_is_named_with_its_unit() -> None:
+    toolbox, problem = sound_scene()
+    (instance,) = problem.instances
+    T = instance.T_cam_obj_gt @ transform(axis_angle(np.array([1.0, 0, 0]), np.pi), np.zeros(3))
+    upside_down = replace(instance.hypotheses[0], T_cam_obj=transform(T[:3, :3], T[:3, 3] / 1e3))
+    run = toolbox.run(replace(problem, instances=(replace(instance, hypotheses=(upside_down,)),)))
+    run.finish()
+    (diagnosis,) = diagnose(run, toolbox)
+    assert diagnosis.cause == Cause.POOL
+    assert "its translation looks like metres where millimetres are expected" in diagnosis.sentence
+    (unit,) = [other for other in diagnosis.others if other.cause == Cause.UNIT]
+    assert not unit.is_confirmed
+    assert unit.sentence.startswith("The translation of the only hypothesis of the duck looks like metres, ")
 
 
 def test_the_same_run_gets_the_same_diagnosis_and_is_left_as_it_was() -> None:

@@ -16,6 +16,7 @@ class Cause(StrEnum):
     """
 
     SYMMETRIC = "symmetric"
+    UNIT = "unit"
     DEPTH = "depth"
     MASK = "mask"
     NEIGHBOUR = "neighbour"
@@ -32,6 +33,7 @@ class Cause(StrEnum):
 
 TITLES: dict[Cause, str] = {
     Cause.SYMMETRIC: "symmetry of the shape not declared",
+    Cause.UNIT: "first poses in another unit",
     Cause.DEPTH: "depth missing or unregistered",
     Cause.MASK: "mask leaks or misses",
     Cause.NEIGHBOUR: "neighbour misplaced first",

@@ -1,8 +1,8 @@
 """Why did it fail? One main cause per failed instance, with numbers, found by asking what would have saved it.
 
-What was given is asked first (a symmetry nobody declared, depth, mask, neighbours placed before), then the score, the
-world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without it; the
-first confirmed one is the main cause, and only re-runs that are needed until then are made.
+What was given is asked first (a symmetry nobody declared, units, depth, mask, neighbours placed before), then the
+score, the world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without
+it; the first confirmed one is the main cause, and only re-runs that are needed until then are made.
 """
 
 from __future__ import annotations

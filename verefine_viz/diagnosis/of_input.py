@@ -1,4 +1,4 @@
-"""Causes that lie in what the method was given: an unknown symmetry, the depth image, the mask."""
+"""Causes that lie in what the method was given: an unknown symmetry, poses in metres, the depth image, the mask."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from verefine_viz.core.arrays import Mask
+from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import NoSupportError
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.symmetry import undeclared_turn
+from verefine_viz.diagnosis.units import UNITS, of_another_unit
 from verefine_viz.diagnosis.words import instead
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.segment import segment_cloud
@@ -44,6 +46,38 @@ def symmetric(case: Case) -> Finding | None:
         {"turn_deg": found.turn_deg, "error": found.error, "error_with_symmetry": found.error_with_symmetry},
         True,
     )
+
+
+def unit(case: Case) -> Finding | None:
+    """First poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
+    diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
+    units = [of_another_unit(h.T_cam_obj, case.T_true, diameter_m) for h in given]
+    wrong = [name for name in units if name]
+    if not wrong:
+        return None
+    poses = [_in_millimetres(h.T_cam_obj, name) for h, name in zip(given, units, strict=True)]
+    again = case.rerun("first poses in millimetres", case.with_pool(*poses))
+    whose = "The translation of the only hypothesis"
+    if len(units) > 1:
+        whose = f"The translation{'s' * (len(wrong) > 1)} of {len(wrong)} of {len(units)} hypotheses"
+    factor = UNITS[wrong[0]]
+    return Finding(
+        Cause.UNIT,
+        f"{whose} of the {case.name} look{'s' * (len(wrong) == 1)} like {wrong[0]}, where millimetres are expected; "
+        f"with {factor:g} × t {instead(again.error, case.error)}.",
+        {
+            "hypotheses": float(len(units)),
+            "hypotheses_in_another_unit": float(len(wrong)),
+            "factor": factor,
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        again.repaired,
+    )
+
+
+def _in_millimetres(T_est: Float, unit: str) -> Float:
+    return transform(T_est[:3, :3], UNITS.get(unit, 1.0) * T_est[:3, 3])
 
 
 def depth(case: Case) -> Finding | None:
@@ -115,7 +149,7 @@ def mask(case: Case) -> Finding | None:
     )
 
 
-INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (symmetric, depth, mask)
+INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (symmetric, unit, depth, mask)
 
 
 def _with_depth(case: Case, depth_m: NDArray[np.floating], keep_support: bool) -> Target:

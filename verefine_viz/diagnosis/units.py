@@ -6,7 +6,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 
-UNITS = {1000.0: "metres", 10.0: "centimetres"}
+UNITS = {"metres": 1000.0, "centimetres": 10.0}
 """By what a translation would have to be multiplied, where millimetres are expected."""
 
 
@@ -21,4 +21,4 @@ def of_another_unit(T_est: Float, T_true: Float, diameter_m: float) -> str:
     t, true = T_est[:3, 3], T_true[:3, 3]
     if np.linalg.norm(t - true) < diameter_m:
         return ""
-    return next((unit for factor, unit in UNITS.items() if np.linalg.norm(factor * t - true) < diameter_m), "")
+    return next((unit for unit, factor in UNITS.items() if np.linalg.norm(factor * t - true) < diameter_m), "")

@@ -18,6 +18,7 @@ FEW = 5
 _STARVED = "each came right when its best hypothesis got the whole budget, so try "
 ADVICE = {
     Cause.SYMMETRIC: DECLARE,
+    Cause.UNIT: "write the translations of the first poses in millimetres (hypotheses.files)",
     Cause.DEPTH: "look at the depth images and how they are registered",
     Cause.MASK: "look at where the masks leak or miss",
     Cause.NEIGHBOUR: "mend the objects first that were placed before them",
