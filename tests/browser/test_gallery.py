@@ -150,6 +150,25 @@ def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers(runs: Path, s
     assert is_seen(screen, screen.page.locator("button.card").first, edge_px=8)
 
 
+def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Show, tmp_path: Path) -> None:
+    doubt = f"{DATA_FIRST} cam_K does not fit, {'because it is off, ' * 20}as it seems."
+    indices = []
+    for index in read_gallery(runs).runs.values():
+        rows = (r.model_copy(update={"evidence": f"{EVIDENCE} {'Astray it went. ' * 30}{doubt}"}) for r in index.rows)
+        indices.append(replace(index, rows=tuple(rows)))
+    gallery = Gallery(indices)
+    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
+    assert is_seen(screen, screen.text(r"^Iteration \d+, .* hypothesis "), edge_px=6)
+    folded, why = screen.page.locator(".vz .top > p.bad").all()
+    assert is_seen(screen, folded)
+    assert is_seen(screen, why)
+    assert EVIDENCE in why.inner_text()
+    assert folded.evaluate("e => e.scrollWidth > e.clientWidth"), "else there is nothing to unfold"
+    folded.click()
+    assert folded.evaluate("e => e.scrollWidth <= e.clientWidth")
+    assert "as it seems." in folded.inner_text()
+
+
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen, gallery = shown
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))

@@ -21,6 +21,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.gallery import Gallery
+from verefine_viz.viewer.panels.run import on_top
 
 SESSION = Session(method=MethodSettings(iterations=2))
 
@@ -66,6 +67,13 @@ def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> No
     doubted = replace(view, doubts=("objects appear larger: check",))
     assert sum("objects appear larger" in one.text for one in findings(doubted)) == 1
     assert any("The score misleads." in one.text for one in findings(doubted))
+    # The lowest of several boxes is whole, and none beside an answer to a click.
+    shown = on_top(doubted, findings(doubted))
+    assert shown.index('class="bad fold folded"') < shown.index('class="bad"')
+    assert shown.count('class="bad fold folded"') == shown.count('class="bad"') == 1
+    answered = on_top(replace(doubted, message="Saved."), findings(doubted))
+    assert answered.index("Saved.") < answered.index('class="bad fold folded"')
+    assert answered.count('class="bad fold folded"') == 2
 
 
 def test_an_answer_without_ground_truth_is_opened_with_what_the_batch_found(tmp_path: Path) -> None:

@@ -103,9 +103,13 @@ def note(content: str) -> str:
     return f'<p class="note">{text(content)}</p>'
 
 
-def warning(content: str, extra: str = "", red: bool = False) -> str:
-    """A box with something to act on; ``extra`` is ready HTML, such as a link."""
-    return f'<p class="{"bad" if red else "warn"}">{text(content)} {extra}</p>'
+def warning(content: str, extra: str = "", red: bool = False, folded: bool = False) -> str:
+    """A box with something to act on; ``extra`` is ready HTML, such as a link. ``folded``: one line until a click."""
+    name = "bad" if red else "warn"
+    if folded:
+        unfolds = f'title="{text(content)}" onclick="this.classList.toggle(\'folded\')"'
+        return f'<p class="{name} fold folded" {unfolds}>{text(content)} {extra}</p>'
+    return f'<p class="{name}">{text(content)} {extra}</p>'
 
 
 # About the docked panels: the library slides a column to its place when the window gets wider, and leaves it beside the
@@ -119,6 +123,13 @@ STYLE = """<style>
 .vz p.warn,.vz p.bad,.vz p.note{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;
  background:rgba(217,142,4,.12);overflow-wrap:anywhere}
 .vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
+.vz p.fold{cursor:pointer}
+.vz p.fold::before{content:'▾ '}
+.vz p.folded{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
+.vz p.folded::before{content:'▸ '}
+.vz .top>p.bad{max-height:calc(7.6em + 8px);overflow-y:auto}
+.vz .top>p.fold~p.bad:not(.fold){max-height:calc(4.6em + 8px)}
+.vz .top>p.folded{overflow:hidden}
 .vz p.note{border-color:#1c7ed6;background:rgba(28,126,214,.12)}
 .vz code{overflow-wrap:anywhere}
 .vz p.dim,.vz .dim{opacity:.65}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
@@ -74,12 +76,8 @@ class RunPanel:
     def show(self, view: View) -> None:
         """Everything in place."""
         found = findings(view)
-        said = "".join(_box(f) for f in found if f.on_top)
-        said += hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
-        if view.message:
-            extra = link(*view.offer) if view.offer else ""
-            said = (warning(view.message, extra) if view.refused else note(view.message)) + said
-        self._words.show(said)
+        said = hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
+        self._words.show(on_top(view, found) + said)
         p = view.progress
         self._progress.visible = p.running
         self._progress.value = 100.0 * p.done / max(p.total, 1)
@@ -93,6 +91,16 @@ class RunPanel:
         self.demo.visible = view.session.scene.source == "demo" and bool(view.demos)
         notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
         self._branches.show(branches_table(view) + notes)
+
+
+def on_top(view: View, found: Sequence[Finding]) -> str:
+    """What stands above the words about the iteration. Of several boxes one is whole, to leave room for those words."""
+    said, boxes = "", [f for f in found if f.on_top]
+    if view.message:
+        extra = link(*view.offer) if view.offer else ""
+        said = warning(view.message, extra) if view.refused else note(view.message)
+    whole = None if said or not boxes else boxes[-1]
+    return f'{said}<div class="top">{"".join(_box(f, folded=f is not whole) for f in boxes)}</div>'
 
 
 def of_the_end(view: View) -> str:
@@ -115,11 +123,11 @@ def of_the_end(view: View) -> str:
     return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(view, last))}</p>'
 
 
-def _box(finding: Finding) -> str:
+def _box(finding: Finding, folded: bool = False) -> str:
     extra = link(finding.label, finding.command) if finding.command else ""
     if finding.calm:
         return f'<p class="dim">{text(finding.text)} {extra}</p>'
-    return warning(finding.text, extra, red=finding.red)
+    return warning(finding.text, extra, finding.red, folded)
 
 
 def _options(dropdown: viser.GuiDropdownHandle[str], options: tuple[str, ...], value: str) -> None:
