@@ -15,7 +15,7 @@ from bench.kills import without_times
 from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, started_batch, write_session
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
-from verefine_viz.scenes.results import read_results
+from verefine_viz.scenes.results import ResultRow, read_results, write_results
 from verefine_viz.session.files import load_session
 
 N_FRAMES = 5
@@ -180,6 +180,22 @@ def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
     assert again.returncode == 0
     assert "left out" not in again.stdout
     assert without_times(out) == without_times(uninterrupted)
+
+
+def test_an_object_without_a_row_in_the_pool_is_told_once(made: Made, tmp_path: Path) -> None:
+    pool, rows = tmp_path / "pool.csv", []
+    for im_id in range(N_FRAMES):
+        for instance in made.problem.instances[::2]:
+            assert instance.T_cam_obj_gt is not None
+            rows.append(ResultRow(7, im_id, 2, 1.0, instance.T_cam_obj_gt))
+    write_results(pool, rows)
+    session = write_session(tmp_path, made, hypotheses={"source": "results", "files": [str(pool)]})
+    done = batch_here(session, tmp_path / "out", "--workers", 1)
+    assert f"{N_FRAMES} without a hypothesis" in done.stdout
+    told = [line for line in done.stdout.splitlines()[1:] if "hypothesis" in line]
+    assert told == [
+        f"note ({N_FRAMES} frames): obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in pool"
+    ]
 
 
 def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> None:

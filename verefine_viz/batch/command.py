@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -12,12 +11,15 @@ from rich.console import Console
 from rich.markup import escape
 
 from verefine_viz.batch.jobs import Job, check_jobs
+from verefine_viz.batch.notes import Notes
 from verefine_viz.batch.pool import Pool
 from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
+from verefine_viz.batch.totals import MOST_NOTES
 from verefine_viz.core.settings import SceneSettings
+from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.words import cause_title
 
 MISSED = {
@@ -71,8 +73,10 @@ def _run_all(
         _print_line(outcome)
     console = Console(highlight=False, soft_wrap=True)
     console.print(sweep_table(outcomes))
-    notes = Counter(note for _, outcome in outcomes for note in outcome.totals["notes"])
-    for note, n in notes.items():
+    notes = Notes(MOST_NOTES)
+    for _, outcome in outcomes:
+        notes.add(outcome.totals["notes"])
+    for note, n in notes.counted().items():
         console.print(escape(f"note ({n} run{'s' * (n > 1)}): {note}"))
     n_failed = sum(outcome.n_failed for _, outcome in outcomes)
     if n_failed:
@@ -105,8 +109,10 @@ def _print_summary(outcome: Outcome) -> None:
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
     _print_doubt(console, outcome)
-    if numbers["causes"]:
-        console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in numbers["causes"].items()))
+    # How many have no hypothesis is said in the line above, and why in a note below.
+    causes = {cause: n for cause, n in numbers["causes"].items() if cause != Cause.NO_HYPOTHESIS}
+    if causes:
+        console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in causes.items()))
     for note, n in numbers["notes"].items():
         console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
     _print_failures(console, outcome)

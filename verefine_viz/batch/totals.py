@@ -11,7 +11,11 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.batch.doubts import Doubts
+from verefine_viz.batch.notes import Notes
 from verefine_viz.batch.rows import FrameResult
+
+MOST_NOTES = 20
+"""Different notes that are told."""
 
 
 @dataclass
@@ -65,14 +69,12 @@ class Totals:
     doubts: Doubts = field(default_factory=Doubts)
     """Of the frames' data."""
     max_failures: int = 10
-    max_notes: int = 20
-    """Different notes that are kept; the first ones."""
+    notes: Notes = field(default_factory=lambda: Notes(MOST_NOTES))
     _scores: array[float] = field(default_factory=lambda: array("d"))
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))
     _times_ms: array[float] = field(default_factory=lambda: array("d"))
     _stages_ms: dict[str, float] = field(default_factory=dict)
     _causes: Counter[str] = field(default_factory=Counter)
-    _notes: Counter[str] = field(default_factory=Counter)
 
     def passing(self, results: Iterable[FrameResult]) -> Iterator[FrameResult]:
         """The same results; each is counted on its way."""
@@ -88,9 +90,7 @@ class Totals:
             self.doubts.add(result.frame, result.doubts[0])
         for name, ms in result.stages_ms.items():
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
-        for note in dict.fromkeys(result.notes):
-            if note in self._notes or len(self._notes) < self.max_notes:
-                self._notes[note] += 1
+        self.notes.add(result.notes)
         for row in result.objects:
             self._causes[row.cause] += row.cause != ""
             if row.status == "ok":
@@ -118,7 +118,7 @@ class Totals:
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
             "data_in_doubt": self.doubts.in_words(counts.frames_done),
-            "notes": dict(self._notes.most_common()),
+            "notes": self.notes.counted(),
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),
             "median_ms_per_object": _median(self._times_ms),

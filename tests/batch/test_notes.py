@@ -1,0 +1,35 @@
+"""What many frames note is told once."""
+
+from __future__ import annotations
+
+from verefine_viz.batch.notes import Notes
+
+LACKS = "mug (#{}) has no hypothesis: no row for object 5"
+
+
+def counted(*places: tuple[str, ...], most: int = 20) -> dict[str, int]:
+    notes = Notes(most)
+    for place in places:
+        notes.add(place)
+    return notes.counted()
+
+
+def test_an_object_with_one_number_keeps_it() -> None:
+    assert counted((LACKS.format(2),), (LACKS.format(2),)) == {LACKS.format(2): 2}
+
+
+def test_an_object_is_told_once_whatever_its_number() -> None:
+    said = "mug has no hypothesis: no row for object 5"
+    assert counted((LACKS.format(0),), (LACKS.format(3),), (LACKS.format(0),)) == {said: 3}
+    # Two of them in one frame are one frame.
+    assert counted((LACKS.format(0), LACKS.format(1))) == {said: 1}
+
+
+def test_notes_of_other_objects_and_other_reasons_stay_apart() -> None:
+    found = counted((LACKS.format(0), "jug (#1) has no hypothesis: no row for object 5", "mug (#0) has no depth"))
+    assert len(found) == 3
+
+
+def test_the_most_frequent_come_first_and_the_first_ones_are_kept() -> None:
+    assert list(counted(("a",), ("b",), ("b",)).items()) == [("b", 2), ("a", 1)]
+    assert counted(("a", "b", "c"), ("c", "a"), most=2) == {"a": 2, "b": 1}
