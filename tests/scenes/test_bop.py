@@ -142,10 +142,15 @@ def test_targets_of_the_test_split_do_not_bind_another_split(tmp_path: Path) -> 
     assert made.open(split="train_real").frames == ("7/3",)
 
 
-def test_named_frames_keep_their_order_and_occur_once(tmp_path: Path) -> None:
+def test_named_frames_keep_their_order_and_occur_once_with_a_note(tmp_path: Path) -> None:
     made = make(tmp_path)
     made.edit("scene_camera.json", lambda c: c.update({"10": c["3"]}))
-    assert made.open(frames=("7/10", "7/3", "7/10")).frames == ("7/10", "7/3")
+    source = made.open(frames=("7/10", "7/3", "007/000010"))
+    assert source.frames == ("7/10", "7/3")
+    assert source.notes == ("scene.frames names frame 7/10 more than once; it counts once",)
+    assert made.open(frames=("7/10", "7/3")).notes == ()
+    (note,) = made.open(frames=("7/10", "7/3") * 2).notes
+    assert note == "scene.frames names frames 7/10, 7/3 more than once; each counts once"
 
 
 def test_selected_objects_are_solved_but_all_masks_are_kept(tmp_path: Path) -> None:

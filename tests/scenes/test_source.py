@@ -30,6 +30,12 @@ def test_the_frames_of_a_demo_can_be_named() -> None:
     assert open_scene(demo(frames=["0/2"]), HypothesesSettings()).frames == ("0/2",)
 
 
+def test_a_frame_of_a_demo_that_is_named_twice_counts_once_with_a_note() -> None:
+    source = open_scene(demo(frames=["0/2", "0/0", "0/2"]), HypothesesSettings())
+    assert source.frames == ("0/2", "0/0")
+    assert source.notes == ("scene.frames names frame 0/2 more than once; it counts once",)
+
+
 def test_unknown_demos_and_frames_list_what_there_is() -> None:
     with pytest.raises(InputError, match=r"unknown demo scene 'teapot'; available: mug, .*clutter"):
         open_scene(demo(demo="teapot"), HypothesesSettings())

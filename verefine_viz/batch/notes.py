@@ -35,5 +35,5 @@ class Notes:
             self._shown[kind] = note if self._shown.get(kind, note) == note else kind
 
     def counted(self) -> dict[str, int]:
-        """The notes and how many places have them, most frequent first; an object keeps its number if it has but one."""
+        """The notes and how many places have them; the number of an object stays where it is always the same."""
         return {self._shown[kind]: n for kind, n in self._often.most_common()}

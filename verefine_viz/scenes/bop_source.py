@@ -59,7 +59,7 @@ class BopSource:
         self._detections = _detections(scene.masks)
         self._results = results_of(hypotheses)
         check_asked(hypotheses, lambda frame: self._dataset.check(*parse_frame(frame)))
-        chosen, notes = (named_frames(self._dataset, scene.frames), ()) if scene.frames else all_frames(self._dataset)
+        chosen, notes = named_frames(self._dataset, scene.frames) if scene.frames else all_frames(self._dataset)
         self.notes: tuple[str, ...] = (*notes, *file_notes(self._results))
         self._chosen = self._holding(chosen) if scene.objects else chosen
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)

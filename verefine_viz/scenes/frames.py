@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.listing import listed
 from verefine_viz.scenes.bop import BopDataset
 
 FrameIds = tuple[int, int]
@@ -29,17 +31,30 @@ def frame_name(ids: FrameIds) -> str:
     return f"{ids[0]}/{ids[1]}"
 
 
-def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[FrameIds, ...]:
-    """The frames that a person asked for, each once.
+def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:
+    """The frames that a person asked for, each once; and a note about those that were named more often.
 
     Raises:
         SettingsError: a name is not "scene/image".
         InputError: the data set has no such scene or image.
     """
-    wanted = tuple(dict.fromkeys(parse_frame(frame) for frame in frames))
+    named = [parse_frame(frame) for frame in frames]
+    wanted = tuple(dict.fromkeys(named))
     for scene_id, im_id in wanted:
         dataset.check(scene_id, im_id)
-    return wanted
+    return wanted, repeated_notes(frame_name(ids) for ids in named)
+
+
+def repeated_notes(frames: Iterable[str]) -> tuple[str, ...]:
+    """What a person should know who named a frame more than once."""
+    often = [frame for frame, n in Counter(frames).items() if n > 1]
+    if not often:
+        return ()
+    is_one = len(often) == 1
+    return (
+        f"scene.frames names {'frame' if is_one else 'frames'} {listed(often)} more than once; "
+        f"{'it' if is_one else 'each'} counts once",
+    )
 
 
 def all_frames(dataset: BopDataset) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:

@@ -9,7 +9,7 @@ from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.estimates import check_asked
-from verefine_viz.scenes.frames import parse_frame
+from verefine_viz.scenes.frames import parse_frame, repeated_notes
 
 
 class SceneSource(Protocol):
@@ -98,8 +98,8 @@ class DemoSource:
         self._scene = scene
         self._hypotheses = hypotheses
         self._problems: dict[str, Problem] = {}
-        self.frames: tuple[str, ...] = scene.frames or available
-        self.notes: tuple[str, ...] = ()
+        self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or available
+        self.notes: tuple[str, ...] = repeated_notes(scene.frames)
 
     def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
