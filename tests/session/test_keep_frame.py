@@ -250,13 +250,28 @@ def test_a_first_frame_that_was_left_half_written_is_made_anew(
 ) -> None:
     problem = box_problem()
     wrong = replace(found(problem, box_mesh(tmp_path / "wrong.stl", unit_m=0.9)), name="box")
+    n_told = 0
     for step in range(1, 9):
         folder = tmp_path / str(step)
         assert killed_at(step, monkeypatch, lambda folder=folder: kept(folder, problem, [wrong]))
+        if (folder / "session.toml").is_file():
+            n_told += 1
+            for overrides in ({}, {"method": {"name": "refine"}}):
+                with pytest.raises(InputError, match=f"{folder} holds no whole frame yet: .*keep a frame there again"):
+                    load_session(folder / "session.toml", overrides)
         assert kept(folder, problem, [found(problem, mesh)]) == "1/1"
         toolbox = reopened(folder)
         assert toolbox.frames == ("1/1",)
         assert toolbox.problem("1/1").models[1].diameter_m == pytest.approx(np.linalg.norm(BOX_M))
+    assert n_told == 7
+
+
+def test_a_copy_of_the_session_opens_from_elsewhere(tmp_path: Path, mesh: Path) -> None:
+    kept(tmp_path / "kept", box_problem(), [found(box_problem(), mesh)])
+    text = (tmp_path / "kept" / "session.toml").read_text().replace('dataset = "."', 'dataset = "kept"')
+    copy = tmp_path / "mine.toml"
+    copy.write_text(text.replace("detections.json", "kept/detections.json").replace('"net_', '"kept/net_'))
+    assert Toolbox(load_session(copy)).frames == ("1/1",)
 
 
 def test_half_written_files_of_others_in_the_folder_are_left_alone(tmp_path: Path, mesh: Path) -> None:

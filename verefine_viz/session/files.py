@@ -15,6 +15,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.places import at_home
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
+from verefine_viz.session.kept_begun import check_holds_a_frame
 from verefine_viz.session.mistakes import first_mistake, written_in
 from verefine_viz.session.sources import Layer, check_sources
 
@@ -33,7 +34,7 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read, or is that of a folder of kept frames that holds none yet.
         SettingsError: it is not TOML or empty, a field is unknown or out of range, or data are named that the chosen
             source does not look at.
     """
@@ -53,7 +54,8 @@ _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
 def _read(path: Path) -> dict[str, Any]:
     try:
         # Some editors begin a text with a byte order mark, which TOML does not know.
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        raw = tomllib.loads(text)
     except FileNotFoundError:
         raise InputError(f"session file {path} does not exist") from None
     except IsADirectoryError:
@@ -68,6 +70,8 @@ def _read(path: Path) -> dict[str, Any]:
         is_open = any(saying in str(error) for saying in _OPEN_QUOTE)
         hint = "; a quote is opened there or before and not closed" if is_open else ""
         raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
+    check_holds_a_frame(path, text, raw)
+    return raw
 
 
 def resolve(raw: Raw, origin: str = "session") -> Session:

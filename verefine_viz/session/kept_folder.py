@@ -19,14 +19,13 @@ from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.images import write_image
 from verefine_viz.scenes.jsonfile import read_json, write_json
 from verefine_viz.scenes.results import ResultRow, read_results, write_results
+from verefine_viz.session.kept_begun import HEAD, SCENE_ID, scene_folder
 from verefine_viz.session.kept_entries import KeptFrame, KeptObject, camera_entry, info_entry, ply_of, truth_entry
 
-SCENE_ID = 1
 SESSION, DETECTIONS, NAMES, LOCK = "session.toml", "detections.json", "obj_names.json", ".lock"
 RESULTS = "*_kept-test.csv"
 DEPTH_STEPS_MM = (0.1, 1.0)
 """Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
-HEAD = "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
 
 
 class KeptFolder:
@@ -41,7 +40,7 @@ class KeptFolder:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._scene = folder / "test" / f"{SCENE_ID:06d}"
+        self._scene = scene_folder(folder)
         self._cameras, self._truths = self._scene / "scene_camera.json", self._scene / "scene_gt.json"
         if folder.exists() and not self._is_ours():
             raise InputError(f"{folder} holds something else; choose a new folder, or one that frames were kept in")
