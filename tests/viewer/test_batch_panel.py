@@ -45,6 +45,19 @@ def test_cards_are_links_to_the_worst_iteration_and_names_are_text(tmp_path: Pat
     assert "data-cmd" not in html
 
 
+def test_what_a_card_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
+    name = "a_model_with_a_name_that_no_card_has_room_for"
+    wrong = row(2, add_s_mm=42.0).model_copy(
+        update={"name": name, "method": "rir", "cause": "score", "evidence": "No."}
+    )
+    failed = row(1, "failed").model_copy(update={"name": name, "method": "rir"})
+    entries = gallery(tmp_path, wrong, failed).entries
+    tips = [card(e, c.Step(), None, False, False).partition('title="')[2].partition('"')[0] for e in entries]
+    cause = "score ranks a wrong pose above the ground truth"
+    assert tips[0].startswith(f"{name} · 0/2 · rir: {cause}. No. Opens ")
+    assert tips[1] == f"{name} · 0/1 · rir: no depth &lt;i&gt;."
+
+
 def test_the_summary_counts_what_is_correct_and_what_has_no_answer(tmp_path: Path) -> None:
     found = gallery(tmp_path, row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
     said = summary(found, found.entries[:1])
@@ -76,7 +89,7 @@ def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) 
     found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
     assert found.doubt == "Look at the data first: in frame 0/1, objects appear larger: check cam_K."
     told, plain = (card(entry, found.opens(entry), None, False, False) for entry in found.entries)
-    assert "data in doubt</b> · score ranks" in told
+    assert "data in doubt</b></span>" in told
     assert "data in doubt" not in plain
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))

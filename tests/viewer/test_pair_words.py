@@ -67,5 +67,5 @@ def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:
     for focus, label in ((0, "box #0"), (1, "box #1")):
         view = d.carry_out([c.Focus(focus)]).view()
         assert compared(view).startswith(f"{label}: Best ")
-        assert f'title="{label}">{label}</span>' in maps_html(view)
+        assert f'title="{label}"><span>box</span>' in maps_html(view)
     assert "box" not in maps_html(debugger().carry_out([c.Step()]).view()), "one object needs no name"

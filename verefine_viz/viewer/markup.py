@@ -157,13 +157,17 @@ STYLE = """<style>
 .vz img{image-rendering:pixelated;display:block;width:100%}
 .vz img[data-cmd]{cursor:crosshair}
 .vz .cut{display:inline-block;max-width:104px;overflow:hidden;text-overflow:ellipsis;vertical-align:bottom}
+.vz .numbered{display:inline-flex}
+.vz .numbered>span{min-width:0;overflow:hidden;text-overflow:ellipsis}
+.vz .numbered>.sw{flex:none;align-self:center}
+.vz .numbered>b{flex:none;margin-right:4px}
+.vz td>.numbered{max-width:100%}
 .vz .cb{height:7px;border-radius:2px;margin-top:3px}
 .vz .ticks{display:flex;justify-content:space-between;font-size:10px;opacity:.8;line-height:1.2}
 .vz.strip table{table-layout:fixed;margin:0}
 .vz.strip td,.vz.strip th{padding:1px 2px;border:0;text-align:center}
 .vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
 .vz.strip th.whose{white-space:nowrap}
-.vz th.whose .cut{max-width:52px}
 .vz .curves{display:flex;gap:6px;font-size:11px;margin-bottom:-8px;white-space:nowrap}
 .vz .curves>span{overflow:hidden;text-overflow:ellipsis;min-width:0}
 .vz .curves>.what{flex-shrink:1000000}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
-from verefine_viz.viewer.markup import Row, swatch, table, text
+from verefine_viz.viewer.long_names import cut
+from verefine_viz.viewer.markup import Row, swatch, table
 from verefine_viz.viewer.plays import CHOOSING, N_MEANS, plays_text, what_n_counts
 from verefine_viz.viewer.scene_words import TERMS
-from verefine_viz.viewer.tables import cut, number
+from verefine_viz.viewer.tables import number
 from verefine_viz.viewer.view import View
 
 
@@ -28,7 +29,7 @@ def scene_arms_table(view: View) -> str:
         cells = [
             f"{swatch(o.color)}{cut(o.label)}",
             f"{latest.arm + 1}" if latest else "–",
-            f'<span class="cut" style="max-width:215px" title="{text(plays)}">{text(plays)}</span>',
+            cut(plays, 215),
             number(o.answer.score.score if o.answer else None, 3),
         ]
         rows.append(Row(cells, c.Focus(o.instance_id)))

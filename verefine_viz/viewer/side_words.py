@@ -10,6 +10,7 @@ from verefine_viz.session.comparison import Difference
 from verefine_viz.session.outcomes import Answer, Effort, Outcome, tally
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.commands import Focus
+from verefine_viz.viewer.long_names import cut, fitted
 from verefine_viz.viewer.markup import Row, link, swatch, table, text
 from verefine_viz.viewer.scene_words import TERMS
 from verefine_viz.viewer.side_scores import better, has_both, judged_by_a, own_score, plain, score_sign
@@ -110,14 +111,9 @@ def legend(v: SidesView) -> str:
     """Which colour is which run."""
     a, b = swatch(SIDE_COLORS["A"]), swatch(SIDE_COLORS["B"])
     return (
-        f"<p>{a}<b>A</b> {cut_name(v.name_a)}, solid; {b}<b>B</b> {cut_name(v.name_b)}, outline; "
+        f"<p>{a}<b>A</b> {cut(v.name_a, 130)}, solid; {b}<b>B</b> {cut(v.name_b, 130)}, outline; "
         f"{link('end A/B', s.StopComparing(), 'shows the open run alone again; B stays as a branch')}</p>"
     )
-
-
-def cut_name(name: str) -> str:
-    """A run's name, cut where it is long."""
-    return f'<span class="cut" style="max-width:130px" title="{text(name)}">{text(name)}</span>'
 
 
 def where(v: SidesView) -> str:
@@ -169,7 +165,7 @@ def outcome_table(v: SidesView) -> str:
     for o in v.outcomes:
         a, b = o.a, o.b
         cells = [
-            f'<span title="{text(o.name)}">{text(o.name)}</span>',
+            fitted(o.name),
             f'<span title="{judged_by_a(v, o)}">{_pair(a, b, own_score, 2)}</span>',
             f'<span title="{_offsets(a, b)}">{_pair(a, b, lambda x: x.errors and x.errors.add_s_mm, 1)}</span>',
             _pair(a, b, lambda x: x.errors and x.errors.rotation_deg, 0, "°"),

@@ -8,6 +8,7 @@ from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
+from verefine_viz.viewer.long_names import cut
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.markup import Row, swatch, table, text, with_hints
 from verefine_viz.viewer.plays import (
@@ -33,11 +34,6 @@ NONE = "–"
 def number(value: float | None, digits: int, unit: str = "") -> str:
     """A number with its unit, or a dash."""
     return NONE if value is None else f"{value:.{digits}f}{unit}"
-
-
-def cut(name: str) -> str:
-    """A name that may be long: cut off on the screen, whole in its tooltip."""
-    return f'<span class="cut" title="{text(name)}">{text(name)}</span>'
 
 
 def arms_table(view: View) -> str:
@@ -211,7 +207,7 @@ def branches_table(view: View) -> str:
     for i, branch in enumerate(view.branches):
         best, errors = branch.best[k], branch.errors[k]
         cells = [
-            f'<span class="cut" style="max-width:170px" title="{text(branch.name)}">{text(branch.name)}</span>',
+            cut(branch.name, 170),
             f"{branch.length}/{branch.n_iterations}",
             number(best.score.score if best else None, 3) + other_branch_sign(branch),
             number(errors.add_s_mm if errors else None, 1),

@@ -10,6 +10,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.arms import arm_color
+from verefine_viz.viewer.long_names import cut
 from verefine_viz.viewer.markup import link, sentence, swatch, text
 from verefine_viz.viewer.plays import CHOOSING, WITH_UCB
 from verefine_viz.viewer.scales import other_scale_sign
@@ -150,7 +151,7 @@ def whose(view: View) -> str:
     if len(view.scene.objects) < 2:
         return ""
     o = view.scene.object(view.target.instance.instance_id)
-    return f'{swatch(o.color)}<span class="cut" style="max-width:76px" title="{text(o.label)}">{text(o.label)}</span>: '
+    return f"{swatch(o.color)}{cut(o.label, 76)}: "
 
 
 def score_lines(view: View, n_arms: int) -> list[Line]:

@@ -41,8 +41,8 @@ STYLE = """<style>
 .vz .card .txt{flex:1;min-width:0}
 .vz .card .txt>span{display:flex;justify-content:space-between;gap:6px;white-space:nowrap}
 .vz .card .name{overflow:hidden;text-overflow:ellipsis}
-.vz .card .txt>.why{display:block;overflow:hidden;text-overflow:ellipsis}
-.vz .card .txt>.two{white-space:normal;max-height:2.8em}
+.vz .card .txt>.why{display:-webkit-box;-webkit-box-orient:vertical;-webkit-line-clamp:2;overflow:hidden;
+ white-space:normal}
 .vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
 .vz .pages{display:flex;justify-content:space-between}
 </style>"""
@@ -143,17 +143,20 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     )
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
-        lines += f'<span class="dim">{number(row.add_s_mm, 1, " mm")} · score {number(row.score, 2)}</span>'
-        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b> · ' if entry.row.doubt else ""
-        lines += f'<span class="why">{doubt}{text(why or "–")}</span>'
+        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b>' if row.doubt else ""
+        off = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
+        lines += f'<span><span class="dim">{off}</span>{doubt}</span>'
     else:
-        lines += f'<span class="why two">{text(row.message)}</span>'
+        why = row.message
+    lines += f'<span class="why">{text(why or "–")}</span>'
     image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
-    tip = f"{row.evidence or row.message} {_opens_at(entry)}" if entry.can_be_opened else row.message
+    # Whole, what there may be no room for.
+    told = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
+    tip = " ".join(filter(None, (*told, _opens_at(entry) if entry.can_be_opened else "")))
     attributes = carries(command) if entry.can_be_opened else "disabled"
     look = f'class="card marked" onanimationstart="{_INTO_SIGHT}"' if is_open else 'class="card"'
     return (
-        f'<button {look} title="{text(tip.strip())}" {attributes}>'
+        f'<button {look} title="{text(tip)}" {attributes}>'
         f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
     )
 

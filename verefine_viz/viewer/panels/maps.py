@@ -11,6 +11,7 @@ from verefine_viz.core.colormaps import rgb
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.recording.png import indexed_png
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.long_names import cut
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_shades, png, scale_of
 from verefine_viz.viewer.markup import carries, swatch, text
 from verefine_viz.viewer.pair_words import score_digits
@@ -42,7 +43,7 @@ def maps_html(view: View) -> str:
     crop = shared_crop(view)
     o = view.scene.object(view.target.instance.instance_id)
     several = len(view.scene.objects) > 1 and not view.is_whole_scene
-    whose = f'{swatch(o.color)}<span class="cut" title="{text(o.label)}">{text(o.label)}</span>' if several else ""
+    whose = swatch(o.color) + cut(o.label, 52) if several else ""
     head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
     rows = "".join(_row(view, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
     bars = "".join(f"<td>{_bar(view, m)}</td>" for m in MAP_NAMES)

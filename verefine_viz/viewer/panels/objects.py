@@ -8,6 +8,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.arms import arm_color, arm_name
 from verefine_viz.viewer.carrying import alone_hint, carried
 from verefine_viz.viewer.correct import is_correct, verdict_mark
+from verefine_viz.viewer.long_names import cut, fitted
 from verefine_viz.viewer.markup import Row, link, sentence, swatch, table, text
 from verefine_viz.viewer.objects_words import objects_words
 from verefine_viz.viewer.scene_now import ObjectNow, Phase
@@ -59,8 +60,7 @@ def filter_line(view: View) -> str:
         return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
     if view.look.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
-        shown = f'<b class="cut" style="max-width:125px" title="{text(name)}">{text(name)}</b>'
-        return f"<p>Filtered to {shown} · {follow}</p>"
+        return f"<p>Filtered to <b>{cut(name, 125)}</b> · {follow}</p>"
     return '<p class="dim">Panels follow the run; a click filters them.</p>'
 
 
@@ -120,7 +120,7 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
     error = f"<b>{error}</b>" if is_correct(o.errors) else f"{error} {verdict_mark(o.errors)}".strip()
     cells = [
         f"{order}",
-        f'{swatch(o.color)}{_sinks(view, o)}<span title="{text(o.label)}">{text(o.label)}</span>',
+        fitted(o.label, f"{swatch(o.color)}{_sinks(view, o)}"),
         _light(view, o),
         number(o.answer.score.score if o.answer else None, 2),
         *([error] if _has_errors(view) else []),

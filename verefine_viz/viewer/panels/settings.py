@@ -10,8 +10,8 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.changes import current_values
+from verefine_viz.viewer.long_names import shortened
 from verefine_viz.viewer.markup import sentence
-from verefine_viz.viewer.panels.timeline import shortened
 from verefine_viz.viewer.settings_words import settings_words, waiting
 from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled

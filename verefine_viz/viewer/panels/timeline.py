@@ -11,6 +11,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.arms import arm_color, arms_legend
+from verefine_viz.viewer.long_names import shortened
 from verefine_viz.viewer.marks import MEANINGS, Mark
 from verefine_viz.viewer.markup import carries, text
 from verefine_viz.viewer.timeline_words import timeline_words
@@ -18,7 +19,7 @@ from verefine_viz.viewer.view import View
 from verefine_viz.viewer.widgets import Block, Send, by_person, compact
 
 _WIDTH, _HEIGHT = 860, 43
-_NAME_PX, _PASS_PX, _CHARACTER_PX = 36, 30, 6.2
+_NAME_PX, _PASS_PX = 36, 30
 _ASIDE_PX = 6
 ROW_PX = 25
 MOST_CELLS = 240
@@ -79,7 +80,7 @@ def blocks_legend(view: View) -> str:
     if several:
         said += f" of {view.scene.object(view.target.instance.instance_id).label}:"
         tip = ' title="The line below the blocks has the colours of the objects."'
-    return f'<div class="blocks"{tip}>{text(said)} {arms_legend(view.target)}</div>'
+    return f'<div class="blocks"{tip}>{text(said)} {arms_legend(view.target, brief=True)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:
@@ -159,18 +160,13 @@ def _objects(view: View, cell: float) -> list[str]:
         room = (end - k) * cell - (_PASS_PX if end in passes else 0.0)
         if room < _NAME_PX:
             continue
-        x, name = k * cell, shortened(view.scene.object(view.iterations[k].instance_id).label, room)
+        x, name = k * cell, view.scene.object(view.iterations[k].instance_id).label
         parts.append(
             f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
-            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(name)}</text>'
+            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(shortened(name, room))}'
+            f"<title>{text(name)}</title></text>"
         )
     return parts
-
-
-def shortened(name: str, room_px: float) -> str:
-    """As much of a name as there is room for."""
-    n = int((room_px - 5) / _CHARACTER_PX)
-    return name if len(name) <= n else f"{name[: max(n - 1, 1)]}…"
 
 
 def _passes(view: View, cell: float) -> list[str]:
