@@ -107,7 +107,9 @@ def find_runs(folder: Path) -> FoundRuns:
             f"{folder} holds no run itself, and several folders in it do; name one of them: {'; '.join(folders)}"
         )
     if not below:
-        raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
+        session = folder / SESSION_FILE
+        hint = f"its session opens by verefine-viz view {session}" if session.is_file() else "make one with verefine-viz batch"
+        raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; {hint}")
     ((place, runs),) = below.items()
     return FoundRuns(runs, f"The runs in {place} ({_counted(runs)}).")
 
