@@ -168,7 +168,8 @@ def test_view_of_a_session_that_cannot_be_opened(desk: Desk) -> None:
 def test_view_of_a_folder_that_is_no_batch(desk: Desk) -> None:
     assert "is no folder of a batch: it has no run.json" in desk.refused("view", desk.folder)
     session = desk.file("session.toml", '[scene]\ndemo = "mug"\n')
-    assert f"it has no run.json; its session opens by verefine-viz view {session}" in desk.refused("view", session.parent)
+    said = f"it has no run.json; its session opens by verefine-viz view {session}"
+    assert said in desk.refused("view", session.parent)
 
 
 def test_view_of_a_batch_that_was_killed(desk: Desk) -> None:

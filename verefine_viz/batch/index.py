@@ -108,7 +108,8 @@ def find_runs(folder: Path) -> FoundRuns:
         )
     if not below:
         session = folder / SESSION_FILE
-        hint = f"its session opens by verefine-viz view {session}" if session.is_file() else "make one with verefine-viz batch"
+        opens = f"its session opens by verefine-viz view {session}"
+        hint = opens if session.is_file() else "make one with verefine-viz batch"
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; {hint}")
     ((place, runs),) = below.items()
     return FoundRuns(runs, f"The runs in {place} ({_counted(runs)}).")
