@@ -108,7 +108,7 @@ def test_an_object_whose_model_is_damaged_is_named_and_tried_again_when_asked(
     assert run(session, "--out", out, *BY_PPF) == 1
     said = capsys.readouterr().out.splitlines()
     assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file} holds no triangles" in said[1]
-    assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged")
+    assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged (see above)")
     assert {row.obj_id for row in read_results(out)} == {2}
     file.write_bytes(whole)
     assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0

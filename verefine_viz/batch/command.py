@@ -122,11 +122,11 @@ def _print_summary(outcome: Outcome) -> None:
         console.print(unreadable(outcome.n_unreadable))
 
 
-def unreadable(n: int) -> str:
-    """What is the matter with ``n`` objects whose files cannot be read, and what to do."""
+def unreadable(n: int, which: str = "frames.csv says which") -> str:
+    """What is the matter with ``n`` objects whose files cannot be read, ``which`` they are, and what to do."""
     who, whose = ("1 object was", "its frame") if n == 1 else (f"{n} objects were", "their frames")
     return (
-        f"{who} not solved, as a model or mask is missing or damaged (frames.csv says which); mend it, and the same "
+        f"{who} not solved, as a model or mask is missing or damaged ({which}); mend it, and the same "
         f"command with --retry-failed solves {whose} again."
     )
 

@@ -94,4 +94,4 @@ def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path
     if outcome.n_failed:
         console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
-        console.print(unreadable(outcome.n_unreadable))
+        console.print(unreadable(outcome.n_unreadable, "see above"))
