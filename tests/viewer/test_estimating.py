@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.fakes import box_problem
 from tests.scenes.bop_folder import make
+from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.client import client, until
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
@@ -22,6 +25,7 @@ from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.notes import notes_that_hold
 
 ESTIMATE = c.Estimate(1, "ppf")
 
@@ -148,3 +152,23 @@ def test_the_button_asks_for_the_object_in_focus(session: Session, tmp_path: Pat
             until(app, lambda: methods(app.debugger) == FROM_SESSION)
     finally:
         app.stop()
+
+
+def test_notes_on_first_poses_go_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "make_estimator", lambda name, session: Estimator())
+    problem = box_problem(n_instances=2)
+    posed, bare = (found(problem, box_mesh(tmp_path / "box.stl"), k) for k in range(2))
+    far = np.array(problem.instances[0].hypotheses[0].T_cam_obj)
+    far[2, 3] = 6.0
+    kept(tmp_path / "kept", problem, [replace(posed, poses={"net": far}), replace(bare, poses={})])
+    d = Debugger(load_session(tmp_path / "kept" / "session.toml"), None, Toolbox)
+    notes = notes_that_hold(d.view().problem)
+    of_far, of_none = ("its pose lies far from the depth", "box (#1) has no hypothesis")
+    assert [sum(words in note for note in notes) for words in (of_far, of_none)] == [1, 1]
+    of_second = notes_that_hold(d.carry_out([c.Estimate(1, "ppf")]).view().problem)
+    assert "instead of" not in d.message, "there were none"
+    assert [sum(words in note for note in of_second) for words in (of_far, of_none)] == [1, 0]
+    of_both = notes_that_hold(d.carry_out([c.Estimate(0, "ppf")]).view().problem)
+    assert [sum(words in note for note in of_both) for words in (of_far, of_none)] == [0, 0]
+    again = notes_that_hold(d.carry_out([c.Estimate(1, "session")]).view().problem)
+    assert [sum(words in note for note in again) for words in (of_far, of_none)] == [0, 1]

@@ -32,6 +32,7 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     if instance_id not in labels:
         raise InputError(unknown("instance", instance_id, list(labels)))
     label, before, source = labels[instance_id], space.branch.name, source_of(space, instance_id)
+    had = bool(space.work.problem.target(instance_id).instance.hypotheses)
     others, h = space.has_other_frames, space.branch.tools.session.hypotheses
     now = h.source if estimator == "session" else estimator
     if estimator == "session" and (space.frame, instance_id) not in asked_estimators(h):
@@ -42,7 +43,7 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     space.estimate(instance_id, estimator, f"{label} from {SOURCES.get(now, now)}")
     n = next(len(i.hypotheses) for i in space.work.problem.instances if i.instance_id == instance_id)
     said = f"{label} in frame {space.frame} now has {n} first pose{'s' if n != 1 else ''} {_of(now)}"
-    if source != now:
+    if source != now and had:
         said += f", instead of those {_of(source)}"
     anew = ", but their runs begin anew" if others else ""
     return (
