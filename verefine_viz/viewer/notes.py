@@ -1,4 +1,4 @@
-"""Notes on the open frame's data, as far as they hold: first poses may have been found on the page since it was read."""
+"""Notes on the data of the open frame that still hold: first poses may have been found since it was read."""
 
 from __future__ import annotations
 
