@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 from tests.viewer.test_words import after
 from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.headline import UNJUDGED, headline
+from verefine_viz.viewer.headline import HINTS, UNJUDGED, headline
+from verefine_viz.viewer.markup import hinted
 from verefine_viz.viewer.view import View
 
 
@@ -139,6 +141,12 @@ def test_no_runner_up_where_no_other_hypothesis_could_have_won_by_its_score(name
     said = headline(after(c.RunUntil("end"), name=name))
     assert "ahead of" not in said
     assert "level with" not in said
+
+
+def test_abbreviations_are_spelt_out_in_tooltips() -> None:
+    shown = hinted(headline(after(c.Step())), HINTS)
+    for word, meaning in (("UCB", "upper confidence bound"), ("ICP", "iterative closest point")):
+        assert re.search(rf'<span class="term" title="{meaning}: [^"]*">{word}</span>', shown)
 
 
 def test_stages_are_told_one_by_one() -> None:

@@ -27,7 +27,10 @@ from verefine_viz.viewer.view import View
 UNJUDGED = "without judging"
 HINTS = TERMS | {
     UNJUDGED: "As the paper defines it (Sec. III-A): the next iteration goes on from what this one ended with, "
-    "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose."
+    "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose.",
+    "UCB": "upper confidence bound: mean score of the hypothesis so far, plus a bonus for having been tried little. "
+    "The hypothesis with the highest is tried next.",
+    "ICP": "iterative closest point: moves the pose until the observed points lie on the model.",
 }
 """What the headline's words mean."""
 
