@@ -15,7 +15,7 @@ from verefine_viz.viewer.headline import headline
 from verefine_viz.viewer.panels.bandit import score_lines
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.tables import arms_table
+from verefine_viz.viewer.tables import arms_table, starts_table
 
 NAMES = ("cosypose", "<b>posecnn", "cosypose")
 
@@ -58,6 +58,7 @@ def test_a_source_that_all_have_is_told_once() -> None:
     hypotheses = [replace(h, source=f"perturbed 9° #{k + 1}") for k, h in enumerate(view.target.instance.hypotheses)]
     target = replace(view.target, instance=replace(view.target.instance, hypotheses=tuple(hypotheses)))
     assert arms_legend(target).count(">all perturbed 9°</span>") == 1
+    assert starts_table(replace(view, target=target)).count(">perturbed 9°</span>") == 3, "the arm has the number"
     assert "perturbed" not in headline(replace(view, target=target)) + arms_table(replace(view, target=target))
 
 

@@ -7,7 +7,7 @@ from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arms import arm_color, arms_legend, have_names
+from verefine_viz.viewer.arms import arm_color, arms_legend, have_names, source_of
 from verefine_viz.viewer.long_names import cut
 from verefine_viz.viewer.look import STAGES
 from verefine_viz.viewer.markup import Row, swatch, table, text, with_hints
@@ -186,7 +186,7 @@ def starts_table(view: View) -> str:
             return ""
         score = view.state.initial[j].score if view.state is not None else None
         cells = [
-            f"{swatch(arm_color(j))}{j + 1}", cut(h.source), f"{e.rotation_deg:.1f}°",
+            f"{swatch(arm_color(j))}{j + 1}", cut(source_of(h), 127), f"{e.rotation_deg:.1f}°",
             f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
         ]  # fmt: skip
         rows.append(Row(cells, c.SelectArm(j)))
