@@ -186,7 +186,7 @@ def starts_table(view: View) -> str:
             return ""
         score = view.state.initial[j].score if view.state is not None else None
         cells = [
-            f"{swatch(arm_color(j))}{j + 1}", cut(source_of(h), 127), f"{e.rotation_deg:.1f}°",
+            f"{swatch(arm_color(j))}{j + 1}", cut(source_of(h)), f"{e.rotation_deg:.1f}°",
             f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
         ]  # fmt: skip
         rows.append(Row(cells, c.SelectArm(j)))
