@@ -25,7 +25,6 @@ from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.notes import notes_that_hold
 
 ESTIMATE = c.Estimate(1, "ppf")
 
@@ -162,13 +161,13 @@ def test_notes_on_first_poses_go_with_them(tmp_path: Path, monkeypatch: pytest.M
     far[2, 3] = 6.0
     kept(tmp_path / "kept", problem, [replace(posed, poses={"net": far}), replace(bare, poses={})])
     d = Debugger(load_session(tmp_path / "kept" / "session.toml"), None, Toolbox)
-    notes = notes_that_hold(d.view().problem)
+    notes = d.view().problem.notes
     of_far, of_none = ("its pose lies far from the depth", "box (#1) has no hypothesis")
     assert [sum(words in note for note in notes) for words in (of_far, of_none)] == [1, 1]
-    of_second = notes_that_hold(d.carry_out([c.Estimate(1, "ppf")]).view().problem)
+    of_second = d.carry_out([c.Estimate(1, "ppf")]).view().problem.notes
     assert "instead of" not in d.message, "there were none"
     assert [sum(words in note for note in of_second) for words in (of_far, of_none)] == [1, 0]
-    of_both = notes_that_hold(d.carry_out([c.Estimate(0, "ppf")]).view().problem)
+    of_both = d.carry_out([c.Estimate(0, "ppf")]).view().problem.notes
     assert [sum(words in note for note in of_both) for words in (of_far, of_none)] == [0, 0]
-    again = notes_that_hold(d.carry_out([c.Estimate(1, "session")]).view().problem)
+    again = d.carry_out([c.Estimate(1, "session")]).view().problem.notes
     assert [sum(words in note for note in again) for words in (of_far, of_none)] == [0, 1]

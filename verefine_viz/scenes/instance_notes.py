@@ -15,6 +15,7 @@ from verefine_viz.scenes.pool import ResultsFile
 FAR = 2.5
 """First poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
 but the worst of 36 real ones (YCB-V, four methods) lay at 1.16 times the depth."""
+_FAR_FROM_DEPTH = "far from the depth inside its mask"
 
 
 def instance_notes(
@@ -36,7 +37,7 @@ def instance_notes(
     notes: list[str] = []
     for instance in instances:
         model = models[instance.obj_id]
-        name = f"{model.name} (#{instance.instance_id})"
+        name = _name(instance, model)
         if not instance.hypotheses and source == "results":
             notes.append(f"{without(instance, model)}{_why_none(ids, instance, instances, files)}")
         if not instance.hypotheses and source == "perturb":
@@ -54,7 +55,17 @@ def instance_notes(
 
 def without(instance: Instance, model: ObjectModel) -> str:
     """How the note of an instance without hypotheses begins; the reason follows."""
-    return f"{model.name} (#{instance.instance_id}) has no hypothesis: "
+    return f"{_name(instance, model)} has no hypothesis: "
+
+
+def is_about_first_poses(note: str, instance: Instance, model: ObjectModel) -> bool:
+    """Whether a note says something of the first poses that an instance has, or that it has none."""
+    is_far = note.startswith(f"{_name(instance, model)}: ") and _FAR_FROM_DEPTH in note
+    return is_far or note.startswith(without(instance, model))
+
+
+def _name(instance: Instance, model: ObjectModel) -> str:
+    return f"{model.name} (#{instance.instance_id})"
 
 
 def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], files: Sequence[ResultsFile]) -> str:
@@ -77,7 +88,7 @@ def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator
         whose, z_m = instance.hypotheses[far[0]].source, away_m[far[0]]
         n = f"{len(far)} of its {len(away_m)} poses lie{'s' * (len(far) == 1)}" if len(away_m) > 1 else "its pose lies"
         such = f"{'such as ' * (len(far) > 1)}{whose}'s " + (f"at {z_m:.3g} m" if z_m > 0 else "behind the camera")
-        yield f"{n} far from the depth inside its mask ({seen_m:.3g} m), {such}"
+        yield f"{n} {_FAR_FROM_DEPTH} ({seen_m:.3g} m), {such}"
     if instance.T_cam_obj_gt is None:
         return
     true_m = float(instance.T_cam_obj_gt[2, 3])

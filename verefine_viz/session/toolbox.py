@@ -21,6 +21,7 @@ from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.scenes.instance_notes import is_about_first_poses
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
@@ -137,7 +138,8 @@ class Toolbox:
         return found
 
     def _with_estimates(self, problem: Problem) -> Problem:
-        """The same with the pools that estimators are asked for; an instance for which one finds nothing is noted.
+        """The same with the pools that estimators are asked for, without notes on those before; an instance for which one
+        finds nothing is noted.
 
         Raises:
             InputError: one is asked for an instance that the frame does not have.
@@ -157,6 +159,7 @@ class Toolbox:
                 self._patience.ask(f"Looking for first poses of {who} with {name}.")
                 pool = self.estimators[name].hypotheses(target, h.max_per_object, self._patience)
                 instances[k] = replace(instance, hypotheses=pool)
+                notes = [note for note in notes if not is_about_first_poses(note, instance, target.model)]
                 if not pool:
                     notes.append(f"{who} has no hypothesis: {name} found none in its {len(instance.points_cam)} points")
         return replace(problem, instances=tuple(instances), notes=tuple(notes))

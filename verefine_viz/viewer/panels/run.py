@@ -12,7 +12,6 @@ from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.findings import Finding, findings
 from verefine_viz.viewer.headline import HINTS, headline
 from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
-from verefine_viz.viewer.notes import notes_that_hold
 from verefine_viz.viewer.page_keys import CANCEL_CLASS
 from verefine_viz.viewer.tables import branches_table, event_lines
 from verefine_viz.viewer.view import View
@@ -90,7 +89,7 @@ class RunPanel:
         self.frame.visible = len(view.frames) > 1
         _options(self.demo, view.demos, view.session.scene.demo)
         self.demo.visible = view.session.scene.source == "demo" and bool(view.demos)
-        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in notes_that_hold(view.problem))
+        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
         self._branches.show(branches_table(view) + notes)
 
 
