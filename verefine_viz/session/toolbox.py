@@ -138,8 +138,8 @@ class Toolbox:
         return found
 
     def _with_estimates(self, problem: Problem) -> Problem:
-        """The same with the pools that estimators are asked for, without notes on those before; an instance for which one
-        finds nothing is noted.
+        """The same with the pools that estimators are asked for, without notes on those before; an instance for which
+        nothing is found is noted.
 
         Raises:
             InputError: one is asked for an instance that the frame does not have.
