@@ -32,6 +32,17 @@ def make_frames(root: Path, n_frames: int) -> Made:
     return made
 
 
+@contextmanager
+def damaged(file: Path) -> Iterator[None]:
+    """The second half of a file is missing for a while."""
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    try:
+        yield
+    finally:
+        file.write_bytes(whole)
+
+
 def write_session(folder: Path, made: Made, **sections: dict[str, object]) -> Path:
     """A quick session on ``made``: RIR with 2 hypotheses of 2 iterations."""
     raw: dict[str, dict[str, object]] = {

@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, started_batch, write_session
+from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run_batch, started_batch, write_session
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import ResultRow, read_results, write_results
@@ -122,12 +122,8 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     uninterrupted: Path, session: Path, made: Made, tmp_path: Path
 ) -> None:
     out, file = tmp_path / "out", depth_file(made, 1)
-    whole = file.read_bytes()
-    try:
-        file.write_bytes(whole[: len(whole) // 2])
+    with damaged(file):
         done = run_batch(session, out, "--workers", 1)
-    finally:
-        file.write_bytes(whole)
     assert done.returncode == 1
     assert "frame 7/1 failed: " in done.stdout
     assert str(file) in done.stdout
@@ -158,13 +154,9 @@ def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
     uninterrupted: Path, session: Path, made: Made, tmp_path: Path
 ) -> None:
     out, file = tmp_path / "out", made.root / "models" / "obj_000005.ply"
-    whole = file.read_bytes()
     how = f"{N_FRAMES} objects were not solved, as a model or mask is missing or damaged"
-    try:
-        file.write_bytes(whole[: len(whole) // 2])
+    with damaged(file):
         done = batch_here(session, out, "--workers", 1)
-    finally:
-        file.write_bytes(whole)
     assert done.returncode == 1
     assert f"{N_FRAMES} left out" in done.stdout
     assert f"note ({N_FRAMES} frames): object 5 is left out: {file}" in done.stdout

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import batch_here, depth_file, make_frames, run_batch, write_session
+from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run_batch, write_session
 from tests.scenes.bop_folder import Made
 
 SWEEP = ("--methods", "pir", "rir", "--seeds", 2)
@@ -59,13 +59,8 @@ def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path) -> None:
 
 
 def test_frames_that_fail_are_listed_by_run(session: Path, made: Made, tmp_path: Path) -> None:
-    file = depth_file(made, 1)
-    whole = file.read_bytes()
-    try:
-        file.write_bytes(whole[: len(whole) // 2])
+    with damaged(depth_file(made, 1)):
         done = batch_here(session, tmp_path / "out", *SWEEP, "--workers", 1)
-    finally:
-        file.write_bytes(whole)
     assert done.returncode == 1
     assert done.stdout.count("frame 7/1 failed: ") == 4
     assert "4 frames failed; the same command with --retry-failed" in done.stdout

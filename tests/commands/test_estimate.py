@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.batch.frames import make_frames, write_session
+from tests.batch.frames import damaged, make_frames, write_session
 from verefine_viz import cli
 from verefine_viz.scenes.results import read_results
 from verefine_viz.session.files import load_session
@@ -103,14 +103,12 @@ def test_an_object_whose_model_is_damaged_is_named_and_tried_again_when_asked(
 ) -> None:
     made = make_frames(tmp_path / "data", 2)
     session, out, file = write_session(tmp_path, made), tmp_path / "pool.csv", made.root / "models" / "obj_000005.ply"
-    whole = file.read_bytes()
-    file.write_bytes(whole[: len(whole) // 2])
-    assert run(session, "--out", out, *BY_PPF) == 1
+    with damaged(file):
+        assert run(session, "--out", out, *BY_PPF) == 1
     said = capsys.readouterr().out.splitlines()
     assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file} holds no triangles" in said[1]
     assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged (see above)")
     assert {row.obj_id for row in read_results(out)} == {2}
-    file.write_bytes(whole)
     assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0
     assert {row.obj_id for row in read_results(out)} == {2, 5}
     assert not out.with_name("pool.csv.journal").exists()
