@@ -17,7 +17,6 @@ from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.runner import Outcome, Place, run_batch
 from verefine_viz.batch.sweep_table import sweep_table
 from verefine_viz.batch.tasks import TaskName
-from verefine_viz.batch.totals import MOST_NOTES
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.words import cause_title
@@ -73,7 +72,7 @@ def _run_all(
         _print_line(outcome)
     console = Console(highlight=False, soft_wrap=True)
     console.print(sweep_table(outcomes))
-    notes = Notes(MOST_NOTES)
+    notes = Notes()
     for _, outcome in outcomes:
         notes.add(outcome.totals["notes"])
     for note, n in notes.counted().items():

@@ -6,6 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
+MOST = 20
+"""Different notes that are told; nobody reads more."""
 _NUMBER = re.compile(r" \(#\d+\)")
 """Behind an object's name: another in each frame, and nothing in a table of many."""
 
@@ -17,7 +19,7 @@ class Notes:
         most: different notes that are kept; the first ones.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int = MOST) -> None:
         self._most = most
         self._often: Counter[str] = Counter()
         self._shown: dict[str, str] = {}

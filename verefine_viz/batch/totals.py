@@ -14,9 +14,6 @@ from verefine_viz.batch.doubts import Doubts
 from verefine_viz.batch.notes import Notes
 from verefine_viz.batch.rows import FrameResult
 
-MOST_NOTES = 20
-"""Different notes that are told."""
-
 
 @dataclass
 class Counts:
@@ -69,7 +66,7 @@ class Totals:
     doubts: Doubts = field(default_factory=Doubts)
     """Of the frames' data."""
     max_failures: int = 10
-    notes: Notes = field(default_factory=lambda: Notes(MOST_NOTES))
+    notes: Notes = field(default_factory=Notes)
     _scores: array[float] = field(default_factory=lambda: array("d"))
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))
     _times_ms: array[float] = field(default_factory=lambda: array("d"))

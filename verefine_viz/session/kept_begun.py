@@ -28,10 +28,11 @@ def check_holds_a_frame(path: Path, text: str, raw: Mapping[str, Any]) -> None:
     Raises:
         InputError: it is that of a folder in which the first frame was begun and not finished.
     """
+    if not text.startswith(HEAD):
+        return
     scene = scene_folder(path.parent)
     # The camera is the last file of a frame. A copy of the session elsewhere has no scene beside it.
-    is_begun = not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file())
-    if text.startswith(HEAD) and is_begun:
+    if not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file()):
         raise InputError(
             f"{path.parent} holds no whole frame yet: keep_frame is still writing the first one, or its program was "
             "stopped in the middle; keep a frame there again, which makes it anew, and then open this session"

@@ -10,14 +10,6 @@ from verefine_viz.viewer.scales import NOT_COMPARABLE
 from verefine_viz.viewer.side_view import SidesView
 
 
-def rules(v: SidesView) -> tuple[tuple[str, Any, Any], ...]:
-    """The settings of the score that differ: (dotted name, of A, of B)."""
-    if v.scores_alike:
-        return ()
-    # Two renderers of one rule agree to the last digits that matter.
-    return tuple(s for s in v.settings if s[0].startswith("score.") and s[0] != "score.renderer")
-
-
 def better(v: SidesView, o: Outcome) -> Winner | None:
     """Who has an object nearer to ground truth, or scores it higher; None where neither can be said."""
     return o.winner if v.scores_alike or _is_known(o) else None
@@ -35,7 +27,7 @@ def own_score(answer: Answer) -> float:
 
 def scores_note(v: SidesView) -> str:
     """A box above scores that do not compare; empty where they do."""
-    found = rules(v)
+    found = _rules(v)
     if not found:
         return ""
     said = "; ".join(f"{name} is {plain(one)} in A, {plain(other)} in B" for name, one, other in found)
@@ -63,6 +55,14 @@ def plain(value: Any) -> str:
     """The value of a setting, cut where it is long."""
     said = f"{value:g}" if isinstance(value, float) else str(value)
     return said if len(said) <= 40 else f"{said[:39]}…"
+
+
+def _rules(v: SidesView) -> tuple[tuple[str, Any, Any], ...]:
+    """The settings of the score that differ: (dotted name, of A, of B)."""
+    if v.scores_alike:
+        return ()
+    # Two renderers of one rule agree to the last digits that matter.
+    return tuple(s for s in v.settings if s[0].startswith("score.") and s[0] != "score.renderer")
 
 
 def _is_known(o: Outcome) -> bool:
