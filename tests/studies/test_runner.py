@@ -7,10 +7,10 @@ import errno
 import json
 import os
 import signal
+import threading
 from multiprocessing import active_children
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from time import monotonic, sleep
 
 import psutil
 import pytest
@@ -59,13 +59,13 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_
             raise KeyboardInterrupt
 
     path = tmp_path / "x.jsonl"
+    before = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
         run_study(Wanted("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
-    # The pool's own thread may have waited for a worker first, and tells its exit code a moment later.
-    deadline = monotonic() + 10
-    while None in [worker.exitcode for worker in workers] and monotonic() < deadline:
-        sleep(0.01)
-    assert [worker.exitcode for worker in workers] == [-signal.SIGKILL] * 2
+    assert set(threading.enumerate()) == before
+    # The pool, which sees the first one gone, may end the second before it is killed.
+    assert {worker.exitcode for worker in workers} <= {-signal.SIGKILL, -signal.SIGTERM}
+    assert len(workers) == 2
     kept = path.read_bytes().splitlines()
     assert len(kept) >= 2
     assert _facts(_run(path)) == _facts(_run(tmp_path / "whole.jsonl"))

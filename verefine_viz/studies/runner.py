@@ -97,13 +97,10 @@ def _in_parallel(
         except BrokenProcessPool:
             raise InputError("a worker process was killed (out of memory?); the same command goes on") from None
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            # Units that were begun may take long; what is done is in the journal.
-            begun = set(multiprocessing.active_children()).difference(others)
-            for worker in begun:
+            # Units that were begun may take long; what is done is in the journal. The pool, left without its workers,
+            # is waited for: its thread, still closing down while the interpreter ends, made a traceback of Ctrl-C.
+            for worker in set(multiprocessing.active_children()).difference(others):
                 worker.kill()
-            for worker in begun:
-                worker.join()
             raise
 
 
