@@ -11,10 +11,11 @@ from verefine_viz.commands.chromium import find_chromium
 from verefine_viz.core.errors import UnavailableError
 
 FLAGS = [
-    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
+    "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--no-first-run",
 ]  # fmt: skip
-"""Software WebGL, and nothing that a browser does on its own."""
+"""As on a machine without a GPU, and nothing that a browser does on its own. With ``--use-angle=swiftshader`` instead, it
+would take software WebGL for a GPU and draw the words of the page with it too."""
 
 
 @contextmanager
