@@ -14,8 +14,8 @@ FLAGS = [
     "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--no-first-run",
 ]  # fmt: skip
-"""As on a machine without a GPU, and nothing that a browser does on its own. With ``--use-angle=swiftshader`` instead, it
-would take software WebGL for a GPU and draw the words of the page with it too."""
+"""As on a machine without a GPU, and nothing that a browser does on its own. With ``--use-angle=swiftshader`` Chromium
+takes software WebGL for a GPU and draws the words of the page with it too."""
 
 
 @contextmanager

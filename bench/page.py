@@ -1,8 +1,8 @@
 """How long a click takes until its result is on the screen: ``python -m bench.page [SESSION]``; needs Chromium.
 
-The page is served by a process of its own and looked at in headless Chromium at 1280×800, which draws by software on the
-same cores. Words, numbers, score maps and curves of an iteration arrive together, its first picture in 3D after them;
-the clock runs, in the page itself, from the click until they are drawn.
+The page is served by a process of its own and looked at in headless Chromium at 1280×800, which draws by software on
+the same cores. Words, numbers, score maps and curves of an iteration arrive together, its first picture in 3D after
+them; the clock runs, in the page itself, from the click until they are drawn.
 """
 
 from __future__ import annotations
