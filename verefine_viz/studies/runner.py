@@ -88,9 +88,9 @@ def _in_parallel(
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
     with ProcessPoolExecutor(min(workers, len(left)), context, _start, (dict(sessions), wanted)) as pool:
-        with interrupts_ignored():
-            found: dict[Future[list[Outcome]], Unit] = {pool.submit(_solve, unit): unit for unit in left}
         try:
+            with interrupts_ignored():
+                found: dict[Future[list[Outcome]], Unit] = {pool.submit(_solve, unit): unit for unit in left}
             for k, future in enumerate(as_completed(found), start=1):
                 journal.add(found[future], future.result())
                 tell(n_units - len(left) + k, n_units)
