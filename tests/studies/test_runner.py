@@ -62,7 +62,7 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_
     before = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
         run_study(Wanted("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) <= before
     # The pool, which sees the first one gone, may end the second before it is killed.
     assert {worker.exitcode for worker in workers} <= {-signal.SIGKILL, -signal.SIGTERM}
     assert len(workers) == 2
