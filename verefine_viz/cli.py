@@ -29,7 +29,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import SettingsError, VerefineError, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, unknown
 from verefine_viz.core.places import at_home
 
 PROGRAM = "verefine-viz"
@@ -155,9 +155,8 @@ def _named(kind: type[Command]) -> Any:
 
 
 def fail(text: str) -> int:
-    """One line on stderr, whatever the text quotes from files (line breaks, terminal codes); exit code 2."""
-    line = "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))
-    print(f"{PROGRAM}: {line}", file=sys.stderr)
+    """One line on stderr; exit code 2."""
+    print(f"{PROGRAM}: {in_one_line(text)}", file=sys.stderr)
     return USAGE
 
 

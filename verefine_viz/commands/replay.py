@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,30 +10,62 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, VerefineError, in_one_line
 
-ENDED_EARLY = 3
-"""Exit code of --verify for a recording that is the same as the new run as far as it goes, but was stopped early."""
+DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
+"""Exit codes of --verify; the last is for a recording that is the same as far as it goes, but was stopped early."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Open a recording in the rerun viewer, or run its session again and compare (--verify)."""
+    """Open a recording in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
 
-    recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN.rrd")]
-    """A recording that view or batch wrote."""
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN.rrd [RUN.rrd ...]")]
+    """What view or batch wrote: one recording to look at, any number with --verify."""
     verify: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Run the recorded session again and report the first iteration that differs, if any (exit code 1; 3: it does not
-    differ, but was stopped before its end)."""
+    differ, but was stopped before its end). One that cannot be compared is told, and the others go on (2)."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        if self.recording.is_dir():
-            from verefine_viz.batch.index import named_runs
+        if not self.recordings:
+            raise InputError("missing from verefine-viz replay: RUN.rrd; see verefine-viz replay --help")
+        if self.verify:
+            return _verify_all(self.recordings)
+        recording, *others = self.recordings
+        if others:
+            raise InputError(
+                f"{len(self.recordings)} recordings are more than the viewer's one; --verify compares any number with"
+                " new runs, and verefine-viz view A.rrd B.rrd shows two of a frame side by side"
+            )
+        _check_file(recording)
+        return _open(recording)
 
-            found = named_runs(self.recording, "recordings")
-            hint = f"; those of a batch lie in {found}" if found else ""
-            raise InputError(f"{self.recording} is a folder, expected a recording (.rrd){hint}")
-        return _verify(self.recording) if self.verify else _open(self.recording)
+
+def _check_file(recording: Path) -> None:
+    """
+    Raises:
+        InputError: it is a folder; those of batches say where their recordings are.
+    """
+    if recording.is_dir():
+        from verefine_viz.batch.index import named_runs
+
+        found = named_runs(recording, "recordings")
+        hint = f"; those of a batch lie in {found}" if found else ""
+        raise InputError(f"{recording} is a folder, expected a recording (.rrd){hint}")
+
+
+def _verify_all(recordings: Sequence[Path]) -> int:
+    """The exit code that says most."""
+    if len(recordings) == 1:
+        return _verify(recordings[0])
+    codes = set[int]()
+    for recording in recordings:
+        try:
+            codes.add(_verify(recording))
+        except VerefineError as error:
+            print(f"verefine-viz: {in_one_line(str(error))}", file=sys.stderr, flush=True)
+            codes.add(CANNOT)
+    return next(code for code in (CANNOT, DIFFERS, ENDED_EARLY, 0) if code in codes)
 
 
 def _verify(recording: Path) -> int:
@@ -46,11 +79,12 @@ def _verify(recording: Path) -> int:
         check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")
         return run_again(recorded)
 
+    _check_file(recording)
     found = verdict(recording, again)
-    print(f"{recording}: {found.in_words}")
+    print(f"{recording}: {found.in_words}", flush=True)
     if found.ends_early:
         return ENDED_EARLY
-    return 1 if found.difference else 0
+    return DIFFERS if found.difference else 0
 
 
 def _open(recording: Path) -> int:

@@ -57,3 +57,8 @@ def meant(name: object, available: Iterable[object]) -> str:
     least = 1.0 if any(map(str.isdigit, name)) else NEAR
     near = get_close_matches(name.strip().casefold(), by_letters, n=1, cutoff=least)
     return f"did you mean {by_letters[near[0]]!r}? " if near else ""
+
+
+def in_one_line(text: str) -> str:
+    """An error's text for a terminal, whatever it quotes from files (line breaks, terminal codes)."""
+    return "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))

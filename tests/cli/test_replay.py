@@ -1,0 +1,60 @@
+"""``replay``: one recording to look at, any number to compare with new runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fakes import box_problem
+from tests.recording.runs import new_run, recorded_run, session
+from verefine_viz import cli
+from verefine_viz.recording import verdict
+from verefine_viz.recording.reader import Recorded
+from verefine_viz.session.engine import Run
+
+EXPECTED = {"same.rrd": "no difference in 30 iterations", "other.rrd": "differs, recorded against now: iteration 1"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Of a recording, one that was made from other poses, and a file that is none; made-up runs are run again."""
+    monkeypatch.setattr(verdict, "run_again", again)
+    recorded_run(tmp_path / "same.rrd", session(maps=False))
+    recorded_run(tmp_path / "other.rrd", session(maps=False), box_problem(3, 2, seed=1))
+    (tmp_path / "none.rrd").write_text("rubbish")
+    return tmp_path
+
+
+def again(recorded: Recorded) -> Run:
+    return new_run(recorded.session, box_problem(3, 2))
+
+
+@pytest.mark.parametrize(
+    ("names", "code"),
+    [
+        (["same.rrd", "same.rrd"], 0),
+        (["other.rrd", "same.rrd"], 1),
+        (["none.rrd", "same.rrd"], 2),
+        (["none.rrd", "other.rrd", "same.rrd"], 2),
+    ],
+)
+def test_several_are_compared_whatever_becomes_of_the_others(
+    folder: Path, names: list[str], code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["replay", *[str(folder / name) for name in names], "--verify"]) == code
+    said = capsys.readouterr()
+    compared = [name for name in names if name in EXPECTED]
+    for name, line in zip(compared, said.out.splitlines(), strict=True):
+        assert line.startswith(f"{folder / name}: {EXPECTED[name]}")
+    refused = [name for name in names if name not in EXPECTED]
+    for name, line in zip(refused, said.err.splitlines(), strict=True):
+        assert line.startswith("verefine-viz: ")
+        assert name in line
+
+
+def test_the_viewer_shows_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["replay", str(folder / "same.rrd"), str(folder / "other.rrd")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("verefine-viz: 2 recordings are more than the viewer's one; --verify compares any number")
+    assert said.count("\n") == 1
