@@ -71,6 +71,15 @@ def test_a_model_that_is_missing(made: Made) -> None:
     assert problem.left_out[0].is_unreadable
 
 
+def test_a_damaged_model_of_several_detections_leaves_the_others(made: Made) -> None:
+    (made.root / "models" / "obj_000002.ply").write_bytes(b"ply\nrubbish")
+    file = made.root / "found.json"
+    file.write_text(json.dumps(detections(made)))
+    problem = made.read(masks=str(file))
+    assert [i.obj_id for i in problem.instances] == [5]
+    assert [(one.obj_id, one.has_truth, one.is_unreadable) for one in problem.left_out] == [(2, True, True)] * 2
+
+
 def test_what_was_not_detected(made: Made) -> None:
     file = made.root / "found.json"
     file.write_text(json.dumps(detections(made)[:2]))

@@ -12,6 +12,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.listing import listed
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.detections import Detection, DetectionsFile
@@ -182,18 +183,27 @@ def _with_ground_truth(
     for obj_id in sorted({s.obj_id for s in segments}):
         mine = [k for k, s in enumerate(segments) if s.obj_id == obj_id]
         truths = [e for e in entries if e.obj_id == obj_id and e.T_cam_obj is not None]
-        if len(truths) > 1 or len(mine) > 1:
-            model = models.get(obj_id)
+        model = _readable(models, obj_id) if len(truths) > 1 or len(mine) > 1 else None
+        if model is None:
+            # One at most of each, or nothing of the object can be solved and any pairs count the same.
+            shares = np.ones((len(mine), len(truths)))
+        else:
             outlines = [silhouette(model, e.T_cam_obj, camera) for e in truths if e.T_cam_obj is not None]
             shares = np.array([[overlap(segments[k].mask, outline) for outline in outlines] for k in mine])
-        else:
-            shares = np.ones((len(mine), len(truths)))
         while shares.size and shares.max() >= 0:
             row, column = np.unravel_index(np.argmax(shares), shares.shape)
             k, truth = mine[int(row)], truths[int(column)]
             matched[k] = replace(segments[k], T_cam_obj_gt=truth.T_cam_obj, visib_fract=truth.visib_fract)
             shares[row, :] = shares[:, column] = -1
     return matched
+
+
+def _readable(models: ModelLibrary, obj_id: int) -> ObjectModel | None:
+    """The object's model; None where it is damaged, which the frame tells when it reads its models."""
+    try:
+        return models.get(obj_id)
+    except InputError:
+        return None
 
 
 def _is_seen(entry: GroundTruth) -> bool:
