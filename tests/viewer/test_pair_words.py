@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tests.viewer.two_runs import TWO, debugger
+from tests.viewer.tools import FakeTools
+from tests.viewer.two_runs import SESSION, TWO, debugger
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.pair_words import compared
 from verefine_viz.viewer.panels.maps import maps_html
 from verefine_viz.viewer.score_tables import score_table
@@ -58,8 +61,25 @@ def test_equal_scores_are_the_same_only_where_their_parts_are() -> None:
 
 def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
     said = compared(debugger().view())
+    assert said.startswith("No simulated and no refined pose here yet; shown instead: current and ground truth. ")
+    assert "Ground truth 1.000 against current 0.826: 0.174 more" in said
+
+
+class Perfect(FakeTools):
+    """Frames whose one hypothesis is the true pose."""
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        (box,) = problem.instances
+        assert box.T_cam_obj_gt is not None
+        known = replace(box.hypotheses[0], T_cam_obj=box.T_cam_obj_gt)
+        return replace(problem, instances=(replace(box, hypotheses=(known,)),))
+
+
+def test_the_same_pose_stands_twice_only_where_there_is_no_other() -> None:
+    said = compared(Debugger(SESSION, None, Perfect).view())
     assert said.startswith("No simulated and no refined pose here yet; shown instead: current and best. ")
-    assert "Current and best score the same: 0." in said
+    assert "Current and best score the same: 1.000." in said
 
 
 def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:

@@ -71,8 +71,9 @@ def view_of(debugger: Debugger, deep: bool = True) -> View:
         a, b = scene_sides(judge, scene, look, branch.settings, deep, first)
     else:
         map_target = target
-        a = _side(judge, target, _or_else(poses, look.a, FALLBACK_A), look, deep)
-        b = _side(judge, target, _or_else(poses, look.b, FALLBACK_B), look, deep)
+        one = _or_else(poses, look.a, FALLBACK_A)
+        other = _or_else(poses, look.b, (*_unlike(one, poses), *FALLBACK_B))
+        a, b = (_side(judge, target, pose, look, deep) for pose in (one, other))
     return View(
         session=branch.settings.model_copy(
             update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
@@ -235,6 +236,13 @@ def later(view: View, judge: Judge) -> Iterator[None]:
 
 def _or_else(poses: dict[str, Judged], wanted: str, instead: tuple[str, ...]) -> Judged | None:
     return next((poses[name] for name in (wanted, *instead) if name in poses), None)
+
+
+def _unlike(one: Judged | None, poses: dict[str, Judged]) -> tuple[str, ...]:
+    """What says more beside ``one`` than the same pose once more: before the first iteration, the truth."""
+    if one is None:
+        return ()
+    return tuple(n for n in FALLBACK_B if n in poses and not np.array_equal(poses[n].T_cam_obj, one.T_cam_obj))
 
 
 def _side(judge: Judge, target: Target, pose: Judged | None, look: Look, deep: bool) -> Side | None:
