@@ -28,14 +28,14 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
     screen = look(saved(tmp_path, scene={"demo": "mug"}, breakpoints=breakpoints))
     screen.tab("Breakpoints")
     assert box(screen, "moved 25 mm").is_checked()
-    assert box(screen, "fell by 0.5").is_checked()
-    assert [number(screen, of).input_value() for of in ("moved", "fell by", "turned")] == ["25", "0.5", "10"]
+    assert box(screen, "score −0.5").is_checked()
+    assert [number(screen, of).input_value() for of in ("moved", "score −", "turned")] == ["25", "0.5", "10"]
     for row in (
-        screen.page.get_by_text("A run stops where: fell by more than 0.5, moved more than 25 mm."),
+        screen.page.get_by_text("A run stops where: score fell by more than 0.5, moved more than 25 mm."),
         box(screen, "empty render"),
     ):
         assert is_seen(screen, row)
-    for of in ("fell by", "moved", "turned", "error +"):
+    for of in ("score −", "moved", "turned", "error +"):
         assert is_seen(screen, number(screen, of))
     screen.shot("breakpoints")
     for on in (False, True):
@@ -43,13 +43,13 @@ def test_thresholds_are_shown_changed_kept_and_saved(look: Look, tmp_path: Path,
         screen.until(lambda on=on: (screen.app.debugger.workspace.breakpoints.jump_mm == 25.0) == on)
     number(screen, "moved").fill("32.5", timeout=SLOW_MS)
     screen.until(lambda: screen.app.debugger.workspace.breakpoints.jump_mm == 32.5)
-    number(screen, "fell by").fill("-1", timeout=SLOW_MS)
-    screen.text("“fell by” cannot be -1: give a number from 0 to 1")
-    number(screen, "fell by").blur()
+    number(screen, "score −").fill("-1", timeout=SLOW_MS)
+    screen.text("“score −” cannot be -1: give a number from 0 to 1")
+    number(screen, "score −").blur()
     other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
     other.tab("Breakpoints")
     assert box(other, "moved 32.5 mm").is_checked()
-    assert (number(other, "moved").input_value(), number(other, "fell by").input_value()) == ("32.5", "0.5")
+    assert (number(other, "moved").input_value(), number(other, "score −").input_value()) == ("32.5", "0.5")
     other.page.close()
     screen.app.send(c.SaveSession("kept"))
     screen.app.wait_until_idle(60)

@@ -49,7 +49,7 @@ def test_every_breakpoint_has_a_box_and_every_threshold_a_number(app: App) -> No
 
 def test_the_sessions_own_numbers_are_shown_with_their_units(app: App) -> None:
     assert shown(app) == {
-        "score_falls_by": ("fell by 0.5", True),
+        "score_falls_by": ("score −0.5", True),
         "jump_mm": ("moved 25 mm", True),
         "jump_deg": ("turned 10°", False),
         "error_grows_by_mm": ("error +2 mm", False),

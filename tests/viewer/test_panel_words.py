@@ -164,5 +164,5 @@ def test_a_pose_that_a_method_never_makes_is_not_still_to_come() -> None:
 
 def test_what_was_read_from_a_recording_is_called_so() -> None:
     view = Debugger(SESSION, None, FakeTools).view()
-    assert "not from a file" in opened(view)
+    assert ", built-in scene “mug”, not from a file: frame " in opened(view)
     assert ", read from the recording run/a.rrd: frame" in opened(replace(view, recording=Path("run/a.rrd")))

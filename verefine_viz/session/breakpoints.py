@@ -18,7 +18,7 @@ from verefine_viz.evaluation.errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
 """Breakpoints with a threshold, and its unit as it is written behind the number."""
-LABELS = {"score_falls_by": "fell by", "jump_mm": "moved", "jump_deg": "turned", "error_grows_by_mm": "error +"}
+LABELS = {"score_falls_by": "score −", "jump_mm": "moved", "jump_deg": "turned", "error_grows_by_mm": "error +"}
 """The same as the page calls them."""
 _WAITING = "waiting."
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
-from verefine_viz.session.breakpoints import LABELS, UNITS
+from verefine_viz.session.breakpoints import UNITS
 
 NAMES = {
     "simulated_rejected": "simulated pose rejected",
@@ -14,15 +14,20 @@ NAMES = {
     "empty_render": "empty render",
 }
 """Breakpoints without a number, in words."""
+CHANGES = {
+    "score_falls_by": "score fell by",
+    "jump_mm": "moved",
+    "jump_deg": "turned",
+    "error_grows_by_mm": "error grew",
+}
+"""The others."""
 
 
 def breakpoint_words(settings: BreakpointSettings) -> str:
     """As in: A run stops where: moved more than 25 mm, unstable."""
     over = [
-        f"{LABELS[name]} more than {value:g}{UNITS[name]}"
-        if name != "error_grows_by_mm"
-        else f"error grew more than {value:g} mm"
-        for name in LABELS
+        f"{words} more than {value:g}{UNITS[name]}"
+        for name, words in CHANGES.items()
         if (value := getattr(settings, name)) is not None
     ]
     ticked = [words for name, words in NAMES.items() if getattr(settings, name)]

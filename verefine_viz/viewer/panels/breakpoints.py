@@ -120,7 +120,7 @@ class BreakpointsPanel:
         self._label(name)
 
     def _label(self, name: str) -> None:
-        label = LABELS[name] if LABELS[name].endswith("+") else f"{LABELS[name]} "
+        label = LABELS[name] if LABELS[name].endswith(("+", "−")) else f"{LABELS[name]} "
         self.boxes[name].label = f"{label}{self.numbers[name].value:g}{UNITS[name]}"
 
     def _set(self, name: str, value: Any) -> None:

@@ -83,7 +83,8 @@ def written(kept: Kept, before: bool = False) -> str:
 def opened(view: View) -> str:
     """What is open, and what happens on the way that no other panel tells."""
     title = view.session.title or "untitled"
-    file = f", from {view.session_path}" if view.session_path else ", not from a file"
+    built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
+    file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"
     file = f", read from the recording {view.recording}" if view.recording else file
     moved = len(view.edits)
     n, n_frames = len(view.problem.instances), len(view.frames)
