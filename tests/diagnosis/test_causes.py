@@ -72,6 +72,32 @@ def test_built_in_failures_get_their_name(name: str, settings: dict[str, Any], t
     assert diagnosis.is_confirmed
 
 
+@pytest.mark.parametrize("of_winner", [True, False])
+def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(of_winner: bool) -> None:
+    toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml"))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    trace = trace_of(run)
+    (target,) = trace.problem.targets
+    own, T_true = trace.own[target.instance.instance_id], target.instance.T_cam_obj_gt
+    assert T_true is not None
+    if not of_winner:
+        answer = replace(trace.answers[-1][target.instance.instance_id], arm=len(target.instance.hypotheses))
+        trace = replace(trace, answers=(*trace.answers[:-1], {target.instance.instance_id: answer}))
+    (found,) = diagnose(trace, toolbox, 0.05)
+    blamed = next(i for i in own if i.index == found.evidence["iteration"])
+    names = [stage.name for stage in blamed.stages]
+    error_of, k = ErrorOf(target.model, T_true), names.index("simulated")
+    before, after = (error_of(stage.T_cam_obj) for stage in blamed.stages[k - 1 : k + 1])
+    assert found.evidence["error_added"] == pytest.approx(after - before)
+    which = "" if of_winner else f"hypothesis {blamed.arm + 1} of "
+    assert found.sentence.startswith(
+        f"In iteration {blamed.index} the simulation moved {which}the {target.model.name} by "
+        f"{found.evidence['moved_mm']:.0f} mm and {found.evidence['turned_deg']:.0f}°"
+    )
+    assert f"from {before:.0%} to {after:.0%} of its diameter off; without physics " in found.sentence
+
+
 def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
     lying, turned = named(broken_scene(Cause.POOL, 0)), named(broken_scene(Cause.SCORE, 0))
     assert lying is not None

@@ -111,12 +111,12 @@ def collider(case: Case) -> Finding | None:
 
 def simulation(case: Case) -> Finding | None:
     """Simulating moved the object away; decided by a re-run without physics."""
-    pushes = [(push, i) for i in case.own if (push := _push(case, i)) is not None]
+    pushes = [(push, i) for i in case.own if (push := _push(case, i)) is not None and push >= PUSH]
     if not pushes:
         return None
-    push, worst = max(pushes, key=lambda pair: pair[0])
-    if push < PUSH:
-        return None
+    # What became of the hypothesis that won, rather than of others.
+    of_winner = [(push, i) for push, i in pushes if _is_of_winner(case, i)]
+    push, worst = max(of_winner or pushes, key=lambda pair: pair[0])
     again = case.rerun("no physics", method=case.lab.method(None))
     before, after = _moved(worst)
     mm = 1e3 * float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
@@ -124,6 +124,8 @@ def simulation(case: Case) -> Finding | None:
     drift = _drift(case)
     alone = _stands_on(case)
     why = f", alone though it stands on the {alone}" if alone else ""
+    which = "" if of_winner else f"hypothesis {worst.arm + 1} of "
+    shares = f"from {case.error_of(before):.0%} to {case.error_of(after):.0%} of its diameter off"
     evidence = {
         "iteration": float(worst.index),
         "moved_mm": mm,
@@ -136,8 +138,8 @@ def simulation(case: Case) -> Finding | None:
         evidence["error_of_simulated_truth"] = drift
     return Finding(
         Cause.SIMULATION,
-        f"The simulation moved the {case.name} by {mm:.0f} mm and {deg:.0f}° away from the truth in iteration "
-        f"{worst.index}{why}; without physics {instead(again.error, case.error)}.",
+        f"In iteration {worst.index} the simulation moved {which}the {case.name} by {mm:.0f} mm and {deg:.0f}°{why}, "
+        f"{shares}; without physics {instead(again.error, case.error)}.",
         evidence,
         again.repaired,
     )
@@ -187,6 +189,11 @@ def _moved(iteration: Iteration) -> tuple[Float, Float]:
     stages = [s.name for s in iteration.stages]
     k = stages.index("simulated")
     return iteration.stages[k - 1].T_cam_obj, iteration.stages[k].T_cam_obj
+
+
+def _is_of_winner(case: Case, iteration: Iteration) -> bool:
+    """Whether it played the answer's hypothesis; where there is no answer, any did."""
+    return case.answer is None or iteration.arm == case.answer.arm
 
 
 def _push(case: Case, iteration: Iteration) -> float | None:
