@@ -81,13 +81,16 @@ GOOD = "7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1"
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 -1,0 0 600,-1", "line 3: the pose is not rigid: det(R) = -1.000"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0,0 0 600,-1", "line 3: R holds 8 numbers, expected 9"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0,-1", "line 3: t holds 2 numbers, expected 3"),
-        ("7,3,5,1.0,a b c d e f g h i,0 0 600,-1", "line 3: R is 'a b c d e f g h i', expected numbers"),
+        (
+            "7,3,5,1.0,a b c d e f g h i,0 0 600,-1",
+            "line 3: R is 'a b c d e f g h i', expected 9 numbers",
+        ),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600", "line 3: found 6 comma-separated fields, expected 7"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1,", "line 3: found 8 comma-separated fields"),
         ("", "line 3: found a blank line, expected 7 fields"),
         ("7,3.0,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: im_id is '3.0', expected an integer"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,soon", "line 3: time is 'soon', expected seconds"),
-        ("7,3,5,high,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: score is 'high', expected numbers"),
+        ("7,3,5,high,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: score is 'high', expected one number"),
     ],
 )
 def test_a_bad_line_of_a_results_file_is_named(tmp_path: Path, bad: str, words: str) -> None:

@@ -33,7 +33,7 @@ def test_comparison_says_which_part_made_the_difference() -> None:
     worse, better = scored(0.6, 0.4, 0.8, (60, 30, 5, 3, 2)), scored(0.9, 0.95, 0.85, (90, 0, 5, 3, 2))
     assert compared(beside(worse, better)) == (
         "Refined 0.900 against simulated 0.600: 0.300 more, mostly from depth (depth +0.275, normals +0.025). "
-        "The share of explained pixels went up by 30%."
+        "The share of explained pixels went up by 30 percentage points."
     )
 
 

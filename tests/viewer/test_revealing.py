@@ -97,3 +97,12 @@ def test_the_end_says_of_which_iteration_the_answer_is() -> None:
 def test_a_finished_list_of_objects_is_not_told_stage_by_stage() -> None:
     view = debugger().carry_out([TWO, c.RunUntil("end"), c.SeekStage(1, "current")]).view()
     assert "hyp.</th>" not in objects_html(view)
+
+
+def test_a_step_within_an_iteration_goes_to_its_end() -> None:
+    d = debugger().carry_out([STAGE, STAGE])
+    assert (d.workspace.run.cursor, d.view().is_partial) == (1, True)
+    d.carry_out([c.Step()])
+    assert (d.workspace.run.cursor, d.view().is_partial) == (1, False)
+    d.carry_out([c.Step()])
+    assert (d.workspace.run.cursor, d.view().is_partial) == (2, False)

@@ -165,10 +165,12 @@ def _integer(text: str, name: str, where: str) -> int:
 
 
 def _numbers(text: str, n: int, name: str, where: str) -> Float:
+    expected = "one number" if n == 1 else f"{n} numbers separated by blanks"
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
-        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected numbers separated by blanks") from None
+        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected {expected}") from None
     if len(values) != n:
-        raise InputError(f"{where}: {name} holds {len(values)} numbers, expected {n}")
+        found = f"holds {len(values)} numbers" if len(values) else "is empty"
+        raise InputError(f"{where}: {name} {found}, expected {expected}")
     return values

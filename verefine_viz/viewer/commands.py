@@ -24,7 +24,7 @@ Pose = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Step(Command):
-    """One iteration forward."""
+    """To the end of the iteration that is shown stage by stage, else one iteration forward."""
 
 
 @dataclass(frozen=True)

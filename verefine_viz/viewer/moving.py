@@ -49,7 +49,9 @@ class Moving:
         return self._debugger.workspace.run
 
     def _step(self) -> None:
-        if self._run.at_end:
+        if self._debugger.look.stage is not None:  # The rest of this iteration comes first.
+            self._debugger.look = replace(self._debugger.look, stage=None)
+        elif self._run.at_end:
             self._debugger.message = OVER
         else:
             self._debugger.running.step()

@@ -66,4 +66,5 @@ def _pixels(one: PoseScore, other: PoseScore) -> str:
     change = other.shares[name] - one.shares[name]
     if abs(change) < 0.01:
         return ""
-    return f" The share of {name} pixels went {'up' if change > 0 else 'down'} by {abs(change):.0%}."
+    points = f"{100 * abs(change):.0f} percentage points"
+    return f" The share of {name} pixels went {'up' if change > 0 else 'down'} by {points}."
