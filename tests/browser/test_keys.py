@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.browser.conftest import SESSIONS, Look
@@ -23,3 +24,33 @@ def test_the_tabulator_key_reaches_no_box_that_is_not_seen(look: Look) -> None:
         .map(l => l.closest('.mantine-Flex-root').querySelector('input'))
         .map(i => {i.focus(); return document.activeElement === i;})"""
     assert screen.page.evaluate(reached) == [False]
+
+
+def test_a_tap_moves_the_camera_a_little_and_v_takes_it_back(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    at = "() => window.__viserMutable.cameraControl.getPosition().toArray()"
+    first = np.array(screen.page.evaluate(at))
+    distance = screen.page.evaluate("() => window.__viserMutable.cameraControl.distance")
+    screen.page.wait_for_timeout(1500)  # No picture is drawn meanwhile: the library would make up for that time.
+    screen.key("a")
+    screen.page.wait_for_timeout(500)
+    moved = np.linalg.norm(np.array(screen.page.evaluate(at)) - first)
+    assert 0.01 * distance < moved < 0.1 * distance
+    screen.key("Control+d")
+    assert np.linalg.norm(np.array(screen.page.evaluate(at)) - first) == pytest.approx(moved)
+    screen.key("ArrowUp")
+    screen.key("v")
+    screen.page.wait_for_function(f"first => ({at})().every((x, k) => Math.abs(x - first[k]) < 1e-3)", arg=list(first))
+
+
+def test_a_number_that_cannot_be_used_stays_in_its_box_and_is_refused(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.page.get_by_role("tab", name="Settings", exact=True).click()
+    box = screen.page.get_by_label("K", exact=True)
+    box.fill("-3")
+    box.blur()
+    screen.text(r"^K = -3: input should be greater than or equal to 1\.")
+    screen.click("Restart with these")
+    screen.text(r"method\.iterations = -3")
+    assert box.input_value() == "-3"
+    screen.shot("settings_refused")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.two_runs import SESSION, record
 from verefine_viz.cli import view
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,3 +63,13 @@ def test_what_does_not_exist_is_said_in_one_line_and_no_address_is_given(
     assert output == ""
     assert said in errors
     assert errors.count("\n") == 1
+
+
+def test_recordings_of_two_frames_are_refused_before_an_address_is_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, elsewhere = record(tmp_path / "one.rrd", SESSION), record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
+    assert view([str(one), str(elsewhere), "--port", "0", "--no-open-browser"]) == 2
+    output, errors = capsys.readouterr()
+    assert output == ""
+    assert "elsewhere.rrd shows frame 0/1 of mug, seed 0, A shows frame 0/2 of mug, seed 0" in errors

@@ -14,6 +14,7 @@ from PIL import Image
 
 from tests.commands.evaluating import Desk, rows
 from tests.scenes.bop_folder import box_ply, cut, make
+from verefine_viz.batch.rows import write_frames_csv
 from verefine_viz.scenes.results import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
@@ -333,6 +334,16 @@ def test_a_results_file_that_the_official_check_refuses(desk: Desk, text: str, w
     path = desk.file("bad_boxes-test.csv", text)
     assert words in desk.refused(path)
     assert words in desk.refused(desk.results, path)
+
+
+def test_a_batch_run_s_table_of_objects_is_told_from_its_poses(desk: Desk, tmp_path: Path) -> None:
+    write_frames_csv(tmp_path / "frames.csv", [])
+    assert "; the poses of this run" not in desk.refused(tmp_path / "frames.csv")
+    poses = tmp_path / "results.csv"
+    poses.write_text(HEADER, encoding="utf-8")
+    said = desk.refused(tmp_path / "frames.csv")
+    assert "line 1: the header is 'scene_id,im_id,instance_id,obj_id,name," in said
+    assert f"…, expected {HEADER} or none; the poses of this run are in {poses}" in said
 
 
 def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:

@@ -89,6 +89,18 @@ def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fo
     assert said == f"Not in use yet: c 0.7 → 0.4. Restart begins anew with it; Fork {fork}."
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("method.iterations", -3, "K = -3: input should be greater than or equal to 1"),
+        ("method.exploration", -0.5, "c = -0.5: input should be greater than or equal to 0"),
+    ],
+)
+def test_a_number_that_no_run_can_have_is_refused_while_it_is_typed(name: str, value: float, said: str) -> None:
+    words = settings_words(Session(), LABELS, HELD | {name: value}, 0)
+    assert words == f"{said}. Restart and Fork would refuse it."
+
+
 def test_of_many_changes_the_first_are_named() -> None:
     typed = {"method.iterations": 1, "method.exploration": 0.0, "physics.enabled": False, "physics.steps": 1}
     said = settings_words(Session(), LABELS, typed, 0)

@@ -41,7 +41,7 @@ class View:
         batch: Gallery | None = None
         if is_recording(self.session):
             assert self.session is not None
-            session = _recorded_session(self.session)
+            session = _recorded_session(self.session, self.other)
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.commands.own_refiner import check_refiners
@@ -112,14 +112,20 @@ def _hint(a: Path | None, b: Path) -> str:
     return f". Two runs are compared by verefine-viz report RUN_A RUN_B, several looked at by view FOLDER{below}"
 
 
-def _recorded_session(path: Path) -> Session:
+def _recorded_session(path: Path, other: Path | None) -> Session:
     """The frame of a recording, on which the page opens before it shows the recording itself.
 
     The method with which it was made is left out: this program need not have its refiner to show what it did.
+
+    Raises:
+        InputError: one of the recordings cannot be read, or the other is of another frame.
     """
     from verefine_viz.recording.reader import read_recording
+    from verefine_viz.viewer.other_run import check_same_frame
 
     recorded = read_recording(path)
+    if other is not None:  # Before anyone is sent to a page that cannot open.
+        check_same_frame(read_recording(other), recorded.session, recorded.frame)
     scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
     method = MethodSettings(name="refine", refiner="identity")
     return recorded.session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})

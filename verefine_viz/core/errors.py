@@ -59,6 +59,12 @@ def meant(name: object, available: Iterable[object]) -> str:
     return f"did you mean {by_letters[near[0]]!r}? " if near else ""
 
 
+def quoted(value: object, most: int = 80) -> str:
+    """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
+    text = repr(value)
+    return text if len(text) <= most else f"{text[:most]}…"
+
+
 def in_one_line(text: str) -> str:
     """An error's text for a terminal, whatever it quotes from files (line breaks, terminal codes)."""
     return "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))

@@ -15,7 +15,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import InputError, ShapeError, quoted
 from verefine_viz.core.geometry import as_rigid, transform
 
 HEADER = "scene_id,im_id,obj_id,score,R,t,time"
@@ -84,7 +84,7 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
             continue
         where = f"{path}, line {number}"
         if number == 1 and _is_header(line):
-            raise InputError(f"{where}: the header is {line.strip()[:80]!r}, expected {HEADER} or none")
+            raise InputError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
         new = _line_of(line, number, where)
         found.append(new)
         if new.time_s < 0:
@@ -147,7 +147,7 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     try:
         time_s = float(fields[6])
     except ValueError:
-        raise InputError(f"{where}: time is {fields[6].strip()[:40]!r}, expected seconds (-1 = unknown)") from None
+        raise InputError(f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)") from None
     return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
 
 
@@ -157,11 +157,17 @@ def _is_header(line: str) -> bool:
     return all(re.fullmatch(r"[^\W\d]\w*", word) for word in words)
 
 
+def _hint(path: Path) -> str:
+    """Where the poses are of the batch run whose table of objects somebody took for them."""
+    poses = path.with_name("results.csv")
+    return f"; the poses of this run are in {poses}" if path.name == "frames.csv" and poses.is_file() else ""
+
+
 def _integer(text: str, name: str, where: str) -> int:
     try:
         return int(text)
     except ValueError:
-        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected an integer") from None
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
 
 
 def _numbers(text: str, n: int, name: str, where: str) -> Float:
@@ -169,7 +175,7 @@ def _numbers(text: str, n: int, name: str, where: str) -> Float:
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
-        raise InputError(f"{where}: {name} is {text.strip()[:40]!r}, expected {expected}") from None
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
     if len(values) != n:
         found = f"holds {len(values)} numbers" if len(values) else "is empty"
         raise InputError(f"{where}: {name} {found}, expected {expected}")

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from verefine_viz.core.errors import meant
+from verefine_viz.core.errors import meant, quoted
 from verefine_viz.core.settings import Session
 from verefine_viz.session.sources import Layer
 
@@ -37,14 +37,14 @@ def first_mistake(error: ValidationError) -> str:
         names = _siblings(detail["loc"])
         return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
     if detail["type"] == "tuple_type":
-        return f"{field} = {repr(detail['input'])[:80]}: expected a list{_example(detail['loc'], detail['input'])}"
+        return f"{field} = {quoted(detail['input'])}: expected a list{_example(detail['loc'], detail['input'])}"
     if detail["type"] == "model_type":
-        return f"{field} = {repr(detail['input'])[:80]}: expected a section, [{field}]"
+        return f"{field} = {quoted(detail['input'])}: expected a section, [{field}]"
     # A field of several kinds (a word or a vector) fails once for each of them.
     ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
     if detail["loc"][:2] == ("scene", "objects"):
         ways = ["expected the id of an object, as 5 for obj_000005.ply"]
-    return f"{field} = {repr(detail['input'])[:80]}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
+    return f"{field} = {quoted(detail['input'])}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
 
 
 def _field(location: tuple[int | str, ...]) -> str:

@@ -32,5 +32,12 @@ def aim(server: viser.ViserServer, view: View, T_world_cam: Float) -> None:
     camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
     camera.near = 0.005
     for client in server.get_clients().values():
-        client.camera.up_direction = np.array([0.0, 0.0, 1.0])
-        client.camera.position, client.camera.look_at = eye, target
+        look_again(server, client)
+
+
+def look_again(server: viser.ViserServer, client: viser.ClientHandle) -> None:
+    """Takes one browser's camera back to the first look."""
+    first = server.initial_camera
+    if first.up is not None:
+        client.camera.up_direction = first.up
+    client.camera.position, client.camera.look_at = first.position, first.look_at

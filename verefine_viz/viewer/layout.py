@@ -11,6 +11,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import side_commands as s
 from verefine_viz.viewer.command_lines import from_json
 from verefine_viz.viewer.downloads import asked_by
+from verefine_viz.viewer.first_look import look_again
 from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
@@ -78,7 +79,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Export the results CSV", None, c.Export("results")),
     ("Export the score maps as PNG", None, c.Export("maps")),
 )
-"""Label in the palette (Ctrl+K), hotkey, command. W A S D Q E and the arrows move the camera and are left alone."""
+"""Label in the palette (Ctrl+K), hotkey, command. W A S D Q E and the arrows move the camera, V takes it back."""
 
 
 def set_theme(gui: viser.GuiApi) -> None:
@@ -153,6 +154,12 @@ class Layout:
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda event, command=command: send(asked_by(event.client_id, command)))
+        self.reset_view = gui.add_command("Reset the view", hotkey="V")
+
+        @self.reset_view.on_trigger
+        def reset(event: viser.CommandEvent) -> None:
+            if event.client is not None:
+                look_again(server, event.client)
 
     def on_link(self, handler: Send) -> None:
         """Calls ``handler`` with the command of every link that is clicked."""

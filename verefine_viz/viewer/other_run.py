@@ -48,7 +48,7 @@ def branch_read(space: Workspace, path: Path) -> Branch:
     from verefine_viz.recording.reader import read_recording
 
     recorded = read_recording(path)
-    _check_same_frame(recorded, space.branch.tools.session, space.frame)
+    check_same_frame(recorded, space.branch.tools.session, space.frame)
     tools = space.tools_of(recorded.session)
     return space.recorded_branch(recorded, tools, tools.problem(recorded.frame))
 
@@ -62,7 +62,7 @@ def _tools(space: Workspace, tools: Tools, session: Session) -> Tools:
     return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 
 
-def _check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
+def check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
     """Two runs can be compared only where they look at the same picture.
 
     Raises:

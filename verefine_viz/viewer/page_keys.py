@@ -5,6 +5,8 @@ The library leaves keys alone in boxes for text, and its tabs keep Space for the
 
 from __future__ import annotations
 
+import math
+
 CANCEL_CLASS = "cancel"
 """Class of the line with the link that Escape stands for."""
 
@@ -23,5 +25,32 @@ addEventListener("click", event => {
 }, true);
 """
 
-PAGE_KEYS = _ON_ESCAPE + _ON_TAB
-"""A script that sees to it that Escape cancels from any box, and that a click on a tab does not take the keys."""
+# The library moves by the time since the last picture, which may be seconds: a tap threw the camera out of the scene.
+# It listens on the document as well, but later; what handles keys inside of the page has had them by then.
+_ON_CAMERA_KEY = """
+{
+  const moves = {
+    KeyA: (camera, step) => camera.truck(-step, 0, false),
+    KeyD: (camera, step) => camera.truck(step, 0, false),
+    KeyW: (camera, step) => camera.dolly(step, false),
+    KeyS: (camera, step) => camera.dolly(-step, false),
+    KeyQ: (camera, step) => camera.elevate(-step, false),
+    KeyE: (camera, step) => camera.elevate(step, false),
+    ArrowLeft: camera => camera.rotate(-TURN, 0, false),
+    ArrowRight: camera => camera.rotate(TURN, 0, false),
+    ArrowUp: camera => camera.rotate(0, -TURN, false),
+    ArrowDown: camera => camera.rotate(0, TURN, false),
+  };
+  document.addEventListener("keydown", event => {
+    const camera = window.__viserMutable?.cameraControl;
+    if (!moves[event.code] || !camera || event.target.matches("input, textarea, select")) return;
+    event.stopImmediatePropagation();
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || !camera.enabled) return;
+    moves[event.code](camera, SHARE * camera.distance);
+  });
+}
+""".replace("TURN", f"{math.radians(4):.4f}").replace("SHARE", "0.04")
+"""A press moves by a share of the distance from what is looked at, or turns by some degrees; held, it repeats."""
+
+PAGE_KEYS = _ON_ESCAPE + _ON_TAB + _ON_CAMERA_KEY
+"""A script for the keys: Escape cancels from any box, a click on a tab does not take them, the camera moves evenly."""

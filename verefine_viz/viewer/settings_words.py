@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import resolve
-from verefine_viz.viewer.changes import current_values
+from verefine_viz.session.files import AT_ITS_START, changed, resolve
+from verefine_viz.viewer.changes import current_values, nested
 
 MOST = 3
 """Settings that are named; of more only how many."""
@@ -25,6 +26,8 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     """
     held = current_values(session, tuple(labels))
     changes = waiting(session, labels, typed)
+    if mistake := _mistake(session, labels, typed):
+        return f"{mistake}. Restart and Fork would refuse it."
     if changes:
         kept = (
             f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
@@ -48,6 +51,18 @@ def waiting(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any
     return tuple(
         f"{labels[name]} {_shown(held[name])} → {_shown(value)}" for name, value in typed.items() if value != held[name]
     )
+
+
+def _mistake(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any]) -> str | None:
+    """What is wrong with the first value that no run can have, as in: K = -3: input should be greater than …"""
+    held = current_values(session, tuple(labels))
+    for name, value in typed.items():
+        try:
+            if value != held[name]:
+                changed(session, nested(((name, value),)), (*AT_ITS_START, "hypotheses"))
+        except SettingsError as error:
+            return str(error).removeprefix("changed settings: ").replace(name, labels[name])
+    return None
 
 
 def _shown(value: Any) -> str:

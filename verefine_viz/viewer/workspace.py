@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import Change, HypothesesSettings, Session
+from verefine_viz.core.settings import Change, Session
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
 from verefine_viz.viewer.all_frames import edits_of_all
 from verefine_viz.viewer.branch import Branch, FrameWork
 from verefine_viz.viewer.changes import in_order, merged, nested
@@ -124,13 +125,9 @@ class Workspace:
         if pool:
             rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
             tools = old.restarted(merged((*ended, nested(rest))))
-            try:
-                hypotheses = HypothesesSettings.model_validate(tools.session.hypotheses.model_dump() | pool)
-            except ValueError:
-                raise SettingsError(f"hypotheses cannot be {pool}; see the session file's [hypotheses]") from None
-            update = {"hypotheses": hypotheses, "breakpoints": self.breakpoints}
+            session = changed(tools.session, {"hypotheses": pool}, ("hypotheses",))
             files = self.files
-            self.open(tools.session.model_copy(update=update), self.path, self.frame)
+            self.open(session.model_copy(update={"breakpoints": self.breakpoints}), self.path, self.frame)
             self.files = files
             return
         same = not changes and not old.session.edits and not old.session.changes

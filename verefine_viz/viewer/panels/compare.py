@@ -140,8 +140,8 @@ class ChoiceOfB:
                     (AS_A, "recommended", "published"),
                     hint="published: as the authors' code has it",
                 ),
-                "method.iterations": gui.add_number("K of B", 5, min=1, step=1, hint="refiner calls per hypothesis"),
-                "method.exploration": gui.add_number("c of B", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
+                "method.iterations": gui.add_number("K of B", 5, step=1, hint="refiner calls per hypothesis"),
+                "method.exploration": gui.add_number("c of B", 0.1, step=0.01, hint="weight of UCB's bonus"),
             }
             self.more = gui.add_text(
                 "Also", "", hint="any other settings, as in a session file: score.tau_m = 0.01; physics.steps = 60"

@@ -27,7 +27,10 @@ NAME_PX = 90
 
 
 class SettingsPanel:
-    """Edits are only a draft until Restart or Fork is pressed."""
+    """Edits are only a draft until Restart or Fork is pressed.
+
+    The boxes have no limits of their own: the page would put another number in place of what was typed without a word.
+    """
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui, "brief tight")
@@ -40,31 +43,27 @@ class SettingsPanel:
         self._fields: dict[str, Any] = {
             "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
             "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
-            "method.iterations": gui.add_number("K", 5, min=1, step=1, hint="refiner calls per hypothesis"),
-            "method.exploration": gui.add_number("c", 0.1, min=0.0, step=0.01, hint="weight of UCB's bonus"),
+            "method.iterations": gui.add_number("K", 5, step=1, hint="refiner calls per hypothesis"),
+            "method.exploration": gui.add_number("c", 0.1, step=0.01, hint="weight of UCB's bonus"),
             "method.discount": gui.add_number(
-                "γ", 0.99, min=0.0, max=1.0, step=0.01, hint="vf_depth: what a play of the pass before still counts"
+                "γ", 0.99, step=0.01, hint="vf_depth: what a play of the pass before still counts"
             ),
             "score.pixels": gui.add_dropdown(
                 "Pixels", ("classes", "published", "observed"), hint="which pixels count in the score"
             ),
-            "score.tau_m": gui.add_number("τ [m]", 0.02, min=0.001, step=0.001, hint="depth tolerance of Eq. 1"),
-            "score.alpha": gui.add_number(
-                "α", 0.707, min=0.01, max=1.0, step=0.001, hint="normal tolerance; cut-off at acos(1 − α)"
-            ),
+            "score.tau_m": gui.add_number("τ [m]", 0.02, step=0.001, hint="depth tolerance of Eq. 1"),
+            "score.alpha": gui.add_number("α", 0.707, step=0.001, hint="normal tolerance; cut-off at acos(1 − α)"),
             "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
-            "physics.steps": gui.add_number("Sim steps", 3, min=1, step=1, hint="steps of 1/60 s per iteration"),
-            "icp.max_iterations": gui.add_number("ICP its.", 10, min=1, step=1, hint="inner iterations per call"),
-            "tricp.trim": gui.add_number(
-                "Trim", 1.0, min=0.05, max=1.0, step=0.05, hint="share of the observed points that the fit uses"
-            ),
+            "physics.steps": gui.add_number("Sim steps", 3, step=1, hint="steps of 1/60 s per iteration"),
+            "icp.max_iterations": gui.add_number("ICP its.", 10, step=1, hint="inner iterations per call"),
+            "tricp.trim": gui.add_number("Trim", 1.0, step=0.05, hint="share of the observed points that the fit uses"),
             "dependency.rule": gui.add_dropdown(
                 "Order by",
                 ("recommended", "published"),
                 hint="the rule that the order of the objects follows, where none is given; needs a restart",
             ),
             "hypotheses.seed": gui.add_number(
-                "Seed", 0, min=0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
+                "Seed", 0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
             ),
         }
         self.estimator = gui.add_dropdown(
