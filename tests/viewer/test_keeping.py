@@ -19,7 +19,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.keeping import Keeping
 from verefine_viz.viewer.markup import carries
-from verefine_viz.viewer.panels.session import CHOOSE, open_now
+from verefine_viz.viewer.panels.session import CHOOSE, open_now, opened
 from verefine_viz.viewer.refusal import Unconfirmed
 
 OTHER = Session(title="other")
@@ -115,6 +115,39 @@ def test_the_open_file_can_be_chosen_again_from_the_list(tmp_path: Path) -> None
         assert (app.debugger.workspace.run.length, listed.value) == (0, "mine.toml is open")
     finally:
         app.stop()
+
+
+@pytest.mark.parametrize("typed", ["theirs.toml", "theirs"])
+def test_a_listed_session_opens_by_its_name(debugger: Debugger, tmp_path: Path, typed: str) -> None:
+    theirs = str(tmp_path / "theirs.toml")
+    lister = Debugger(Session(), None, FakeTools, sessions=lambda: (str(tmp_path / "mine.toml"), theirs))
+    lister.carry_out([c.OpenSession(typed)])
+    assert (lister.workspace.session, lister.message) == (OTHER, f"Opened {theirs}.")
+    with pytest.raises(InputError, match=r"^session file their does not exist$"):
+        lister.carry_out([c.OpenSession("their")])
+
+
+def test_a_file_that_is_there_goes_before_a_listed_one_of_its_name(
+    debugger: Debugger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    save_session(Session(title="here"), here / "theirs.toml")
+    monkeypatch.chdir(here)
+    lister = Debugger(Session(), None, FakeTools, sessions=lambda: (str(tmp_path / "theirs.toml"),))
+    lister.carry_out([c.OpenSession("theirs.toml")])
+    assert lister.workspace.session.title == "here"
+
+
+def test_the_session_panel_says_where_what_is_open_was_written(debugger: Debugger, tmp_path: Path) -> None:
+    def said() -> str:
+        return opened(debugger.view())
+
+    assert f"from {tmp_path / 'mine.toml'}: frame" in said()
+    debugger.carry_out([c.SaveSession("new")])
+    assert f"from {tmp_path / 'mine.toml'}, written to {tmp_path / 'new.toml'}: frame" in said()
+    debugger.carry_out([c.SaveSession("mine")])
+    assert "written to" not in said()
 
 
 def test_opening_a_file_without_a_name_says_what_to_type(debugger: Debugger) -> None:

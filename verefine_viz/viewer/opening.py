@@ -66,8 +66,15 @@ class Opening:
     def _open_session(self, path: str) -> None:
         if not path.strip():
             raise InputError("no session file is named: type the path of one (.toml) beside “File”")
-        self._debugger.workspace.open(load_session(at_home(path)), at_home(path))
-        self._debugger.message = f"Opened {path}."
+        file = self._found(path)
+        self._debugger.workspace.open(load_session(file), file)
+        self._debugger.message = f"Opened {file}."
+
+    def _found(self, typed: str) -> Path:
+        """The file of a path; where there is none, that of a listed session called so, with or without its ending."""
+        path = at_home(typed)
+        listed = () if path.exists() else map(Path, self._list_sessions())
+        return next((session for session in listed if typed in (session.name, session.stem)), path)
 
     def _open_demo(self, name: str) -> None:
         """A built-in scene: with the settings of the session file of its name, or else with the open ones."""

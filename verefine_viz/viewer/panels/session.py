@@ -42,7 +42,7 @@ class SessionPanel:
         self._listed: tuple[str, ...] = ()
         self.at_hand = gui.add_dropdown("Open", [CHOOSE], hint="session files in sessions/; choose one to open it")
         self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v in self._listed else None))
-        self.path = gui.add_text("File", "", hint="path of a session file (.toml)")
+        self.path = gui.add_text("File", "", hint="path of a session file (.toml), or the name of one in the list")
         self.load = gui.add_button("Open session file")
         self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
         self.exports = gui.add_button_group(
@@ -86,6 +86,8 @@ def opened(view: View) -> str:
     built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
     file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"
     file = f", read from the recording {view.recording}" if view.recording else file
+    if view.session_file not in (None, view.session_path):
+        file += f", written to {view.session_file}"
     moved = len(view.edits)
     n, n_frames = len(view.problem.instances), len(view.frames)
     among = f", one of {n_frames}," if n_frames > 1 else ""
