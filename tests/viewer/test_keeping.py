@@ -139,7 +139,9 @@ def test_a_file_that_is_there_goes_before_a_listed_one_of_its_name(
     assert lister.workspace.session.title == "here"
 
 
-def test_the_session_panel_says_where_what_is_open_was_written(debugger: Debugger, tmp_path: Path) -> None:
+def test_the_session_panel_says_where_what_is_open_was_written(
+    debugger: Debugger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def said() -> str:
         return opened(debugger.view())
 
@@ -148,6 +150,12 @@ def test_the_session_panel_says_where_what_is_open_was_written(debugger: Debugge
     assert f"from {tmp_path / 'mine.toml'}, written to {tmp_path / 'new.toml'}: frame" in said()
     debugger.carry_out([c.SaveSession("mine")])
     assert "written to" not in said()
+    monkeypatch.chdir(tmp_path)
+    debugger.carry_out([c.OpenSession("new.toml")])
+    assert "from new.toml: frame" in said()
+    debugger.workspace.open(Session(), None)
+    debugger.carry_out([c.SaveSession("first")])
+    assert f"not from a file, written to {tmp_path / 'first.toml'}: frame" in said()
 
 
 def test_opening_a_file_without_a_name_says_what_to_type(debugger: Debugger) -> None:

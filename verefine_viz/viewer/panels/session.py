@@ -86,7 +86,8 @@ def opened(view: View) -> str:
     built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
     file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"
     file = f", read from the recording {view.recording}" if view.recording else file
-    if view.session_file not in (None, view.session_path):
+    # One of the two is as it was typed.
+    if view.session_file and (view.session_path is None or view.session_file != view.session_path.resolve()):
         file += f", written to {view.session_file}"
     moved = len(view.edits)
     n, n_frames = len(view.problem.instances), len(view.frames)
