@@ -1,0 +1,64 @@
+"""Input files are regular files; anything else is one line at once, never a hang."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.input_files import check_input, open_input, read_input
+
+
+def test_a_regular_file_is_read_whole_also_through_a_link(tmp_path: Path) -> None:
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.write_bytes(b"content")
+    link.symlink_to(file)
+    assert read_input(file) == read_input(link) == b"content"
+    with open_input(link) as opened:
+        assert opened.read(3) == b"con"
+    check_input(link)
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+
+
+def _device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def _loop(path: Path) -> None:
+    path.symlink_to(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (_pipe, "is a pipe, expected a file"),
+        (_socket, "is a socket, expected a file"),
+        (_device, "is a device, expected a file"),
+        (Path.mkdir, "is a folder, expected a file"),
+        (_loop, "cannot be read: Too many levels of symbolic links"),
+        (lambda path: None, "does not exist"),
+    ],
+)
+def test_what_is_no_file_is_named_with_its_label(tmp_path: Path, make, message: str) -> None:
+    path = tmp_path / "it"
+    make(path)
+    for read in (open_input, read_input, check_input):
+        with pytest.raises(InputError) as error:
+            read(path, "session file")
+        assert str(error.value) == f"session file {path} {message}"
+
+
+def test_a_nul_in_a_path_is_said_so() -> None:
+    with pytest.raises(InputError, match=r"'a\\x00b' is no path: it holds a NUL character"):
+        read_input(Path("a\0b"))
