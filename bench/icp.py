@@ -98,7 +98,7 @@ def _trimmed(
 
 
 def _numpy_trimmed(source: Float, model: Float, settings: TricpSettings) -> tuple[Float, int]:
-    """METHODS 4.2 in a few lines."""
+    """docs/methods.md 4.2 in a few lines."""
     tree, n_used = cKDTree(model), int(settings.trim * len(source))
     T, energy, n_passes = np.eye(4), np.inf, 0
     while n_passes < settings.max_passes:

@@ -97,7 +97,7 @@ def test_vf_depth_passes_over_the_cluster_and_closes_each_pass_with_a_scene(
 @settings(max_examples=15, deadline=None)
 @given(scenes, st.floats(0.5, 1.0), st.floats(0, 2))
 def test_discounted_sums_and_counts_are_those_of_the_paper(problem: Problem, discount: float, c: float) -> None:
-    """The bandit of each object, computed again from the scene rewards alone (METHODS 1.6)."""
+    """The bandit of each object, computed again from the scene rewards alone (docs/methods.md 1.6)."""
     run = run_of("vf_depth", problem, discount=discount, exploration=c, scene_prior="object")
     order = problem.clusters[0]
     sums = {

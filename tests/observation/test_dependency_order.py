@@ -122,7 +122,7 @@ def test_what_rests_on_two_things_comes_after_both() -> None:
 
 
 def test_a_star_is_one_group() -> None:
-    # Reverse Cuthill-McKee order splits it into [[3], [2, 0, 1]] in the authors' code (METHODS 2, iii).
+    # Reverse Cuthill-McKee order splits it into [[3], [2, 0, 1]] in the authors' code (docs/methods.md 2.2).
     edges = [Edge("contact", 0, leaf, 1.0, "") for leaf in (1, 2, 3)]
     assert connected(range(4), edges) == [[0, 1, 2, 3]]
     assert len(ordered(dict.fromkeys(range(4), 1.0), edges).clusters) == 1

@@ -30,7 +30,7 @@ def test_exact_on_tilted_planes(tilt: float, direction: float, distance: float) 
 @pytest.mark.parametrize("direction_deg", [0, 90, 37])
 @pytest.mark.parametrize("kind", ["metres", "whole millimetres", "1 mm noise"])
 def test_a_plane_tilted_by_30_degrees_is_tilted_by_30_degrees(kind: str, direction_deg: float) -> None:
-    """METHODS 1.8 #5: gradients per pixel gave 76.7° from millimetres and 0.2° from metres."""
+    """docs/methods.md 1.8.5: gradients per pixel gave 76.7° from millimetres and 0.2° from metres."""
     depth, normal = tilted(30, direction_deg)
     if kind == "whole millimetres":
         depth = np.round(depth, 3)

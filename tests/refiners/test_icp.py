@@ -258,7 +258,7 @@ def test_refines_a_disturbed_pose_to_the_true_one(metric: str, seed: int) -> Non
 
 
 def test_same_as_moving_the_model_in_the_camera_frame() -> None:
-    """METHODS 4.1 as written: source = observed cloud, target = model at T, new pose = X⁻¹ T."""
+    """docs/methods.md 4.1 as written: source = observed cloud, target = model at T, new pose = X⁻¹ T."""
     target = box_problem().targets[0]
     T = target.instance.hypotheses[1].T_cam_obj
     for stop in ("published", "tolerance", "max_iterations"):

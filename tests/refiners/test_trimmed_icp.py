@@ -202,7 +202,7 @@ def test_brings_a_pose_back_to_the_true_one(seed: int) -> None:
 
 
 def test_same_as_moving_the_model_in_the_camera_frame() -> None:
-    """METHODS 4.2 as written: source = observed cloud, target = model at T, new pose = G⁻¹ T."""
+    """docs/methods.md 4.2 as written: source = observed cloud, target = model at T, new pose = G⁻¹ T."""
     target = box_problem().targets[0]
     T = target.instance.hypotheses[2].T_cam_obj
     for trim in (1.0, 0.6):

@@ -79,7 +79,7 @@ def test_what_is_drawn_beside_the_objects_counts_too(renderer: ExplainedPixels) 
 def test_the_count_is_that_of_the_picture_and_inclusion_and_exclusion_agree(
     renderer: ExplainedPixels, seed: int
 ) -> None:
-    """METHODS 3.3: observed + drawn − both, less those of both that agree."""
+    """docs/methods.md 3.3: observed + drawn − both, less those of both that agree."""
     rng = np.random.default_rng(seed)
     problem = box_problem(1, 2)
     scene = [

@@ -33,7 +33,7 @@ def test_a_box_covers_the_pixels_that_geometry_says() -> None:
 
 
 def test_pixel_centres_are_at_integers() -> None:
-    """METHODS 1.8 #17: a tilted plane has the depth of the ray through (u, v) itself, not half a pixel further."""
+    """docs/methods.md 1.8.17: a tilted plane has the depth of the ray through (u, v), not half a pixel further."""
     T = transform(axis_angle([0, 1, 0], 0.9), [0, 0, 0.6])
     depth = depth_of(table(), T)
     v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]

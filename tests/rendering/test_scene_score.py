@@ -66,7 +66,7 @@ def combinations(n: int, seed: int = 2, size: float = 0.4) -> np.ndarray:
 def plainly(
     targets: Sequence[Target], Ts: np.ndarray, settings: ScoreSettings, placed: Sequence[Placed], whole_frame: bool
 ) -> dict[str, Any]:
-    """Score and classes of one combination, by ray casting and plain numpy from METHODS 1.7 and 1.9."""
+    """Score and classes of one combination, by ray casting and plain numpy from docs/methods.md 1.7 and 1.9."""
     observation = targets[0].observation
     models = [(t.model, T) for t, T in zip(targets, Ts, strict=True)]
     r, n_r, front = cast(models, CAMERA)

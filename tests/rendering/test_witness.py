@@ -64,7 +64,7 @@ def test_scores_and_classes_are_the_formula_s(make: MakeVerifier, pixels: str, a
 
 
 def test_the_published_preset_looks_through_shifted_pixels(make: MakeVerifier) -> None:
-    # METHODS 1.8 #17: the authors' pixel i looks along i + 1/2.
+    # docs/methods.md 1.8.17: the authors' pixel i looks along i + 1/2.
     target, Ts = target_of(), disturbed(5)
     settings = ScoreSettings(pixels="published", pixel_centre="half", simplify_mm=0)
     got = make(pixels="published", pixel_centre="half").score(target, Ts)

@@ -1,4 +1,4 @@
-"""Which objects of a frame depend on which, and the order in which they are therefore solved. METHODS 2."""
+"""Which objects of a frame depend on which, and the order in which they are therefore solved. docs/methods.md 2."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from verefine_viz.core.fields import Count, Order, Positive, Settings
 
 
 class DependencySettings(Settings):
-    """Which objects touch, hide or carry which, and hence in which order they are solved. METHODS 2."""
+    """Which objects touch, hide or carry which, and hence in which order they are solved. docs/methods.md 2."""
 
     rule: Literal["recommended", "published"] = "recommended"
     """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by

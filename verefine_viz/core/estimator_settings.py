@@ -10,7 +10,7 @@ from verefine_viz.core.fields import Count, NonNegative, Positive, Seed, Setting
 
 
 class PpfSettings(Settings):
-    """Point pair features. METHODS 6; defaults as measured on real frames (bench/estimators.py)."""
+    """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
 
     step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
     """Grid of model and scene points as a share of the diameter, at least 0.02."""
@@ -39,7 +39,7 @@ class PpfSettings(Settings):
 
 
 class PcsSettings(Settings):
-    """Congruent point sets (Super4PCS). METHODS 3.2."""
+    """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
 
     delta_m: Positive = 0.0035
     """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""

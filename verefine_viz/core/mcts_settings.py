@@ -10,7 +10,7 @@ from verefine_viz.core.fields import Count, NonNegative, Positive, Settings
 
 
 class MctsSettings(Settings):
-    """PHYSIM-MCTS, the system that the paper compares with. METHODS 3."""
+    """PHYSIM-MCTS, the system that the paper compares with. docs/methods.md 3."""
 
     expansions: Count = 50
     """Budget in expansions per object."""

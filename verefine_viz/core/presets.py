@@ -24,4 +24,4 @@ PUBLISHED: dict[str, dict[str, Any]] = {
     },
     "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
 }
-"""What ``preset = "published"`` changes (METHODS 1.8 and 9)."""
+"""What ``preset = "published"`` changes (docs/methods.md 1.8 and 9)."""

@@ -83,7 +83,7 @@ class Verifier(Protocol):
 
 
 class SceneRenderer(Protocol):
-    """Draws whole scenes and counts what they leave unexplained: the cost of PHYSIM-MCTS. METHODS 3.3."""
+    """Draws whole scenes and counts what they leave unexplained: the cost of PHYSIM-MCTS. docs/methods.md 3.3."""
 
     def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:
         """Pixels in which the objects, drawn together, and what was observed of objects differ; one of both missing

@@ -10,7 +10,7 @@ from verefine_viz.core.fields import Count, NonNegative, Settings
 
 
 class IcpSettings(Settings):
-    """Point-to-point (or point-to-plane) ICP. METHODS 4.1."""
+    """Point-to-point (or point-to-plane) ICP. docs/methods.md 4.1."""
 
     metric: Literal["point", "plane"] = "point"
     """Distance that a step minimises."""
@@ -28,7 +28,7 @@ class IcpSettings(Settings):
 
 
 class TricpSettings(Settings):
-    """Trimmed ICP. METHODS 4.2."""
+    """Trimmed ICP. docs/methods.md 4.2."""
 
     trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
     """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""

@@ -65,7 +65,7 @@ class Scores:
     def __post_init__(self) -> None:
         score, defined = self.score, np.isfinite(self.score)
         if not defined.all():
-            # Worth nothing (METHODS 1.8 #6), and an event of the iteration.
+            # Worth nothing (docs/methods.md 1.8.6), and an event of the iteration.
             score = np.where(defined, score, 0.0)
             object.__setattr__(self, "undefined", frozen(~defined, "undefined scores", (None,), np.bool_))
         object.__setattr__(self, "score", frozen(score, "score", (None,)))

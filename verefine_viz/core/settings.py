@@ -59,9 +59,9 @@ class HypothesesSettings(Settings):
     max_per_object: Count = 5
     """H, hypotheses per object; further rows are left out, lowest score first."""
     rotation_deg: NonNegative = 30.0
-    """perturb: angle of the disturbance about a random axis [deg]. Paper Sec. IV-C."""
+    """perturb: angle of the disturbance about a random axis [deg]. Paper Sec. V-A."""
     translation_mm: NonNegative = 30.0
-    """perturb: length of the disturbance in a random direction [mm]. Paper Sec. IV-C."""
+    """perturb: length of the disturbance in a random direction [mm]. Paper Sec. V-A."""
     seed: Seed = 0
     """perturb: seed."""
     estimate: tuple[tuple[str, Annotated[int, Field(ge=0)], Literal["ppf", "pcs"]], ...] = ()
@@ -76,11 +76,11 @@ class MethodSettings(Settings):
     refiner: str = "icp"
     """Name of the refiner."""
     iterations: Count = 5
-    """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. III."""
+    """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. V: 5 with ICP."""
     exploration: NonNegative = 0.7
-    """c, weight of the exploration term in UCB [score]. The paper says "small", the authors' code has 0.1; but their
-    score spreads over a quarter of the range of this one, and measured on real frames 0.5-1.0 finds better poses (see
-    README, measured figures)."""
+    """c, weight of the exploration term in UCB [score]. The paper gives no value, the authors' code has 0.1; but
+    their score spreads over a quarter of the range of this one, and measured on real frames 0.5-1.0 finds better poses
+    (docs/methods.md 1.8.21)."""
     seed: Seed = 0
     """For methods that draw numbers."""
     sim_candidate: Literal["full", "rotation_only"] = "full"
@@ -90,7 +90,7 @@ class MethodSettings(Settings):
     """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
     only if it did not fall."""
     discount: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.99
-    """γ, vf_depth: what a play of the pass before still counts. Authors' code: 0.99."""
+    """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["current_pass", "best_known"] = "current_pass"
     """vf_depth: which poses the scene score that rewards the arms judges: those of this pass (authors' code), or the
     best of each object so far (the paper's text)."""
@@ -111,7 +111,7 @@ class MethodSettings(Settings):
 
 
 class ScoreSettings(Settings):
-    """The verification score, Eq. 1."""
+    """The verification score (paper Sec. III-B, Eq. 1; docs/methods.md 1.7)."""
 
     pixels: Literal["classes", "published", "observed"] = "classes"
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth

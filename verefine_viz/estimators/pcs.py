@@ -2,7 +2,7 @@
 
 Four points of the segment are a base; what a rigid motion cannot change about them is looked for among the model's
 points; each match is a pose; how many of the model's points then lie on the segment (LCP) ranks it; and of the
-thousands of poses a few that differ are kept. METHODS 3.1 and 3.2.
+thousands of poses a few that differ are kept. docs/methods.md 3.1 and 3.2.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MIN_POINTS = 20
 MIN_PAIRED = 50
 """Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
 POOL = 25
-"""Poses that are kept for whoever wants as many or fewer; he gets the best of them. METHODS 3.2."""
+"""Poses that are kept for whoever wants as many or fewer; he gets the best of them. docs/methods.md 3.2."""
 AT_ONCE = 10_000
 """Poses that are counted between two looks at whether somebody still waits: a tenth of a second."""
 

@@ -10,9 +10,9 @@ from numba import njit
 from verefine_viz.core.arrays import Float
 
 TRIANGLES = 1000
-"""Random triangles of which the one with the largest area becomes a base. METHODS 3.2."""
+"""Random triangles of which the one with the largest area becomes a base. docs/methods.md 3.2."""
 APART = 0.2
-"""The fourth point is at least this share of the longest distance away from the other three. METHODS 3.2."""
+"""The fourth point is at least this share of the longest distance away from the other three. docs/methods.md 3.2."""
 ATTEMPTS = 10
 """First points that are tried for one base; a segment without a fourth point for any of them gives no base."""
 PAIRINGS = np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2]])

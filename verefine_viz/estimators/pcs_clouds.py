@@ -1,4 +1,4 @@
-"""The two clouds that are compared: the segment and the model, each thinned by a grid. METHODS 3.1."""
+"""The two clouds that are compared: the segment and the model, each thinned by a grid. docs/methods.md 3.1."""
 
 from __future__ import annotations
 

@@ -10,15 +10,15 @@ from scipy.cluster.vq import ClusterError, kmeans2
 from verefine_viz.core.arrays import Float
 
 TRANSLATION_BIN_M = 0.01
-"""Poses whose translations lie in one cell of this side, and … METHODS 3.2."""
+"""Poses whose translations lie in one cell of this side, and … docs/methods.md 3.2."""
 EULER_BIN_RAD = np.deg2rad(2.0)
-"""… whose Euler angles lie in one cell of this side, are one. METHODS 3.2."""
+"""… whose Euler angles lie in one cell of this side, are one. docs/methods.md 3.2."""
 RESTARTS = 10
-"""Of k-means; the tightest clusters win. METHODS 3.2."""
+"""Of k-means; the tightest clusters win. docs/methods.md 3.2."""
 MEANS_ROUNDS = 20
 """Rounds of k-means per restart."""
 MEDOID_ROUNDS = 3
-"""Rounds of k-medoids. METHODS 3.2."""
+"""Rounds of k-medoids. docs/methods.md 3.2."""
 
 
 def reduced(

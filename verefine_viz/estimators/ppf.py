@@ -1,4 +1,4 @@
-"""First poses from point pair features (Drost 2010), our own. METHODS 6.
+"""First poses from point pair features (Drost 2010), our own. docs/methods.md 6.
 
 Pairs of oriented points look the same from everywhere: distance, and three angles. Pairs of the segment vote for poses
 of the model whose pairs look alike; near votes are one pose; the depth image ranks what is left.

@@ -1,4 +1,4 @@
-"""What two oriented points have in common wherever they are, and the angle that is left. METHODS 6."""
+"""What two oriented points have in common wherever they are, and the angle that is left. docs/methods.md 6."""
 
 from __future__ import annotations
 

@@ -51,12 +51,12 @@ class Arm:
         return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
 
     def rewarded(self, reward: float) -> Arm:
-        """After one more play: μ ← (μ n + s)/(n + 1), n ← n + 1 (METHODS 1.4)."""
+        """After one more play: μ ← (μ n + s)/(n + 1), n ← n + 1 (docs/methods.md 1.4)."""
         mean = (self.mean * self.plays + reward) / (self.plays + 1)
         return Arm(self.entries, self.plays + 1, mean, self.n_iterations)
 
     def discounted(self, discount: float) -> Arm:
-        """After a pass whose earlier plays count less: the mean stays, n ← γ n (METHODS 1.6)."""
+        """After a pass whose earlier plays count less: the mean stays, n ← γ n (docs/methods.md 1.6)."""
         return Arm(self.entries, self.plays * discount, self.mean, self.n_iterations)
 
 
@@ -110,7 +110,7 @@ class ObjectState:
             raise ShapeError(f"there is no hypothesis {j + 1}; this object has {len(self.arms)}")
         entry = Entry(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
         # What the arm had earned says nothing about a pose that did not come from it: this is a new hypothesis in its
-        # place, and begins as every hypothesis does, with its score as the first play (METHODS 1.4).
+        # place, and begins as every hypothesis does, with its score as the first play (docs/methods.md 1.4).
         arm = Arm((*self.arms[j].entries, entry), 1.0, score.score, self.arms[j].n_iterations)
         waiting = (j, *(k for k in self.by_hand if k != j))
         return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]), by_hand=waiting)

@@ -24,16 +24,17 @@ class Policy(Protocol):
 
 @dataclass(frozen=True)
 class Ucb:
-    """UCB1 (paper Eq. 2): the largest μ_j + c·sqrt(ln Σn / n_j); the first on ties."""
+    """UCB1 (paper Sec. III-C, Eq. 2): the largest μ_j + c·sqrt(ln Σn / n_j); the first on ties."""
 
     c: float
 
     def choose(self, state: ObjectState) -> Choice:
         plays, mean = state.plays, state.means
         never_played = math.inf if self.c > 0.0 else 0.0
-        # The logarithm of a discounted count can be negative; an exploration term cannot (METHODS 1.8 #14).
+        # The logarithm of a discounted count can be negative; an exploration term cannot (docs/methods.md 1.8.14).
         log_total = math.log(max(sum(plays), 1.0))
         exploration = [self.c * math.sqrt(log_total / n) if n > 0.0 else never_played for n in plays]
+        # Eq. 2: ucb_j = μ_j + c·sqrt(ln p / n_j), with p = Σn.
         ucb = [m + e for m, e in zip(mean, exploration, strict=True)]
         j = ucb.index(max(ucb))
         return _choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
@@ -41,7 +42,7 @@ class Ucb:
 
 @dataclass(frozen=True)
 class Turns:
-    """Every arm in turn (EVEN, paper Sec. IV-C): the one with the fewest iterations, the first on ties."""
+    """Every arm in turn (EVEN, paper Sec. V-A): the one with the fewest iterations, the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
         spent = [arm.n_iterations for arm in state.arms]
@@ -50,7 +51,7 @@ class Turns:
 
 @dataclass(frozen=True)
 class BestInitial:
-    """Always the arm whose first pose scored best (EXPL, paper Sec. IV-C); the first on ties."""
+    """Always the arm whose first pose scored best (EXPL, paper Sec. V-A); the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
         first = [arm.own_entries[0] for arm in state.arms]

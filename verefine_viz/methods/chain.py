@@ -47,7 +47,7 @@ class Chain(Protocol):
 def simulate(
     simulator: Simulator | None, target: Target, T_cam_obj: Float, fixed: Sequence[Placed], n_steps: int
 ) -> tuple[Stage, SimulatedPath] | None:
-    """SIM of METHODS 1.0, timed; None where physics is off or the frame has no support plane."""
+    """SIM of docs/methods.md 1.0, timed; None where physics is off or the frame has no support plane."""
     support = target.observation.support
     if simulator is None or support is None:
         return None
@@ -58,7 +58,7 @@ def simulate(
 
 
 def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
-    """REF of METHODS 1.0, timed."""
+    """REF of docs/methods.md 1.0, timed."""
     began = perf_counter()
     return Stage("refined", refiner.refine(target, T_cam_obj, fixed), ms=_since(began))
 

@@ -35,7 +35,7 @@ class ObjectMethod:
     never_worse: bool = False
     """Whether the current pose is kept when every candidate scores lower than it."""
     placed_may_hide: bool = True
-    """Whether objects placed before are rendered as what may hide the one being judged (METHODS 1.8 #2)."""
+    """Whether objects placed before are rendered as what may hide the one being judged (docs/methods.md 1.8.2)."""
 
     def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
@@ -44,6 +44,7 @@ class ObjectMethod:
             return None
         initial = self._score(target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
         entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(hypotheses)]
+        # Sec. III-C: the initial poses are ranked by their score, which counts as the first play of each arm.
         arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
         if self.policy is None:
             arms = arms[:1]
@@ -71,6 +72,7 @@ class ObjectMethod:
         self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()
     ) -> tuple[ObjectState, Iteration, float]:
         """One iteration like :meth:`step` whose reward, the third value, is left to the caller to give."""
+        # Sec. III-C: the arm with the largest UCB is pulled, which means one SIR iteration of its latest pose.
         choice = next_choice(self.policy, state) if self.policy else None
         j = choice.arm if choice else 0
         arm = state.arms[j]
@@ -82,9 +84,11 @@ class ObjectMethod:
         score_ms = (perf_counter() - began) * 1e3
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
+        # Sec. III-B: go on with the better of T_sim and T_ref.
         kept = self._keep(current, candidates)
         entry = Entry(kept.T_cam_obj, _known(kept), kept.name, index)
         reward = max(_known(s).score for s in candidates)
+        # The answer is the best of all poses on the way, the initial ones included.
         best = self._better(state.best, entry, j)
         iteration = Iteration(
             index,
@@ -148,7 +152,7 @@ class ObjectMethod:
         return int(np.argmax([arm.entries[0].score.score for arm in arms])) if self.answer_is_best_scored else 0
 
     def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
-        """The candidate with the highest score; the later of the two on ties (METHODS 1.3)."""
+        """The candidate with the highest score; the later of the two on ties (docs/methods.md 1.3)."""
         kept = max(reversed(candidates), key=lambda s: _known(s).score)
         if self.never_worse and _known(kept).score < _known(current).score:
             return current

@@ -1,4 +1,4 @@
-"""LCP, the largest common pointset: how much of a model its segment explains at a pose. METHODS 3.2.
+"""LCP, the largest common pointset: how much of a model its segment explains at a pose. docs/methods.md 3.2.
 
 Computed over all points; the library of the published system stops counting once the best pose so far is out of reach,
 so that its numbers for all other poses are too low.

@@ -1,4 +1,4 @@
-"""PhysAfter: the refiner alone, then one simulation (paper Sec. IV-C, ablation)."""
+"""PhysAfter: the refiner alone, then one simulation (paper Sec. V-A, ablation)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PhysBefore: one simulation, then the refiner alone (paper Sec. IV-C, ablation)."""
+"""PhysBefore: one simulation, then the refiner alone (paper Sec. V-A, ablation)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PHYSIM-MCTS, the system that the paper compares with (Mitash et al., ICRA 2018). METHODS 3.3.
+"""PHYSIM-MCTS, the system that the paper compares with (Mitash et al., ICRA 2018). docs/methods.md 3.3.
 
 The objects of a cluster are placed one after another, each from one of its hypotheses, by trimmed ICP and physics;
 Monte Carlo tree search decides which combination to try. One iteration selects a node, expands it by one object,
@@ -34,7 +34,7 @@ from verefine_viz.methods.search_tree import Candidate, SearchTree
 from verefine_viz.methods.vf_breadth import clusters_of
 
 REFINED_BEST = "largest overlap, aligned"
-"""Source of the hypothesis that the search adds to each pool (METHODS 3.2: the 26th of 25)."""
+"""Source of the hypothesis that the search adds to each pool (docs/methods.md 3.2: the 26th of 25)."""
 
 PUBLISHED_PHYSICS = {
     "steps": 60,

@@ -29,6 +29,7 @@ class Pir:
             return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=True)
         simulated, path = settled
         judge(simulated)
+        # Only the rotation is taken over: a large simulated shift would lose the corresponding parts (Sec. III-A).
         start = mixed(simulated, T_cam_obj)
         after = refined(self.refiner, target, start.T_cam_obj, fixed)
         return Draft((simulated, start, after), ("refined",), path)

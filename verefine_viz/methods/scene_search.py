@@ -1,4 +1,4 @@
-"""One iteration of PHYSIM-MCTS on one cluster: select, expand, complete the scene, back up. METHODS 3.3."""
+"""One iteration of PHYSIM-MCTS on one cluster: select, expand, complete the scene, back up. docs/methods.md 3.3."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The search tree of PHYSIM-MCTS: which hypothesis of which object was placed after which, and what came of it.
 
 Depth i places the i-th object of a cluster from one of its hypotheses. Trees are immutable and share what did not
-change. METHODS 3.3.
+change. docs/methods.md 3.3.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ class Sir:
     """Whether the simulator's whole pose may be kept (authors' code) or its rotation only."""
 
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
+        # T_sim, [R_sim | t_cur] and T_ref of Sec. III-A; which one is kept: ObjectMethod._keep.
         draft = self.pir.draft(target, T_cam_obj, k, fixed, judge)
         simulated: StageName = "simulated" if self.sim_candidate == "full" else "mixed"
         return replace(draft, candidates=(simulated, "refined"))

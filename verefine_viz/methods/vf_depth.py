@@ -1,4 +1,4 @@
-"""VF_d: verification over the scene, depth first (paper Sec. III-D).
+"""VF_d: verification over the scene, depth first (paper Sec. IV-C).
 
 In each pass every object of a cluster, in dependency order, spends one iteration on one of its hypotheses, among what
 the pass has placed so far. The poses of the pass are then rendered together, and their score as a scene rewards the
@@ -71,15 +71,15 @@ class VfDepth(PerObject):
     discount: float = 0.99
     """γ."""
     reward: Literal["current_pass", "best_known"] = "current_pass"
-    """Whose scene score rewards a pass (METHODS 1.8 #11)."""
+    """Whose scene score rewards a pass (docs/methods.md 1.8.11)."""
     answer: Literal["incumbent", "per_object"] = "incumbent"
-    """What the result is (METHODS 1.8 #12)."""
+    """What the result is (docs/methods.md 1.8.12)."""
     prior: Literal["scene", "object"] = "scene"
-    """What an arm's first play is worth (METHODS 1.8 #13)."""
+    """What an arm's first play is worth (docs/methods.md 1.8.13)."""
     whole_frame: bool = False
-    """Whether the scene score of ``published`` pixels counts all objects of the frame (METHODS 1.8 #15)."""
+    """Whether the scene score of ``published`` pixels counts all objects of the frame (docs/methods.md 1.8.15)."""
     carry_clusters: bool = True
-    """Whether earlier clusters stay in the scene of later ones (METHODS 1.8 #16)."""
+    """Whether earlier clusters stay in the scene of later ones (docs/methods.md 1.8.16)."""
 
     def start(self, problem: Problem) -> DepthState:
         return self._adopted(super().start(problem))
@@ -89,10 +89,12 @@ class VfDepth(PerObject):
         k = self._cluster(state)
         if k is None:
             raise InputError("the run is over: every object has used its budget")
+        # The cluster at work, among what earlier clusters left; its bandits are initialised before its first pass.
         carried = self._carried(state, k)
         if carried and self._is_untouched(state, k):
             state = self._opened(state, k, carried)
         scene = state.scenes[k]
+        # One object alone: RIR. Else the next object of the pass.
         if scene is None:
             return super().step(state)
         return self._step_of_pass(state, k, scene, carried)
@@ -146,17 +148,21 @@ class VfDepth(PerObject):
         self, state: DepthState, k: int, scene: SceneState, carried: tuple[Placed, ...]
     ) -> tuple[DepthState, Iteration]:
         """One object's turn in a pass; the last one's closes the pass."""
+        # Sec. IV-C: iterate through the dependency list; this is the next object.
         scene = self._without_spent(state, scene)
         i = scene.members[len(scene.passing)]
         before = state.objects[i]
         assert before is not None
+        # Its bandit is progressed once, among the poses that this pass has placed; the reward is not given yet.
         fixed = (*carried, *self._placed(state, scene.members, scene.passing))
         after, iteration, _ = self.method.advance(before, state.n_done + 1, fixed)
+        # Its kept pose stands in the environment of the objects after it.
         entry = after.arms[iteration.arm].current
         kept = Best(entry.T_cam_obj, entry.score, iteration.arm, entry.iteration, entry.stage)
         scene = replace(scene, passing=(*scene.passing, kept), played=(*scene.played, iteration.arm))
         state = state.with_object(i, after, state.n_done + 1)
         iteration = replace(iteration, scene_pass=scene.n_passes + 1)
+        # After the last object the pass is evaluated as a complete scene.
         scene = self._without_spent(state, scene)
         if len(scene.passing) == len(scene.members):
             state, scene, iteration = self._closed(state, scene, carried, iteration)
@@ -181,14 +187,17 @@ class VfDepth(PerObject):
         self, state: DepthState, scene: SceneState, carried: tuple[Placed, ...], iteration: Iteration
     ) -> tuple[DepthState, SceneState, Iteration]:
         """The end of a pass: its poses as a scene, the rewards, and the best scene so far."""
+        # Sec. IV-C: the poses of the pass, and the best known ones, each as a complete scene (docs/methods.md 1.8.11).
         began = perf_counter()
         best_known = tuple(self._object(state, i).best for i in scene.members)
         scores = self._judge(state, scene.members, [scene.passing, best_known], carried)
         reward = float(scores.score[0 if self.reward == "current_pass" else 1])
+        # The scene fit rewards every selected hypothesis instead of its own score; D-UCB: earlier plays count γ less.
         for i, arm in zip(scene.members, scene.played, strict=True):
             if arm is not None:
                 rewarded = self._object(state, i).rewarded(arm, reward, self.discount)
                 state = state.with_object(i, rewarded)
+        # The answer is the best scene ever seen (docs/methods.md 1.8.12).
         incumbent, highest = scene.incumbent, scene.incumbent_score
         for combination, score in zip((scene.passing, best_known), scores.score.tolist(), strict=True):
             if score > highest:
@@ -217,6 +226,7 @@ class VfDepth(PerObject):
         if carried:
             for i in members:
                 state = state.with_object(i, self.method.judged_anew(self._object(state, i), carried))
+        # Sec. IV-C: the bandits begin with the verification score; of which scene: docs/methods.md 1.8.13.
         first = tuple(self._object(state, i).best for i in members)
         combinations = [first]
         takes_prior = self.prior == "scene" and self._is_untouched(state, k)

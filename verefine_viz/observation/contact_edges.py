@@ -1,4 +1,4 @@
-"""Which instances may touch: visible clouds that come near each other. METHODS 2."""
+"""Which instances may touch: visible clouds that come near each other. docs/methods.md 2.3."""
 
 from __future__ import annotations
 

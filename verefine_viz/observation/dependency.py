@@ -1,4 +1,4 @@
-"""Which objects touch, hide or carry which, and in which order they are therefore solved. METHODS 2."""
+"""Which objects touch, hide or carry which, and the order to solve them (paper Sec. IV-A; docs/methods.md 2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From edges to clusters and an order: pure, and independent of the order in which anything comes in. METHODS 2."""
+"""From edges to clusters and an order (docs/methods.md 2.3): pure, the same whatever the order of what comes in."""
 
 from __future__ import annotations
 
@@ -59,6 +59,7 @@ def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collectio
                 found += follow(upper)
         return found
 
+    # Sec. IV-A: clusters fall into support lists, a base object and what it carries, ordered front to back by base.
     by_cluster = []
     for group in connected(depths_m, [e for e in kept if e.state != "cut"]):
         bases = sorted((i for i in group if not carriers[i]), key=nearness)

@@ -1,4 +1,4 @@
-"""An order that a person gives, which wins over any rule. METHODS 2."""
+"""An order that a person gives, which wins over any rule. docs/methods.md 2.4."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 A plane is linear in inverse depth: ``n · X = d`` with ``X = z (x, y, 1)`` gives ``1/z = (n_x x + n_y y + n_z) / d`` on
 the normalised image plane, so the normal is the gradient of ``1/z`` there, and a least-squares fit of ``1/z`` is exact
 on tilted planes whatever the window. The fit is separable: slopes along rows first, then those of the rows along
-columns, each from running sums, so its cost does not grow with the window. METHODS 1.8 #5 has what goes wrong
+columns, each from running sums, so its cost does not grow with the window. docs/methods.md 1.8.5 has what goes wrong
 otherwise.
 """
 

@@ -1,4 +1,4 @@
-"""Which instances hide others: a step in depth along the border that two masks share. METHODS 2."""
+"""Which instances hide others: a step in depth along the border that two masks share. docs/methods.md 2.3."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clusters and order as the authors' code has them, with connected components done right. METHODS 2, "Code"."""
+"""Clusters and order as the authors' code has them, with connected components done right. docs/methods.md 2.2."""
 
 from __future__ import annotations
 

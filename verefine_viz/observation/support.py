@@ -1,7 +1,7 @@
 """The plane that carries the objects, and which way is up.
 
 Several planes are taken from the background near the objects by RANSAC, the largest first; the one that carries the
-objects (they lie above it and reach down to it) is refined by least squares. METHODS 7 has the first steps.
+objects (they lie above it and reach down to it) is refined by least squares. docs/methods.md 7.1 has the first steps.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Which instances carry others, from what is seen of them. METHODS 2, and what real frames and piles taught beyond it.
+"""Which instances carry others, from what is seen of them: docs/methods.md 2.3, and what real frames and piles taught.
 
 Two things whose footprints overlap cannot stand side by side: one is above the other. Which one is told by
 
-- height: the lower end of one lies above the middle of the other (METHODS), or
+- height: the lower end of one lies above the middle of the other, or
 - where they meet: one's points lie above the other's there, which also holds inside a bowl or on a tilted edge.
 
 Where they touch is often hidden below an overhang. An object that nothing is seen to carry is then carried by what its

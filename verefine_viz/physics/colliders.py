@@ -1,7 +1,7 @@
 """What Bullet collides with: convex parts, centre of mass and inertia of a model.
 
 Bullet's moving bodies must be convex or made of convex parts. One hull fills bowls and mugs; a decomposition keeps them
-hollow (METHODS 1.8 #24). Decomposing takes seconds, so the parts are kept on disk by the hash of the mesh.
+hollow (docs/methods.md 1.8.24). Decomposing takes seconds, so the parts are kept on disk by the hash of the mesh.
 """
 
 from __future__ import annotations

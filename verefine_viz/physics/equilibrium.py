@@ -21,7 +21,7 @@ def holds(points: Float, normals: Float, friction: Float, com: Float, gravity_di
         com: centre of mass (3,) [m].
         gravity_direction: (3,) unit, down.
 
-    Source: METHODS section 7.
+    Source: docs/methods.md 7.2.
     """
     if len(points) == 0:
         return False

@@ -1,4 +1,4 @@
-"""Could the object be there? Floating, sinking in, standing: judged from geometry, without stepping (METHODS 7)."""
+"""Could the object be there? Floating, sinking in, standing: from geometry, without stepping (docs/methods.md 7.2)."""
 
 from __future__ import annotations
 

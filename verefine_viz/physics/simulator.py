@@ -1,6 +1,6 @@
 """The physics step of the paper: an object moves under gravity for a moment, among placed objects, on a plane.
 
-METHODS 1.0 and 1.8 #9, #19, #20, #23, #24.
+docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24.
 """
 
 from __future__ import annotations

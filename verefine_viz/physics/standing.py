@@ -19,7 +19,7 @@ from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.simulated import Tipping
 
 TOUCHING_M = 0.002
-"""Surfaces closer than this touch; less penetration than this is none (METHODS 7: 2 to 5 mm)."""
+"""Surfaces closer than this touch; less penetration than this is none (docs/methods.md 7.3)."""
 IMPOSSIBLE_M = 0.005
 """More gap or penetration than this cannot be."""
 UPWARDS = 0.3

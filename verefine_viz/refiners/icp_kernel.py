@@ -1,4 +1,4 @@
-"""The loop of ICP, compiled as one call: match, fit, move, stop. METHODS 4.1. Single-threaded, same bits every time."""
+"""The loop of ICP (docs/methods.md 4.1) as one compiled call: match, fit, move, stop. Single-threaded, same bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trimmed ICP: the refiner of the paper's Extended APC experiments and of PHYSIM-MCTS. METHODS 4.2.
+"""Trimmed ICP: the refiner of the paper's Extended APC experiments and of PHYSIM-MCTS. docs/methods.md 4.2.
 
 Every pass matches all observed points to the model, fits to the share of them that match best, and goes on while that
 lowers the energy. No gate: a start may be far. One call runs to convergence.

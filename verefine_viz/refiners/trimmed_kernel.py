@@ -1,4 +1,4 @@
-"""The loop of trimmed ICP, compiled as one call. METHODS 4.2. Single-threaded, same bits every time."""
+"""The loop of trimmed ICP, compiled as one call. docs/methods.md 4.2. Single-threaded, same bits every time."""
 
 from __future__ import annotations
 

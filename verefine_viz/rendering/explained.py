@@ -1,4 +1,4 @@
-"""How many pixels a scene leaves unexplained: the cost of PHYSIM-MCTS. METHODS 3.1, 3.3.
+"""How many pixels a scene leaves unexplained: the cost of PHYSIM-MCTS. docs/methods.md 3.1, 3.3.
 
 The observed picture is the depth with the table removed: what is less than ``TABLE_M`` above the support plane, or
 below it, is no object. What else stands on the plane stays, also where nobody asked for it: it costs every scene the

@@ -1,4 +1,4 @@
-"""Scores of poses on the CPU: each pose is drawn into its own small window and summed in the same pass.
+"""Scores of poses (Eq. 1) on the CPU: each pose is drawn into its own small window and summed in the same pass.
 
 What is scored is a combination of poses, one of each of m models that share one depth buffer; a lone object is m = 1.
 Only pixels on which a model shows are visited: what the rest of the image adds (missed pixels of the mask, other
@@ -31,7 +31,7 @@ N_SUMS = 9
 
 @njit(cache=True)
 def classify(observed, rendered, other, is_own, is_any, tau):
-    """The class of a pixel on which a model shows.
+    """The class of a pixel on which a model shows (docs/methods.md 1.9).
 
     Args:
         observed: measured z [m]; 0 where nothing was measured.
@@ -141,18 +141,21 @@ def _sum(
             else:
                 fits = kind == EXPLAINED
             if fits:
+                # Eq. 1: f_d = max(0, 1 − |d − d̂| / τ).
                 f_d = max(0.0, 1.0 - abs(d - z) * per_tau)
                 sum_d += f_d
                 nx = np.float64(observed[v, u, 0])
                 ny = np.float64(observed[v, u, 1])
                 nz = np.float64(observed[v, u, 2])
                 if pixels != PUBLISHED and nx == 0.0 and ny == 0.0 and nz == 0.0:
-                    sum_n += f_d
+                    sum_n += f_d  # No normal was observed: docs/methods.md 1.8.26.
                     continue
+                # Eq. 1: f_n = max(0, 1 − (1 − n·n̂) / α).
                 dot = nx * facing[f, 0] + ny * facing[f, 1] + nz * facing[f, 2]
                 sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
     counts[MISSED] += n_own - n_covered
     sums[0], sums[1], sums[3] = sum_d, sum_n, n_rendered
+    # N of Eq. 1: docs/methods.md 1.8.1 and 1.8.3.
     if pixels == PUBLISHED:
         sums[2] = n_objects + n_stray
     elif pixels == OBSERVED:

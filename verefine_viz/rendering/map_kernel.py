@@ -132,6 +132,7 @@ def fill_maps(
                 counted[y, x] = fits or kind in (MISSED, PROTRUDING)
             if d > 0.0:
                 difference[y, x] = d - z
+            # Eq. 1: f_d, and below f_n.
             depth_fit = max(0.0, 1.0 - abs(d - z) / tau) if fits else 0.0
             f_d[y, x] = depth_fit
             dot, has_normal = 0.0, False

@@ -27,7 +27,7 @@ NOTHING_PLACED = np.zeros((0, 0), np.float32)
 
 LEAST_JUDGED_SHARE = 0.1
 """``classes``: a pose of whose pixels fewer than this share can be judged (neither hidden nor unmeasured) has its score
-lowered in proportion, so that no pose can hide where nothing was measured. METHODS 1.9."""
+lowered in proportion, so that no pose can hide where nothing was measured. docs/methods.md 1.9."""
 
 
 def as_poses(Ts_cam_obj: Float) -> Float:
@@ -79,6 +79,7 @@ def _means(sums: np.ndarray, classes: bool) -> tuple[np.ndarray, np.ndarray]:
             whole[i, k] = int(sums[i, 2 + k])
         n = max(sums[i, 2], 1.0)
         fits[1, i], fits[2, i] = sums[i, 0] / n, sums[i, 1] / n
+        # Eq. 1: half the mean of f_d plus half the mean of f_n.
         fits[0, i] = 0.5 * (fits[1, i] + fits[2, i])
         if classes:
             judged = 1.0 - (whole[i, 2 + HIDDEN] + whole[i, 2 + UNKNOWN]) / max(whole[i, 1], 1)

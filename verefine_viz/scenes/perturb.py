@@ -26,7 +26,7 @@ def perturbed(
         translation_mm: distance [mm].
         seed: non-negative; several numbers (seed, scene, image, instance) make frames independent of each other.
 
-    Source: VeREFINE, Sec. IV-C (METHODS 8.1).
+    Source: VeREFINE, Sec. V-A (docs/methods.md 8.1).
     """
     rng = np.random.default_rng(seed)
     poses = []

@@ -61,7 +61,7 @@ def refiner_calls(iteration: Iteration) -> int:
     """Calls of the refiner that an iteration spent on its own object.
 
     Those that only complete a scene in a roll-out are not counted, as in the paper's comparison with PHYSIM-MCTS
-    (METHODS 3.3); :func:`rollout_calls` has them.
+    (docs/methods.md 3.3); :func:`rollout_calls` has them.
     """
     return sum(stage.name == "refined" for stage in iteration.stages)
 

@@ -1,4 +1,4 @@
-"""What each part of the method is worth, over the error of the first pose. Source: Sec. IV-C, Fig. 4."""
+"""What each part of the method is worth, over the error of the first pose. Source: Sec. V-A, Fig. 4."""
 
 from __future__ import annotations
 

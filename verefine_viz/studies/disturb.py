@@ -1,4 +1,4 @@
-"""First poses with a known error, and frames with missing depth. Source: Sec. IV-C, Fig. 4 and 5 (METHODS 8.1)."""
+"""First poses with a known error, and frames with missing depth. Source: Sec. V-A, V-B (docs/methods.md 8.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much depth may be missing. Source: Sec. IV-C, Fig. 5."""
+"""How much depth may be missing. Source: Sec. V-B, Fig. 5."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Refiner × method × budget on the frames as they are: the rows of the paper's Tables I-III that a data set allows."""
+"""Refiner × method × budget on the frames as they are: the paper's Tables I-III (Sec. V-C) as far as the data allow."""
 
 from __future__ import annotations
 

@@ -64,6 +64,7 @@ void main() {
         }
 
         if (!(pixels == PUBLISHED ? objects : pixels == OBSERVED ? any_own : explained)) continue;
+        // Eq. 1: f_d = max(0, 1 − |d − d̂| / τ).
         float f_d = max(0.0, 1.0 - abs(d - z) / tau_m);
         fits.x += f_d;
         if (pixels != PUBLISHED && measured.xyz == vec3(0.0)) {
@@ -77,6 +78,7 @@ void main() {
         vec3 n = R * face_normal.xyz;
         vec3 ray = vec3((vec2(pixel) - camera.zw) / camera.xy, 1.0);
         float cosine = dot(measured.xyz, dot(n, ray) > 0.0 ? -n : n);
+        // Eq. 1: f_n = max(0, 1 − (1 − n·n̂) / α).
         fits.y += max(0.0, 1.0 - (1.0 - clamp(cosine, 0.0, 1.0)) / alpha);
     }
 }

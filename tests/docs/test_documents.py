@@ -1,0 +1,127 @@
+"""The documents agree with the code: files, links, numbers, paper sections and presets that they name exist."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.core.presets import PUBLISHED
+from verefine_viz.core.settings import Session
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "verefine_viz"
+METHODS = ROOT / "docs" / "methods.md"
+DOCUMENTS = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SOURCES = [
+    path
+    for folder in ("verefine_viz", "tests", "bench")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.suffix in (".py", ".frag", ".vert") and path != Path(__file__)
+]
+NUMBER = r"\d+(?:\.\d+)*"
+
+
+def text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def anchors(path: Path) -> set[str]:
+    """Of the headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.+)$", text(path), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def paths_in(content: str) -> set[str]:
+    """What stands in backticks and begins with a folder of the repository or of the package."""
+    folders = {p.name for where in (ROOT, PACKAGE) for p in where.iterdir() if p.is_dir()}
+    return {path for path in re.findall(r"`([\w./*-]+/[\w./*-]*)`", content) if path.split("/")[0] in folders}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
+def test_every_file_that_is_named_exists(document: Path) -> None:
+    named = paths_in(text(document))
+    assert [p for p in sorted(named) if not any(any(where.glob(p.rstrip("/"))) for where in (ROOT, PACKAGE))] == []
+
+
+def test_the_documents_name_files() -> None:
+    assert len(paths_in(text(ROOT / "docs" / "architecture.md"))) > 50
+    assert len(paths_in(text(ROOT / "CONTRIBUTING.md"))) > 30
+
+
+@pytest.mark.parametrize("document", [ROOT / "README.md", *DOCUMENTS], ids=name_of)
+def test_every_link_leads_somewhere(document: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", text(document)):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = document.parent / path if path else document
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_every_number_that_the_code_refers_to_is_a_heading() -> None:
+    headings = set(re.findall(rf"^#+ ({NUMBER}) ", text(METHODS), re.MULTILINE))
+    reference = re.compile(rf"docs/methods\.md(?:[\s#]+({NUMBER}(?:(?:,| and)[\s#]+{NUMBER})*))?")
+    referred = {
+        (name_of(source), number)
+        for source in SOURCES
+        for found in reference.finditer(text(source))
+        for number in re.findall(NUMBER, found[1] or "") or [""]
+    }
+    assert len(referred) > 50
+    assert {(source, number) for source, number in referred if number not in headings} == set()
+
+
+def test_every_paper_section_that_is_named_is_one_of_the_paper() -> None:
+    table = text(METHODS).split("\n## ")[0]
+    sections = {
+        s for row in re.findall(r"^\| ([IV][^|]*)\|", table, re.MULTILINE) for s in re.findall(r"[IV]+\S*", row)
+    }
+    sections = {s.strip(",:") for s in sections}
+    assert {"III-A", "IV-B", "V-D", "VI"} <= sections
+    named = {
+        (name_of(path), section)
+        for path in (*SOURCES, *DOCUMENTS, ROOT / "README.md")
+        for section in re.findall(r"\bSec\. ([IV]+(?:-[A-Z])?)\b", text(path))
+    }
+    assert len(named) > 15
+    assert {(path, section) for path, section in named if section not in sections} == set()
+
+
+def test_the_table_of_presets_is_what_the_code_has() -> None:
+    rows = re.findall(r"^\| [^|]+ \| `(\w+)\.(\w+)` \| ([^|]+) \| ([^|]+) \|$", text(METHODS), re.MULTILINE)
+    defaults = Session().model_dump()
+    assert {(section, field): value for section, field, _, value in rows} == {
+        (section, field): str(value) for section, fields in PUBLISHED.items() for field, value in fields.items()
+    }
+    assert [row for row in rows if str(defaults[row[0]][row[1]]) != row[2]] == []
+
+
+def test_settings_that_the_methods_name_exist() -> None:
+    fields = {f"{s}.{f}" for s, values in Session().model_dump().items() if isinstance(values, dict) for f in values}
+    sections = {name.split(".")[0] for name in fields}
+    named = re.findall(r"`(\w+\.\w+)(?: = [^`]*)?`", text(METHODS))
+    named = [name for name in named if name.split(".")[0] in sections]
+    assert len(named) > 50
+    assert [name for name in named if name not in fields] == []
+
+
+def test_the_architecture_is_short_and_draws_the_layers_in_their_order() -> None:
+    page = text(ROOT / "docs" / "architecture.md")
+    assert len(page.splitlines()) <= 200
+    drawing = page.split("```")[1]
+    contracts = tomllib.loads(text(ROOT / "pyproject.toml"))["tool"]["importlinter"]["contracts"]
+    (layers,) = (contract["layers"] for contract in contracts if contract["type"] == "layers")
+    at = []
+    for layer in layers:
+        names = [module.strip().removeprefix("verefine_viz.") for module in layer.split("|")]
+        at.append([drawing.index("cli.py" if name == "cli" else f"{name}/") for name in names])
+    assert all(max(upper) < min(lower) for upper, lower in pairwise(at))
