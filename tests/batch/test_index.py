@@ -21,6 +21,7 @@ from verefine_viz.batch.index import (
     runs_in,
 )
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
 
@@ -69,7 +70,7 @@ def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[in
 def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) -> None:
     assert index.frames == ("1/4", "1/2", "1/1", "1/6", "1/3", "1/5")
     assert index.session == SESSION
-    assert index.run == {"status": "finished"}
+    assert index.run == RunFile(status="finished")
 
 
 def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:

@@ -25,6 +25,7 @@ from verefine_viz.batch.rows import (
 )
 from verefine_viz.batch.summary import MUCH, frame_result, worst_iteration
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
@@ -65,7 +66,7 @@ def test_a_table_of_another_version_is_refused_in_one_clear_line(tmp_path: Path)
     file = tmp_path / "frames.csv"
     write_frames_csv(file, [failed_frame("2/7", "no depth")])
     file.write_text(file.read_text().replace("best_hypothesis", "best_arm"))
-    with pytest.raises(ValueError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
+    with pytest.raises(InputError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
         read_frames_csv(file)
 
 

@@ -60,10 +60,9 @@ def write_pools(
     # What can be mended comes first: only the first ones are named.
     lacking = sorted((row for row in rows if row.status in WITHOUT), key=lambda row: WITHOUT.index(row.status))
     _print_summary(outcome, n_found, [_without(row) for row in lacking], out)
-    is_whole = not outcome.n_failed and not outcome.n_unreadable
-    if is_whole:
+    if outcome.is_whole:
         shutil.rmtree(journal)
-    return 0 if is_whole and n_found else 1
+    return 0 if outcome.is_whole and n_found else 1
 
 
 def _without(row: ObjectRow) -> str:
@@ -95,3 +94,5 @@ def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path
         console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
         console.print(unreadable(outcome.n_unreadable, "see above"))
+    for line in (*outcome.notes, *outcome.faults):
+        console.print(escape(line))
