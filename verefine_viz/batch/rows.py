@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -254,6 +255,13 @@ def read_frames_csv(path: Path) -> list[ObjectRow]:
         InputError: the file is missing, or has other columns or values; the line and the reason are named.
     """
     with open_input(path) as opened, io.TextIOWrapper(opened, "utf-8", newline="") as file:
+        if opened.seek(0, os.SEEK_END):
+            opened.seek(-1, os.SEEK_END)
+            if opened.read(1) != b"\n":
+                raise InputError(
+                    f"{path} is not what a batch writes: its end is missing; the same batch command writes it again"
+                )
+            opened.seek(0)
         reader = csv.DictReader(file)
         try:
             columns = reader.fieldnames or ()

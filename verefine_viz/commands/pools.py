@@ -15,7 +15,7 @@ from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
-from verefine_viz.core.atomic import atomic
+from verefine_viz.core.atomic import atomic, clear_parts
 from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.places import check_file
@@ -49,6 +49,7 @@ def write_pools(
         )
     check_file(out, "pool.csv")
     check_outside(out, session)
+    clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as tell:
         outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")

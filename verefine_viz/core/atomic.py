@@ -41,16 +41,16 @@ def atomic(path: Path) -> Iterator[Path]:
             part.unlink()
 
 
-def clear_parts(folder: Path, names: str = "*") -> None:
+def clear_parts(folder: Path, of: str = "") -> None:
     """Removes what killed processes left half-written in a folder; what others are just writing stays.
 
     Args:
         folder: it need not be there.
-        names: pattern of the files whose parts are meant.
+        of: how the names of the files begin that are meant.
     """
-    for part in folder.glob(f"{names}.part"):
+    for part in folder.glob("*.part"):
         writer = _PART.fullmatch(part.name)
-        if writer and not _is_running(int(writer[1])):
+        if writer and part.name.startswith(of) and not _is_running(int(writer[1])):
             with suppress(OSError):
                 part.unlink()
 
