@@ -11,6 +11,7 @@ import dataclasses
 import io
 import os
 import signal
+import stat
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -101,8 +102,7 @@ def run_command(words: list[str]) -> int:
         _drop_output()
         return fail(f"cannot write the output: {error.strerror}")
     except KeyboardInterrupt as stop:
-        with contextlib.suppress(OSError):  # The terminal may be gone.
-            print("stopped", file=sys.stderr)
+        print("stopped", file=sys.stderr)
         return 128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT)
 
 
@@ -126,6 +126,8 @@ def stopped_by_signals() -> Iterator[None]:
         # A closed terminal sends SIGHUP twice; the second must not break into what the first one has to tidy up.
         for each in mine:
             signal.signal(each, signal.SIG_IGN)
+        if number == signal.SIGHUP:
+            _leave_closed_terminal()
         raise Stopped(number)
 
     for number in mine:
@@ -135,6 +137,18 @@ def stopped_by_signals() -> Iterator[None]:
     finally:
         for number in mine:
             signal.signal(number, signal.SIG_DFL)
+
+
+def _leave_closed_terminal() -> None:
+    """Output that went to a terminal which is gone goes nowhere: writing there would be an error in the middle of
+    tidying up.
+    """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for output in (1, 2):
+        # One that is gone is still a device, but no terminal any more.
+        if stat.S_ISCHR(os.fstat(output).st_mode) and not os.isatty(output):
+            os.dup2(nowhere, output)
+    os.close(nowhere)
 
 
 def _at_home(word: str) -> str:
