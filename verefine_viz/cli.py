@@ -1,7 +1,7 @@
 """The command line: ``verefine-viz view | batch | estimate | evaluate | study | report | datasets | replay | doctor``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
-130 stopped by Ctrl-C.
+130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).
 """
 
 from __future__ import annotations
@@ -10,8 +10,12 @@ import contextlib
 import dataclasses
 import io
 import os
+import signal
+import stat
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType
 from typing import Annotated, Any, Protocol, Union
 
 import tyro
@@ -75,9 +79,10 @@ def run_command(words: list[str]) -> int:
         return 0
     words = [_at_home(word) for word in words]
     try:
-        code = parse(words).run(words[1:])
-        sys.stdout.flush()
-        return code
+        with stopped_by_signals():
+            code = parse(words).run(words[1:])
+            sys.stdout.flush()
+            return code
     except VerefineError as error:
         return fail(str(error))
     except RuntimeError as error:
@@ -96,9 +101,54 @@ def run_command(words: list[str]) -> int:
             raise
         _drop_output()
         return fail(f"cannot write the output: {error.strerror}")
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print("stopped", file=sys.stderr)
-        return 130
+        return 128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT)
+
+
+class Stopped(KeyboardInterrupt):
+    """The system, or another program, asks this one to end: it ends as after Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.signal = number
+
+
+@contextlib.contextmanager
+def stopped_by_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP end what is inside like Ctrl-C; what is ignored, as by nohup, stays ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    mine = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+
+    def stop(number: int, _: FrameType | None) -> None:
+        # A closed terminal sends SIGHUP twice; the second must not break into what the first one has to tidy up.
+        for each in mine:
+            signal.signal(each, signal.SIG_IGN)
+        if number == signal.SIGHUP:
+            _leave_closed_terminal()
+        raise Stopped(number)
+
+    for number in mine:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in mine:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _leave_closed_terminal() -> None:
+    """Output that went to a terminal which is gone goes nowhere: writing there would be an error in the middle of
+    tidying up.
+    """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for output in (1, 2):
+        # One that is gone is still a device, but no terminal any more.
+        if stat.S_ISCHR(os.fstat(output).st_mode) and not os.isatty(output):
+            os.dup2(nowhere, output)
+    os.close(nowhere)
 
 
 def _at_home(word: str) -> str:

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import pty
+import select
 import signal
 import subprocess
+import termios
+import threading
 from pathlib import Path
 
 import psutil
 import pytest
 
 from bench.kills import without_times
-from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run_batch, started_batch, write_session
+from tests.batch.frames import (
+    ROOT,
+    batch_here,
+    command,
+    damaged,
+    depth_file,
+    make_frames,
+    run_batch,
+    started_batch,
+    write_session,
+)
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import ResultRow, read_results, write_results
@@ -101,21 +116,55 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
     assert {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()} == before
 
 
-def test_ctrl_c_keeps_what_is_done(session: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_stop_keeps_what_is_done(
+    number: signal.Signals, uninterrupted: Path, session: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     with started_batch(session, out, "--workers", 1) as child:
         n_done = stop_in_the_middle(child, out, N_FRAMES)
         workers = workers_of(child)
-        os.killpg(child.pid, signal.SIGINT)
+        os.killpg(child.pid, number)
         os.killpg(child.pid, signal.SIGCONT)
         _, errors = child.communicate(timeout=60)
-    assert child.returncode == 130
+    assert child.returncode == 128 + number
     assert "Traceback" not in errors
     assert errors.rstrip().endswith("stopped")
     assert psutil.wait_procs(workers, timeout=30)[1] == []
     assert json.loads((out / "run.json").read_text())["status"] == "stopped"
     # A result that was already on its way may still be noted.
     assert n_done <= len(without_times(out)[1]) // 3 <= n_done + 1
+    assert batch_here(session, out, "--workers", 1).returncode == 0
+    assert without_times(out) == without_times(uninterrupted)
+    assert not list(out.rglob("*.part"))
+
+
+def test_a_terminal_that_is_closed_ends_the_batch_tidily(session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    ours, theirs = pty.openpty()
+
+    def take_terminal() -> None:  # Whose end then sends SIGHUP.
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+    with subprocess.Popen(
+        command("batch", session, "--out", out, "--workers", 1), stdin=theirs, stdout=theirs, stderr=theirs,
+        cwd=ROOT, start_new_session=True, preexec_fn=take_terminal,
+    ) as child:  # fmt: skip
+        os.close(theirs)
+        reading = threading.Thread(target=drain, args=(ours, out), daemon=True)
+        reading.start()
+        reading.join(timeout=200)
+        os.close(ours)
+        assert child.wait(timeout=60) == 128 + signal.SIGHUP
+    assert json.loads((out / "run.json").read_text())["status"] == "stopped"
+    assert len(without_times(out)[1]) >= 3
+
+
+def drain(terminal: int, out: Path) -> None:
+    """Reads what is written to a terminal until the batch has done a frame."""
+    while not journal(out):
+        if select.select([terminal], [], [], 0.05)[0]:
+            os.read(terminal, 4096)
 
 
 def test_a_bad_frame_is_reported_and_the_others_go_on(

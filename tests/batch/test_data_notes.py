@@ -12,6 +12,7 @@ from verefine_viz.batch.frame import explain_frame
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import FrameResult
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
 from verefine_viz.diagnosis.words import DATA_FIRST
@@ -59,7 +60,9 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     rows = [row for one in totals.passing(journal.results(["0/0"])) for row in one.objects]
     said = totals.as_json(1)["data_in_doubt"]
     assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
-    assert Gallery([BatchIndex(tmp_path, session, {}, tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(in_doubt)
+    assert Gallery([BatchIndex(tmp_path, session, RunFile(), tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(
+        in_doubt
+    )
 
 
 def test_the_end_of_a_batch_counts_the_frames_and_says_which_have_which_reason() -> None:

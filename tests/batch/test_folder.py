@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from verefine_viz.batch.folder import RunFolder, first_change, read_run
+from verefine_viz.batch.folder import RunFolder, first_change
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
+from verefine_viz.batch.run_file import RunFile, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve
@@ -98,6 +99,41 @@ def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != ".lock") == ["thesis.tex"]
 
 
+@pytest.mark.parametrize("others", [(), ("thesis.tex",)])
+def test_a_lock_that_is_a_link_leaves_what_it_leads_to_alone(others: tuple[str, ...], tmp_path: Path) -> None:
+    theirs, out = tmp_path / "theirs.txt", tmp_path / "out"
+    theirs.write_text("years of work")
+    out.mkdir()
+    for name in others:
+        (out / name).touch()
+    (out / ".lock").symlink_to(theirs)
+    with pytest.raises(InputError, match=r"holds other files" if others else r"\.lock: it is a link to .*theirs\.txt"):
+        RunFolder(out, SESSION)
+    assert theirs.read_text() == "years of work"
+    assert sorted(p.name for p in out.iterdir()) == [".lock", *others]
+
+
+def test_a_folder_of_something_else_gets_no_lock(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(InputError, match="holds other files"):
+        RunFolder(tmp_path, SESSION)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_half_written_files_of_killed_processes_go_and_those_of_others_stay(tmp_path: Path) -> None:
+    RunFolder(tmp_path, SESSION).close()
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    gone = ["frames.csv.1-2.part", "recordings/000001_000002.rrd.part", "recordings/000001_000002.rrd.journal"]
+    gone += ["errors/000001_000002.txt.1-2.part", f"report.html.{ended.pid}-1.part"]
+    kept = ["recordings/000001_000003.rrd", f"report.html.{os.getpid()}-1.part", "mine.part"]
+    for name in (*gone, *kept):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    RunFolder(tmp_path, SESSION).close()
+    assert [name for name in (*gone, *kept) if (tmp_path / name).exists()] == kept
+
+
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="is a file, expected a folder"):
@@ -151,17 +187,24 @@ def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pyt
     folder.close()
 
 
-@pytest.mark.parametrize("text", ["", "[1]", "{"])
-def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str) -> None:
-    (tmp_path / "run.json").write_text(text)
-    with pytest.raises(InputError, match=r"run\.json"):
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[1]", "{", "[" * 100_000, b"\xff\xfe", '{"version": 3}', '{"status": ["finished"]}', '{"seconds": "x"}',
+        '{"seconds": NaN}', '{"seconds": -1}', '{"totals": []}', '{"totals": {"frames": "many"}}', '{"machine": 3}',
+        '{"totals": {"mean_stages_ms_per_frame": {"read": null}}}', '{"begun": 5}',
+    ],
+)  # fmt: skip
+def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str | bytes) -> None:
+    (tmp_path / "run.json").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError, match=r"run\.json .*; delete it, and the same batch command writes it again"):
         read_run(tmp_path)
 
 
 def test_run_json_is_read_back(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(json.dumps({"seconds": 3}))
-    assert read_run(tmp_path) == {"seconds": 3}
-    assert read_run(tmp_path / "nowhere") == {}
+    assert read_run(tmp_path) == RunFile(seconds=3)
+    assert read_run(tmp_path / "nowhere") == RunFile()
 
 
 def test_the_first_change_names_field_and_values() -> None:

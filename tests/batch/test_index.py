@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from verefine_viz.batch.index import (
     runs_in,
 )
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
 
@@ -69,7 +71,19 @@ def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[in
 def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) -> None:
     assert index.frames == ("1/4", "1/2", "1/1", "1/6", "1/3", "1/5")
     assert index.session == SESSION
-    assert index.run == {"status": "finished"}
+    assert index.run == RunFile(status="finished")
+
+
+def test_a_table_that_lost_rows_since_it_was_counted_is_refused(tmp_path: Path, index: BatchIndex) -> None:
+    run = {"status": "finished", "totals": {"frames": 6, "objects": 5}}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    assert read_batch(tmp_path).rows == index.rows  # the failed frame's row is about no object
+    table = tmp_path / "frames.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:3]))
+    with pytest.raises(
+        InputError, match=r"frames\.csv holds 2 objects, but run\.json counted 5: it was changed or cut"
+    ):
+        read_batch(tmp_path)
 
 
 def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -25,6 +26,7 @@ from verefine_viz.batch.rows import (
 )
 from verefine_viz.batch.summary import MUCH, frame_result, worst_iteration
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
@@ -65,8 +67,54 @@ def test_a_table_of_another_version_is_refused_in_one_clear_line(tmp_path: Path)
     file = tmp_path / "frames.csv"
     write_frames_csv(file, [failed_frame("2/7", "no depth")])
     file.write_text(file.read_text().replace("best_hypothesis", "best_arm"))
-    with pytest.raises(ValueError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
+    with pytest.raises(InputError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
         read_frames_csv(file)
+
+
+def with_score(value: str) -> Callable[[str], str]:
+    return lambda text: text.replace(",0.5,", f",{value},", 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (with_score("nan"), "line 2: score = 'nan': input should be a finite number"),
+        (with_score("-inf"), "line 2: score = '-inf': input should be a finite number"),
+        (with_score("high"), "line 2: score = 'high': input should be a valid number"),
+        (with_score("x" * 200_000), "field larger than field limit (131072)"),
+        (with_score("9" * 100_000), "line 2: score = '999"),
+        (lambda text: text.replace("ok", "perhaps"), "line 2: status = 'perhaps': input should be 'ok', "),
+        (lambda text: text[: len(text) - 20], "its end is missing"),
+        (lambda text: text[: len(text) - 5], "its end is missing"),
+        (lambda text: text[: len(text) // 2], "its end is missing"),
+        (lambda text: text[: len(text) - 20] + "\n", "line 2: it does not have "),
+        (lambda text: text.rstrip() + ",1,2\n", "line 2: it does not have "),
+        (lambda text: text.replace("ok", "o\x00k"), "line "),
+        (lambda text: text.replace("ok", "\udcff"), "line "),
+        (lambda text: "", "the file is empty"),
+    ],
+)
+def test_a_damaged_table_is_refused_in_one_line(change: Callable[[str], str], why: str, tmp_path: Path) -> None:
+    file = tmp_path / "frames.csv"
+    row = ObjectRow(scene_id=0, im_id=0, status="ok", score=0.5, message="all is well")
+    write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
+    file.write_bytes(change(file.read_text()).encode(errors="surrogateescape"))
+    with pytest.raises(InputError) as refused:
+        read_frames_csv(file)
+    said = str(refused.value)
+    assert said.startswith(f"{file} is not what a batch writes: ")
+    assert why in said
+    assert said.endswith("; the same batch command writes it again")
+    assert len(said.splitlines()) == 1
+    assert len(said) < 400 + len(str(file))
+
+
+@pytest.mark.parametrize("name", ["frames.csv", "pipe", "folder"])
+def test_what_is_no_table_is_refused_at_once(name: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=r"does not exist|is a pipe, expected a file|is a folder, expected a file"):
+        read_frames_csv(tmp_path / name)
 
 
 @given(rows)

@@ -1,4 +1,6 @@
-"""Ctrl-C in the middle of long commands: one line, no traceback, no process left, and what was finished stays."""
+"""Ctrl-C, SIGTERM and SIGHUP in the middle of long commands: one line, no traceback, no process left, and what was
+finished stays.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,8 @@ from time import sleep
 import psutil
 import pytest
 
+from verefine_viz import cli
+
 ROOT = Path(__file__).resolve().parents[2]
 ENDLESS = """
 [scene]
@@ -24,9 +28,15 @@ bases = 1000000
 """
 
 
-@pytest.mark.parametrize("command", ["estimate", "batch", "study"])
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [
+        ("estimate", signal.SIGINT), ("batch", signal.SIGINT), ("study", signal.SIGINT),
+        ("estimate", signal.SIGTERM), ("batch", signal.SIGHUP), ("study", signal.SIGTERM),
+    ],
+)  # fmt: skip
 def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_running(
-    command: str, tmp_path: Path
+    command: str, number: signal.Signals, tmp_path: Path
 ) -> None:
     (tmp_path / "endless.toml").write_text(ENDLESS)
     words = {
@@ -44,13 +54,29 @@ def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_ru
             while child.poll() is None and not is_at_work(child.pid, tmp_path / begun[command]):
                 sleep(0.05)
             workers = psutil.Process(child.pid).children(recursive=True)
-            os.killpg(child.pid, signal.SIGINT)
+            os.killpg(child.pid, number)
             output, errors = child.communicate(timeout=200)
         finally:
             child.kill()
-    assert (child.returncode, output, errors) == (130, "", "stopped\n")
+    assert (child.returncode, output, errors) == (128 + number, "", "stopped\n")
     _, alive = psutil.wait_procs(workers, timeout=100)
     assert alive == []
+
+
+def test_what_is_ignored_stays_ignored_and_a_second_signal_is() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with pytest.raises(cli.Stopped) as stop, cli.stopped_by_signals():
+            os.kill(os.getpid(), signal.SIGHUP)
+            try:
+                os.kill(os.getpid(), signal.SIGTERM)
+            finally:
+                os.kill(os.getpid(), signal.SIGTERM)  # while it tidies up; as timeout(1) sends it
+        assert stop.value.signal == signal.SIGTERM
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def is_at_work(pid: int, begun: Path) -> bool:

@@ -197,7 +197,7 @@ def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
     }  # fmt: skip
     assert "has estimates for" not in desk.run()
     half = desk.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
-    said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for"
+    said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for, 1 of 3 instances; a"
     assert said in desk.run(desk.results, half)
 
 
@@ -213,6 +213,13 @@ def test_results_that_say_nothing_about_any_target(desk: Desk, row: str, words: 
     path = desk.file("other_lmo-test.csv", row)
     line = desk.refused(desk.results, path)
     assert line.startswith(f"{path} says nothing about any target of test_targets_bop19.json: {words}; does it belong")
+
+
+def test_detections_of_no_object_that_is_in_the_image(desk: Desk) -> None:
+    path = desk.file("other_lmo-test.csv", f"7,3,9,1,{POSE},-1\n")
+    only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
+    said = f"{path} has an estimate for none of the 3 instances that images.json asks for; does it belong to another"
+    assert said in desk.refused(path, "--targets", only_images)
 
 
 def test_results_of_many_other_scenes(desk: Desk) -> None:

@@ -47,6 +47,18 @@ def test_below_a_file(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.parametrize("name", ["/dev/null", "pipe"])
+def test_a_device_or_a_pipe_keeps_its_place(name: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    path = tmp_path / name
+    with pytest.raises(InputError, match="is a device or a pipe, expected"), atomic(path) as part:
+        part.write_text("")
+    with pytest.raises(InputError, match=r"is a device or a pipe, expected the name of a file, for example a\.html"):
+        check_file(path, "a.html")
+    assert not path.is_file()
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
+
+
 def test_below_a_folder_of_somebody_else(tmp_path: Path, nobody: None) -> None:
     # What is above it may be looked into by its owner only, and then it is that folder which is named.
     place = Path("/root/.hidden") if Path("/root").is_dir() else Path("/")

@@ -11,6 +11,7 @@ import pytest
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.report.comparison import Comparison, compare
 from verefine_viz.report.frame_recalls import FrameRecalls
 from verefine_viz.report.group_gallery import group_gallery
@@ -28,7 +29,7 @@ NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 def run(method: str, seed: int, *rows: ObjectRow) -> Loaded:
     session = resolve({"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}})
-    return Loaded("", BatchIndex(Path(f"{method}-{seed}"), session, {}, rows))
+    return Loaded("", BatchIndex(Path(f"{method}-{seed}"), session, RunFile(), rows))
 
 
 def group(method: str, *rows_by_seed: tuple[ObjectRow, ...]) -> Group:

@@ -14,6 +14,7 @@ from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop import result_rows
 from verefine_viz.report.difference import difference
@@ -28,7 +29,7 @@ NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
 def run_of(*rows: ObjectRow, label: str = "") -> Loaded:
-    return Loaded(label, BatchIndex(Path("run"), resolve({}), {}, rows))
+    return Loaded(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
 
 
 def test_an_object_without_an_answer_is_not_found() -> None:
@@ -74,7 +75,7 @@ def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), {}, (row(1),)))
+    run = Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
     assert numbers_of(run).calls_per_object is None
     assert numbers_of(run_of(row(1))).calls_per_object == 25.0
 

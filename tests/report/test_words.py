@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
 from verefine_viz.report.loaded import Loaded
@@ -41,7 +42,7 @@ def test_names_break_between_words_and_not_in_numbers() -> None:
 
 
 def run(folder: str = "run", label: str = "", **settings: Any) -> Loaded:
-    return Loaded(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), {}, ()))
+    return Loaded(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), RunFile(), ()))
 
 
 def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.studies.command import run_one
@@ -80,6 +80,33 @@ def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> 
     path.write_text(json.dumps({"wanted": {"name": "ablation"}}) + "\n")
     with pytest.raises(InputError, match="belongs to a study with other settings"):
         _run(path)
+
+
+def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path) -> None:
+    theirs, path = tmp_path / "theirs.txt", tmp_path / "x.jsonl"
+    theirs.write_text("years of work in one line")
+    path.symlink_to(theirs)
+    with pytest.raises(InputError, match=r"cannot write .*x\.jsonl: it is a link to .*theirs\.txt"):
+        Journal(path, {"wanted": 1})
+    with pytest.raises(InputError, match=r"theirs\.txt is no journal of a study"):
+        Journal(theirs, {"wanted": 1})
+    assert theirs.read_text() == "years of work in one line"
+
+
+def test_a_journal_that_was_killed_in_its_first_line_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "x.jsonl"
+    path.write_text('{"wan')
+    Journal(path, {"wanted": 1}).close()
+    assert path.read_text() == '{"wanted":1}\n'
+
+
+def test_a_journal_is_written_by_one_study_at_a_time(tmp_path: Path) -> None:
+    path = tmp_path / "x.jsonl"
+    first = Journal(path, {})
+    with pytest.raises(UnavailableError, match="another study is writing to"):
+        Journal(path, {})
+    first.close()
+    Journal(path, {}).close()
 
 
 def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

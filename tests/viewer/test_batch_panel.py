@@ -10,6 +10,7 @@ from tests.viewer.test_app import SESSION, cursor, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.gallery import PAGE, WRONG, Gallery
@@ -24,7 +25,7 @@ def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: in
 
 
 def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
-    return Gallery([BatchIndex(tmp_path, SESSION, {}, rows)])
+    return Gallery([BatchIndex(tmp_path, SESSION, RunFile(), rows)])
 
 
 def content(app: App) -> str:
@@ -96,7 +97,7 @@ def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) 
     assert twice.doubt.startswith(
         "Look at the data first: in 2 of 3 frames, such as 0/1, objects appear larger: check cam_K."
     )
-    runs = [BatchIndex(tmp_path / name, SESSION, {}, found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
+    runs = [BatchIndex(tmp_path / name, SESSION, RunFile(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
     assert Gallery(runs).doubt.startswith(
         "Look at the data first: in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects appear larger: check cam_K."
     )

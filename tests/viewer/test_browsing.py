@@ -11,6 +11,7 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed
@@ -42,8 +43,8 @@ SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"),
 def several(tmp_path: Path) -> Gallery:
     return Gallery(
         [
-            BatchIndex(tmp_path / "rir", SESSION, {}, RIR_ROWS),
-            BatchIndex(tmp_path / "sir", SIR, {}, SIR_ROWS),
+            BatchIndex(tmp_path / "rir", SESSION, RunFile(), RIR_ROWS),
+            BatchIndex(tmp_path / "sir", SIR, RunFile(), SIR_ROWS),
         ]
     )
 
@@ -150,7 +151,7 @@ def test_of_another_scene_the_batch_says_nothing(debugger: Debugger) -> None:
 
 def test_a_page_is_turned_to_the_answer_that_is_opened(tmp_path: Path) -> None:
     rows = [row(1 + k % 2, k // 2, add_s_mm=90.0 - k, worst_iteration=0) for k in range(30)]
-    batch = Gallery([BatchIndex(tmp_path, SESSION, {}, tuple(rows))])
+    batch = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), tuple(rows))])
     debugger = Debugger(SESSION, None, FakeTools, batch=batch)
     debugger.carry_out([c.TurnPage(1), c.OpenAt("0/2", 0, instance=0)])
     assert debugger.look.batch_page == 0

@@ -11,6 +11,7 @@ import pytest
 from tests.viewer.tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeState
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
@@ -115,7 +116,7 @@ def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_pa
         for k, evidence in enumerate((f"{DATA_FIRST} objects appear larger: check cam_K.", ""))
     )
     session = Session(method=MethodSettings(name="rir", iterations=1))
-    batch = Gallery([BatchIndex(tmp_path, session, {}, rows)])
+    batch = Gallery([BatchIndex(tmp_path, session, RunFile(), rows)])
     debugger = Debugger(session, None, stacked(), batch=batch)
     for entry in batch.entries:
         view = debugger.carry_out([batch.opens(entry)]).view()

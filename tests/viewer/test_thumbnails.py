@@ -15,6 +15,7 @@ from tests.viewer.test_app import SESSION
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
+from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.scenes.demo import demo_problem
@@ -92,7 +93,7 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     (tmp_path / "frames").mkdir()
     result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(found,), estimates=(estimate,))
     Journal(tmp_path / "frames").keep(result)
-    gallery = Gallery([BatchIndex(tmp_path, SESSION, {}, (found, row(77), row(None), row(0, im_id=99)))])
+    gallery = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (found, row(77), row(None), row(0, im_id=99)))])
     painter = Painter(gallery)
     uri = painter(gallery.entries[0])
     image = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))).convert("RGB")).astype(int)

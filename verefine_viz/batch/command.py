@@ -35,7 +35,7 @@ def run_jobs(
     """Runs one job after the other, on this machine by the same workers.
 
     Returns:
-        The exit code: 0, or 1 where a frame failed or a file of an object could not be read.
+        The exit code: 0, or 1 where a frame failed or was lost, or a file of an object could not be read.
 
     Raises:
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
@@ -43,7 +43,7 @@ def run_jobs(
     if len(jobs) == 1:
         outcome = _run(jobs[0], jobs[0].folder.name, place, retry_failed, task, None)
         _print_summary(outcome)
-        return 1 if outcome.n_failed or outcome.n_unreadable else 0
+        return 0 if outcome.is_whole else 1
     check_jobs(jobs)
     if place.cluster:
         return _run_all(jobs, out, place, retry_failed, task, None)
@@ -84,7 +84,7 @@ def _run_all(
     if n_unreadable:
         console.print(unreadable(n_unreadable))
     console.print(escape(what_next([job.session.scene for job in jobs], out)))
-    return 1 if n_failed or n_unreadable else 0
+    return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
 
 
 def _run(job: Job, title: str, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
@@ -100,6 +100,7 @@ def _print_line(outcome: Outcome) -> None:
     console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
     _print_doubt(console, outcome)
     _print_failures(console, outcome)
+    _print_written(console, outcome)
 
 
 def _print_summary(outcome: Outcome) -> None:
@@ -119,6 +120,7 @@ def _print_summary(outcome: Outcome) -> None:
         console.print("The same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
         console.print(unreadable(outcome.n_unreadable))
+    _print_written(console, outcome)
 
 
 def unreadable(n: int, which: str = "frames.csv says which") -> str:
@@ -153,6 +155,13 @@ def in_short(outcome: Outcome) -> str:
     elif numbers["median_score"] is not None:
         parts.append(f"median score {numbers['median_score']:.3f}")
     return ", ".join(parts)
+
+
+def _print_written(console: Console, outcome: Outcome) -> None:
+    for note in outcome.notes:
+        console.print(escape(f"note: {note}"))
+    for fault in outcome.faults:
+        console.print(f"[red]{escape(fault)}[/]")
 
 
 def _print_failures(console: Console, outcome: Outcome) -> None:

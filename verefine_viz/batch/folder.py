@@ -12,23 +12,29 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import verefine_viz
+from verefine_viz.batch.completeness import TABLES
 from verefine_viz.batch.journal import Journal
-from verefine_viz.core.atomic import atomic
+from verefine_viz.batch.run_file import RUN_FILE, RunFile, read_run
+from verefine_viz.core.atomic import atomic, clear_parts
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.lock import try_lock
 from verefine_viz.core.places import check_folder, why_not
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 
-RUN_FILE = "run.json"
-TABLES = ("frames.csv", "results.csv")
 SESSION_FILE = "session.toml"
+LOCK_FILE = ".lock"
+_LEFT_BY_A_KILLED_BATCH = (
+    *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, *TABLES)),
+    "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
+)  # fmt: skip
+"""What only the process writes that holds the lock."""
 
 
 class RunFolder:
@@ -43,25 +49,40 @@ class RunFolder:
             UnavailableError: another process is writing to it.
         """
         self.path = path
-        self._lock = _locked(path)
+        self.session = session
+        check_folder(path)
         try:
-            self._check(session)
-            if not (path / SESSION_FILE).exists():
-                save_session(session, path / SESSION_FILE)
-            for name in ("frames", "recordings"):
-                (path / name).mkdir(exist_ok=True)
-            self.journal = Journal(path / "frames")
-            self.journal.clear_parts()
+            self._check()  # Before anything is written: it may be somebody else's.
+            path.mkdir(parents=True, exist_ok=True)
+            lock = try_lock(path / LOCK_FILE)
+            if lock is None:
+                raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out")
+            self._lock = lock
+            try:
+                self._check()  # Another process may have begun a run meanwhile.
+                self.save_session()
+                for name in ("frames", "recordings"):
+                    (path / name).mkdir(exist_ok=True)
+                self._clear_parts()
+            except BaseException:
+                self.close()
+                raise
         except OSError as error:
-            self.close()
             raise InputError(f"cannot write to {path}: {why_not(Path(error.filename or path), error)}") from None
-        except BaseException:
-            self.close()
-            raise
+        self.journal = Journal(path / "frames")
 
     def close(self) -> None:
         """Lets others write to the folder."""
         self._lock.close()
+
+    def save_session(self) -> None:
+        """Writes session.toml where it is not there, or not there any more.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        if not (self.path / SESSION_FILE).exists():
+            save_session(self.session, self.path / SESSION_FILE)
 
     def write(self, name: str, text: str) -> None:
         """Writes a file of the folder, whole or not at all.
@@ -76,47 +97,36 @@ class RunFolder:
         """:meth:`write` of a JSON object."""
         self.write(name, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
 
-    def read_run(self) -> dict[str, Any]:
-        """What run.json says; empty where there is none."""
+    def read_run(self) -> RunFile:
+        """What run.json says; nothing is known where there is none."""
         return read_run(self.path)
 
-    def _check(self, session: Session) -> None:
+    def _check(self) -> None:
         """Whether what lies in the folder is a run of the same session."""
         before = self.path / SESSION_FILE
         if not before.exists():
-            others = sorted(p.name for p in self.path.iterdir() if p.name != ".lock" and p.suffix != ".part")
+            there = self.path.iterdir() if self.path.exists() else ()
+            others = sorted(p.name for p in there if p.name != LOCK_FILE and p.suffix != ".part")
             if others:
                 raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
             return
-        difference = first_change(load_session(before), session)
+        difference = first_change(load_session(before), self.session)
         if difference:
             raise SettingsError(
                 f"{self.path} holds a run of another session: {difference}; choose another --out, or delete the folder"
             )
-        version = self.read_run().get("version", verefine_viz.__version__)
+        version = self.read_run().version or verefine_viz.__version__
         if version != verefine_viz.__version__:
             raise SettingsError(
                 f"{self.path} was begun by version {version}, this is {verefine_viz.__version__}: "
                 "results would mix; choose another --out"
             )
 
-
-def read_run(path: Path) -> dict[str, Any]:
-    """What the run.json of a batch folder says; empty where there is none.
-
-    Raises:
-        InputError: it is not what a batch writes.
-    """
-    file = path / RUN_FILE
-    try:
-        value = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file} cannot be read: {error}") from None
-    if not isinstance(value, dict):
-        raise InputError(f"{file} is not the run.json of a batch: expected a JSON object")
-    return value
+    def _clear_parts(self) -> None:
+        for names in _LEFT_BY_A_KILLED_BATCH:
+            for part in self.path.glob(names):
+                part.unlink(missing_ok=True)
+        clear_parts(self.path)
 
 
 def first_change(before: Session, now: Session) -> str | None:
@@ -149,20 +159,3 @@ def _flat(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     for key, inner in value.items():
         out |= _flat(inner, f"{prefix}{key}.") if isinstance(inner, Mapping) else {f"{prefix}{key}": inner}
     return out
-
-
-def _locked(path: Path) -> TextIO:
-    """An open lock file in ``path``; the system lets go of it when this process ends, however it ends."""
-    check_folder(path)
-    file = path / ".lock"
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        lock = file.open("w")
-    except OSError as error:
-        raise InputError(f"cannot write to --out {path}: {why_not(file, error)}; choose another --out") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
-        raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out") from None
-    return lock

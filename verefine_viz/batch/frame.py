@@ -12,8 +12,8 @@ from verefine_viz.batch.causes import with_causes
 from verefine_viz.batch.room import temporary_folder
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result
-from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.atomic import NO_ROOM, atomic
+from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.recorder import Recorder
@@ -48,9 +48,8 @@ def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Fra
     """The result of a frame that failed for a reason nobody foresaw; its traceback is kept below ``out``."""
     log = out / "errors" / f"{frame_name(frame)}.txt"
     # On a full disk the frame fails all the same, just without its traceback.
-    with suppress(OSError):
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    with suppress(InputError), atomic(log) as part:
+        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     if isinstance(error, OSError) and error.errno in NO_ROOM and error.filename is None:
         disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
         return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
@@ -71,7 +70,7 @@ def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> Fra
             run.finish()
         with watch("summarise"):
             result = frame_result(run, toolbox.session)
-        if keep == "failures" and is_failure(result):
+        if keep == "failures" and result.is_failure:
             run.fork(run.length, watchers=[booked])  # the recorder sees the whole history
     except BaseException:
         # What there is of the recording is kept where it can be; that it ends for another reason is what is told.
@@ -127,8 +126,3 @@ class _Booked:
     def on_finish(self, state: RunState) -> None:
         with self._watch("record"):
             self._recorder.on_finish(state)
-
-
-def is_failure(result: FrameResult) -> bool:
-    """Whether a person will want to look: an object without an answer, or ADD(-S) not below 10 % of the diameter."""
-    return any(row.status != "ok" or row.is_correct is False for row in result.objects)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ValidationError
 
-from verefine_viz.batch.folder import RUN_FILE, SESSION_FILE, read_run
+from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
+from verefine_viz.batch.run_file import RUN_FILE, RunFile, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.listing import MOST_NAMED, first_of
@@ -31,7 +31,7 @@ class BatchIndex:
     folder: Path
     session: Session
     """Exactly what ran."""
-    run: dict[str, Any]
+    run: RunFile
     """run.json: versions, machine, totals."""
     rows: tuple[ObjectRow, ...]
     """One per object, in the order of frames.csv."""
@@ -184,10 +184,13 @@ def read_batch(folder: Path) -> BatchIndex:
             f"{table} is not there yet: the batch is running or was killed; run it again to finish it"
             + _finished_frame(folder)
         )
-    try:
-        rows = read_frames_csv(table)
-    except (ValidationError, ValueError, OSError) as error:
-        raise InputError(f"{table} is not what a batch writes: {str(error).splitlines()[0]}") from None
+    rows = read_frames_csv(table)
+    n_objects, n_written = sum(row.is_object for row in rows), run.totals.objects
+    if n_written is not None and n_written != n_objects:
+        raise InputError(
+            f"{table} holds {n_objects} objects, but {RUN_FILE} counted {n_written}: it was changed or cut off; "
+            "the same batch command writes it again"
+        )
     return BatchIndex(folder, session, run, tuple(rows))
 
 

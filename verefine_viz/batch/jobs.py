@@ -112,8 +112,6 @@ def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str]
             raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
         if methods.count(name) > 1:
             raise SettingsError(f"--methods names {name!r} twice; name each method once")
-    if n_seeds is not None and n_seeds < 1:
-        raise SettingsError(f"--seeds is {n_seeds}, expected 1 or more")
     for option, field in _doubled(overrides, methods, n_seeds):
         raise SettingsError(f"--{field} and {option} say different things; leave --{field} out")
     if (out / SESSION_FILE).exists():

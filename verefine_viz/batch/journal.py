@@ -6,13 +6,15 @@ Results live on the disk and not in memory; whoever wants them all reads them on
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from verefine_viz.batch.rows import FrameResult, frame_name
 from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, first_fault
+from verefine_viz.core.input_files import read_input
 
 
 class Journal:
@@ -30,13 +32,31 @@ class Journal:
         with atomic(self._file(result.frame)) as part:
             part.write_text(result.model_dump_json(), encoding="utf-8")
 
+    def entry(self, frame: str) -> FrameResult | None:
+        """What was noted about a frame; None where nothing was.
+
+        Raises:
+            InputError: the entry is damaged; the text says how.
+        """
+        file = self._file(frame)
+        if not file.exists():
+            return None
+        content = read_input(file)
+        try:
+            result = FrameResult.model_validate_json(content)
+        except ValidationError as error:
+            raise InputError(f"{file} is damaged: {first_fault(error)}") from None
+        if result.frame != frame:
+            raise InputError(f"{file} is damaged: it is about frame {result.frame}")
+        if not result.objects:
+            raise InputError(f"{file} is damaged: it holds no object")
+        return result
+
     def read(self, frame: str) -> FrameResult | None:
         """What was noted about a frame; None where there is nothing that can be used."""
-        try:
-            result = FrameResult.model_validate_json(self._file(frame).read_bytes())
-        except (OSError, ValidationError):
-            return None  # Not there, not ours, or damaged: the frame is solved again.
-        return result if result.frame == frame else None
+        with suppress(InputError):
+            return self.entry(frame)
+        return None
 
     def results(self, frames: Iterable[str]) -> Iterator[FrameResult]:
         """What was noted about ``frames``, in their order, one at a time; frames that are not finished are left out."""
@@ -44,14 +64,6 @@ class Journal:
             result = self.read(frame)
             if result is not None:
                 yield result
-
-    def clear_parts(self) -> None:
-        """Removes what killed writers left half-written. Only for the one process that writes here."""
-        try:
-            for part in self.folder.glob("*.part"):
-                part.unlink()
-        except OSError as error:
-            raise InputError(f"cannot write to {self.folder}: {error.strerror}") from None
 
     def _file(self, frame: str) -> Path:
         return self.folder / f"{frame_name(frame)}.json"

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
+import io
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError, ShapeError, first_fault
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.input_files import open_input
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.words import DATA_FIRST
@@ -18,9 +24,9 @@ Status = Literal["ok", "no_answer", "left_out", "failed"]
 
 
 class Row(BaseModel):
-    """Base of the records below: immutable, and the same after a round trip through JSON."""
+    """Base of the records below: immutable, of finite numbers, and the same after a round trip through JSON."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ObjectRow(Row):
@@ -128,8 +134,17 @@ class Estimate(Row):
 
     obj_id: int
     score: float
-    T_cam_obj: tuple[float, ...]
-    """16 numbers, row by row [m]."""
+    T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
+    """A rigid pose, row by row [m]."""
+
+    @field_validator("T_cam_obj")
+    @classmethod
+    def _is_rigid(cls, T_cam_obj: tuple[float, ...]) -> tuple[float, ...]:
+        try:
+            as_rigid(np.reshape(T_cam_obj, (4, 4)), "the pose")
+        except ShapeError as error:
+            raise ValueError(str(error)) from None
+        return T_cam_obj
 
 
 class FrameResult(Row):
@@ -150,6 +165,17 @@ class FrameResult(Row):
     """Objects that were left out as their model or mask is missing or damaged; somebody can mend that."""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
+
+    @model_validator(mode="after")
+    def _says_why_it_failed(self) -> Self:
+        if self.failed and not self.objects:
+            raise ValueError("a failed frame has a row that says why, and this one has none")
+        return self
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether a person will want to look: an object has no answer, or an ADD(-S) not below 10 % of the diameter."""
+        return any(row.status != "ok" or row.is_correct is False for row in self.objects)
 
     @property
     def can_be_mended(self) -> bool:
@@ -199,6 +225,18 @@ def left_out_facts(one: LeftOut) -> dict[str, Any]:
     return {**facts, "visib_fract": one.visib_fract, "has_truth": one.has_truth}
 
 
+FRAMES_HEADER = ",".join(ObjectRow.model_fields) + "\n"
+"""The first line of frames.csv."""
+
+
+def frames_lines(result: FrameResult) -> str:
+    """The lines of frames.csv about a frame."""
+    text = io.StringIO(newline="")
+    rows = ([_shown(k, v) for k, v in row.model_dump().items()] for row in result.objects)
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
 def write_frames_csv(path: Path, results: Iterable[FrameResult]) -> None:
     """Writes frames.csv, row by row; it appears under its name only when it is whole.
 
@@ -206,25 +244,52 @@ def write_frames_csv(path: Path, results: Iterable[FrameResult]) -> None:
         InputError: the file cannot be written.
     """
     with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(ObjectRow.model_fields), lineterminator="\n")
-        writer.writeheader()
-        for result in results:
-            writer.writerows({k: _shown(k, v) for k, v in row.model_dump().items()} for row in result.objects)
+        file.write(FRAMES_HEADER)
+        file.writelines(map(frames_lines, results))
 
 
 def read_frames_csv(path: Path) -> list[ObjectRow]:
     """The rows of frames.csv as it was written.
 
     Raises:
-        ValueError: the file has other columns or values.
+        InputError: the file is missing, or has other columns or values; the line and the reason are named.
     """
-    with path.open(encoding="utf-8", newline="") as file:
+    with open_input(path) as opened, io.TextIOWrapper(opened, "utf-8", newline="") as file:
+        if opened.seek(0, os.SEEK_END):
+            opened.seek(-1, os.SEEK_END)
+            if opened.read(1) != b"\n":
+                raise InputError(
+                    f"{path} is not what a batch writes: its end is missing; the same batch command writes it again"
+                )
+            opened.seek(0)
         reader = csv.DictReader(file)
-        if odd := sorted({*(reader.fieldnames or ())} ^ {*ObjectRow.model_fields}):
-            raise ValueError(
-                f"another version wrote it (its columns differ: {', '.join(odd)}); run the session again with this one"
-            )
-        return [ObjectRow.model_validate({k: v for k, v in row.items() if v != ""}, strict=False) for row in reader]
+        try:
+            columns = reader.fieldnames or ()
+            if not columns:
+                raise ValueError("the file is empty")
+            if odd := sorted({*columns} ^ {*ObjectRow.model_fields}):
+                raise InputError(
+                    f"{path} is not what a batch writes: another version wrote it (its columns differ: "
+                    f"{', '.join(odd)}); run the session again with this one"
+                )
+            return [_object_row(row) for row in reader]
+        except ValidationError as error:
+            why = first_fault(error)
+        except (ValueError, csv.Error) as error:  # No text, a cell that is too long, or fewer cells than columns.
+            why = str(error)
+        raise InputError(
+            f"{path} is not what a batch writes: line {reader.line_num}: {why}; the same batch command writes it again"
+        )
+
+
+def _object_row(cells: dict[str, Any]) -> ObjectRow:
+    """
+    Raises:
+        ValueError: there are more or fewer cells than columns, or one has another kind of value.
+    """
+    if None in cells or None in cells.values():
+        raise ValueError(f"it does not have {len(ObjectRow.model_fields)} cells")
+    return ObjectRow.model_validate({k: v for k, v in cells.items() if v != ""}, strict=False)
 
 
 def _shown(name: str, value: object) -> object:

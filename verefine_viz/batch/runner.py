@@ -6,7 +6,7 @@ Results are kept on the disk only: the parent's memory does not depend on how ma
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -14,26 +14,28 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import verefine_viz
-from verefine_viz.batch.folder import RUN_FILE, TABLES, RunFolder
+from verefine_viz.batch.completeness import Written, look_at, write_tables
+from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.given_orders import check_orders
 from verefine_viz.batch.machine import machine, package_versions
 from verefine_viz.batch.memory import gigabytes, own_peak_bytes
 from verefine_viz.batch.room import free_bytes, temporary_folder
-from verefine_viz.batch.rows import FrameResult, frame_ids, with_objects, write_frames_csv
+from verefine_viz.batch.rows import FrameResult, with_objects
+from verefine_viz.batch.run_file import RUN_FILE, RunFile, RunTotals
 from verefine_viz.batch.tasks import TaskName, Workers
-from verefine_viz.batch.totals import Counts, Totals
+from verefine_viz.batch.totals import Counts
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.listing import first_of
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
-from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.session.toolbox import Toolbox
 
 NEEDED_BYTES = 1_000_000
 """With less room than this on the disk, a frame fails because of it: a recording takes about as much."""
+_MOST_DAMAGED = 3
+"""Damaged entries of the journal that are quoted; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,15 @@ class Outcome:
     """What it took, in words."""
     was_finished: bool = False
     """Nothing was left to do, and nothing was written."""
+    faults: tuple[str, ...] = ()
+    """What is not on the disk although the batch came to its end, a sentence each."""
+    notes: tuple[str, ...] = ()
+    """What else a person should know about what is on the disk: tables that were mended, recordings that are gone."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every object was looked at, and every frame is in the journal and in the tables."""
+        return not (self.n_failed or self.n_unreadable or self.faults)
 
     @property
     def n_failed(self) -> int:
@@ -150,8 +161,8 @@ def run_batch(
         out: the folder of the batch.
         place: where to compute.
         tell: told at the start, after each frame, and when something takes longer than usual.
-        retry_failed: try frames again that failed in an earlier start, or in which a file of an object could
-            not be read.
+        retry_failed: try frames again that failed in an earlier start, in which a file of an object could not be
+            read, or whose recording is gone.
         task: what to do with each frame.
         workers: that stand ready for this session and folder, and are left running; None: some are started.
 
@@ -163,7 +174,7 @@ def run_batch(
             return run_batch(session, out, place, tell, retry_failed, task, own)
     frames, notes = check(session)
     with closing(RunFolder(out, session)) as folder:
-        return _Batch(session, folder, frames, workers, place, notes).run(tell, retry_failed)
+        return _Batch(session, folder, frames, workers, place, notes, task).run(tell, retry_failed)
 
 
 @dataclass
@@ -174,6 +185,7 @@ class _Batch:
     workers: Workers
     place: Place
     notes: Sequence[str]
+    task: TaskName
     counts: Counts = field(default_factory=Counts)
     n_resumed: int = 0
     first_s: float = 0.0
@@ -181,14 +193,22 @@ class _Batch:
     begun: datetime = field(default_factory=lambda: datetime.now(UTC))
 
     def run(self, tell: Callable[[Progress], None], retry_failed: bool) -> Outcome:
-        missing = self._missing(retry_failed)
-        if not missing and self._is_finished():
-            return self._outcome(self._counted(), was_finished=True)
-        spent_s = float(self.folder.read_run().get("seconds", 0.0)) if self.n_resumed else 0.0
+        before, there = self.folder.read_run(), self._look()
+        again = {*there.missing}
+        if retry_failed:
+            again |= {*there.can_be_mended, *there.without_recording}
+        missing = [frame for frame in self.frames if frame in again]
+        self.n_resumed = len(self.frames) - len(missing)
+        self.counts = self._counts_without(missing) if retry_failed else there.totals.counts
+        was_finished = before.status == "finished" and before.totals.frames == len(self.frames) and not there.missing
+        if was_finished and not missing and not there.other_tables:
+            return self._outcome(there, was_finished=True)
+        mended = " and ".join(there.other_tables) if was_finished else ""
+        spent_s = before.seconds if self.n_resumed else 0.0
         self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
         try:
             tell(self._progress())
-            for note in self.notes:
+            for note in (*self.notes, *_damaged_entries(there)):
                 tell(self._progress(f"note: {note}"))
             for result in self.workers.solve(missing):
                 if isinstance(result, FrameResult):
@@ -199,37 +219,29 @@ class _Batch:
             with suppress(InputError):
                 self._write_end("stopped", spent_s)
             raise
-        return self._outcome(self._write_end("finished", spent_s))
+        return self._outcome(self._write_end("finished", spent_s), mended)
 
-    def _outcome(self, totals: Totals, was_finished: bool = False) -> Outcome:
+    def _look(self) -> Written:
+        # First poses are not recorded.
+        keep = "none" if self.task == "estimate" else self.session.recording.keep
+        return look_at(self.folder.path, self.frames, keep)
+
+    def _outcome(self, there: Written, mended: str = "", was_finished: bool = False) -> Outcome:
+        totals = there.totals
         numbers, failures = totals.as_json(len(self.frames)), tuple(totals.failures)
         seconds, memory = self._seconds(), self._memory()
-        return Outcome(self.folder.path, numbers, failures, self.n_resumed, seconds, memory, was_finished)
+        notes = (f"written again from the journal, as it said something else: {mended}",) if mended else ()
+        notes += (there.recordings_note,) if there.recordings_note else ()
+        return Outcome(
+            self.folder.path, numbers, failures, self.n_resumed, seconds, memory, was_finished, there.faults, notes
+        )
 
-    def _is_finished(self) -> bool:
-        """Whether an earlier start came to the end of the same frames, and its tables are still there."""
-        run = self.folder.read_run()
-        totals = run.get("totals")
-        if run.get("status") != "finished" or not isinstance(totals, dict) or totals.get("frames") != len(self.frames):
-            return False
-        return all((self.folder.path / name).is_file() for name in TABLES)
-
-    def _counted(self) -> Totals:
-        totals = Totals()
-        for _ in totals.passing(self.folder.journal.results(self.frames)):
-            pass
-        return totals
-
-    def _missing(self, retry_failed: bool) -> list[str]:
-        missing: list[str] = []
-        for frame in self.frames:
-            result = self.folder.journal.read(frame)
-            if result is None or (result.can_be_mended and retry_failed):
-                missing.append(frame)
-            else:
-                self.counts.add(result)
-        self.n_resumed = len(self.frames) - len(missing)
-        return missing
+    def _counts_without(self, frames: Sequence[str]) -> Counts:
+        """Of the frames that are done and not to be solved again."""
+        counts, again = Counts(), {*frames}
+        for result in self.folder.journal.results(frame for frame in self.frames if frame not in again):
+            counts.add(result)
+        return counts
 
     def _keep(self, result: FrameResult) -> None:
         """
@@ -257,23 +269,31 @@ class _Batch:
     def _source(self) -> SceneSource:
         return Toolbox(self.session).source
 
-    def _write_end(self, status: str, spent_s: float) -> Totals:
-        totals = self._write_tables()
-        self._note(status, spent_s, totals.as_json(len(self.frames)))
-        return totals
-
-    def _write_tables(self) -> Totals:
-        totals, journal = Totals(), self.folder.journal
-        write_frames_csv(self.folder.path / "frames.csv", totals.passing(journal.results(self.frames)))
-        write_results(self.folder.path / "results.csv", _result_rows(journal.results(self.frames)))
-        return totals
+    def _write_end(self, status: str, spent_s: float) -> Written:
+        """Writes tables and run.json, and says what is on the disk then."""
+        self.folder.save_session()  # Somebody may have deleted the folder meanwhile.
+        write_tables(self.folder.path, self.frames)
+        there = self._look()
+        if status == "finished" and there.faults:
+            status = "incomplete"
+        self._note(status, spent_s, there.totals.as_json(len(self.frames)))
+        return there
 
     def _note(self, status: str, spent_s: float, totals: dict[str, Any]) -> None:
-        facts = {"version": verefine_viz.__version__, "status": status, "title": self.session.title}
-        when = {"begun": self.begun.isoformat(timespec="seconds"), "seconds": spent_s + self._seconds()}
-        where = {"workers": self.place.n_workers, "cluster": self.place.cluster, "memory": self._memory()}
-        made_by = {**where, "machine": machine(), "packages": package_versions()}
-        self.folder.write_json(RUN_FILE, {**facts, **when, "totals": totals, **made_by})
+        run = RunFile(
+            version=verefine_viz.__version__,
+            status=status,
+            title=self.session.title,
+            begun=self.begun.isoformat(timespec="seconds"),
+            seconds=spent_s + self._seconds(),
+            totals=RunTotals.model_validate(totals),
+            workers=self.place.n_workers,
+            cluster=self.place.cluster,
+            memory=self._memory(),
+            machine=machine(),
+            packages=package_versions(),
+        )
+        self.folder.write_json(RUN_FILE, run.model_dump(exclude_unset=True))
 
     def _progress(self, doing: str = "") -> Progress:
         n_new, now_s, frame_s = self.counts.frames_done - self.n_resumed, self._seconds(), None
@@ -291,10 +311,10 @@ class _Batch:
         return " + ".join(part for part in parts if part)
 
 
-def _result_rows(results: Iterable[FrameResult]) -> Iterator[ResultRow]:
-    """With the time of solving alone: what a recording or a slow disk costs is no part of a method."""
-    for result in results:
-        scene_id, im_id = frame_ids(result.frame)
-        for e in result.estimates:
-            T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-            yield ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.solving_s, 3))
+def _damaged_entries(there: Written) -> tuple[str, ...]:
+    """A note about entries of the journal that cannot be used; none where there are none."""
+    n = len(there.damaged)
+    if not n:
+        return ()
+    whose = "its frame is" if n == 1 else "these frames are"
+    return (f"{first_of(there.damaged, _MOST_DAMAGED, '; ')}; {whose} solved again",)

@@ -11,7 +11,7 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.worker_count import check_workers
+from verefine_viz.commands.limits import check_memory, check_seeds, check_workers
 from verefine_viz.core.errors import SettingsError
 
 
@@ -28,7 +28,8 @@ class Batch:
     the session's own."""
     seeds: int | None = None
     """Run everything with seeds 0 … N-1, of the first poses and of the method (hypotheses.seed, method.seed); none =
-    the session's own. verefine-viz report OUT then compares the methods, with their spread over the seeds."""
+    the session's own, at most 1000. verefine-viz report OUT then compares the methods, with their spread over the
+    seeds."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes of this machine, no more than 4 per core, of which no more are started than there are frames;
     the results are the same for any number. A cluster that is running has its own."""
@@ -36,8 +37,8 @@ class Batch:
     """A worker that holds more than this after a frame is replaced by a new one; none = 80 % of the machine's memory
     shared by all."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Try frames again that failed before, or in which a model or mask could not be read; without it they stay as they
-    are."""
+    """Try frames again that failed before, in which a model or mask could not be read, or whose recording is gone;
+    without it they stay as they are."""
     diagnose: bool = True
     """Say why an answer is wrong where ground truth is known (columns cause and evidence); its re-runs take time, for
     wrong answers only."""
@@ -53,8 +54,8 @@ class Batch:
             raise SettingsError("no session file given; say verefine-viz batch SESSION.toml --out FOLDER")
         if self.cluster in ("", "local"):
             check_workers(self.workers)
-        if self.worker_memory_gb is not None and not self.worker_memory_gb > 0:
-            raise SettingsError(f"--worker-memory-gb is {self.worker_memory_gb:g}, expected more than 0")
+        check_memory(self.worker_memory_gb)
+        check_seeds(self.seeds)
         if self.ship and not self.cluster:
             raise SettingsError("--ship is about clusters; say --cluster ADDRESS, or leave it out")
         from verefine_viz.batch.command import run_jobs

@@ -11,7 +11,7 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.worker_count import check_workers
+from verefine_viz.commands.limits import check_workers
 
 
 @dataclass(frozen=True)

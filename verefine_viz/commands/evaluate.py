@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.commands.worker_count import check_workers
+from verefine_viz.commands.limits import check_workers
 from verefine_viz.core.errors import SettingsError
 
 

@@ -15,7 +15,7 @@ from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
 from verefine_viz.batch.runner import Outcome, Place, run_batch
-from verefine_viz.core.atomic import atomic
+from verefine_viz.core.atomic import atomic, clear_parts
 from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.places import check_file
@@ -49,6 +49,7 @@ def write_pools(
         )
     check_file(out, "pool.csv")
     check_outside(out, session)
+    clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as tell:
         outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")
@@ -60,10 +61,9 @@ def write_pools(
     # What can be mended comes first: only the first ones are named.
     lacking = sorted((row for row in rows if row.status in WITHOUT), key=lambda row: WITHOUT.index(row.status))
     _print_summary(outcome, n_found, [_without(row) for row in lacking], out)
-    is_whole = not outcome.n_failed and not outcome.n_unreadable
-    if is_whole:
+    if outcome.is_whole:
         shutil.rmtree(journal)
-    return 0 if is_whole and n_found else 1
+    return 0 if outcome.is_whole and n_found else 1
 
 
 def _without(row: ObjectRow) -> str:
@@ -95,3 +95,5 @@ def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path
         console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
         console.print(unreadable(outcome.n_unreadable, "see above"))
+    for line in (*outcome.notes, *outcome.faults):
+        console.print(escape(line))

@@ -165,7 +165,7 @@ def _remarks(found: Evaluation) -> list[str]:
     lines = []
     by_file = any(own is not None and own.known_from == "file" for own in found.own)
     for score, covered, own in zip(found.scores, found.coverage, found.own, strict=True):
-        lines += [f"{score.name}: {what}" for what in (*_covered(covered), *_rows(score))]
+        lines += [f"{score.name}: {what}" for what in (*_covered(covered, score), *_rows(score))]
         if by_file and own is None and not covered.is_whole:
             lines.append(
                 f"{score.name}: has no row in the table about {OWN['file'].removeprefix('only ')}, as its run covered "
@@ -180,14 +180,14 @@ def _remarks(found: Evaluation) -> list[str]:
     return lines
 
 
-def _covered(covered: Coverage) -> list[str]:
+def _covered(covered: Coverage, score: Scores) -> list[str]:
     """What a file says nothing about, and which of its rows are no poses."""
-    lines = []
-    if not covered.is_whole:
+    lines, counts = [], score.counts
+    if not covered.is_whole or counts.missing:
         objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
         lines.append(
-            f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for; "
-            "a score over all of them counts the others as not found"
+            f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for, "
+            f"{counts.answered} of {counts.targets} instances; a score over all of them counts the others as not found"
         )
     if covered.not_finite:
         lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.worker_count import check_workers
-from verefine_viz.core.errors import SettingsError
+from verefine_viz.commands.limits import check_seeds, check_workers
 from verefine_viz.core.places import check_folder
 
 
@@ -30,15 +29,14 @@ class Study:
     quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Fewer scenes, errors and seeds."""
     seeds: int | None = None
-    """How many times each frame is disturbed; more later add to what is there."""
+    """How many times each frame is disturbed, at most 1000; more later add to what is there."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes, no more than 4 per core; results are the same for any number, times aside."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
         check_workers(self.workers)
-        if self.seeds is not None and self.seeds < 1:
-            raise SettingsError(f"--seeds is {self.seeds}, expected 1 or more")
+        check_seeds(self.seeds)
         check_folder(self.out)
         from verefine_viz.studies.command import run_one
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from pydantic import ValidationError
+
 from verefine_viz.core.listing import listed
 
 NEAR = 0.65
@@ -63,6 +65,16 @@ def quoted(value: object, most: int = 80) -> str:
     """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
     text = repr(value)
     return text if len(text) <= most else f"{text[:most]}…"
+
+
+def first_fault(error: ValidationError) -> str:
+    """What is wrong first with a record of a file: ``objects.0.score = 'x': input should be a valid number``."""
+    detail = error.errors()[0]
+    field = ".".join(map(str, detail["loc"]))
+    said = detail["msg"].removeprefix("Value error, ")
+    if not field or detail["type"] == "missing":
+        return f"{field}: {said}".removeprefix(": ")
+    return f"{field} = {quoted(detail['input'])}: {said[:1].lower()}{said[1:]}"
 
 
 def in_one_line(text: str) -> str:

@@ -70,7 +70,17 @@ def check_file(path: Path, example: str, option: str = "--out") -> None:
     """
     if _there(path) == path and path.is_dir():
         raise InputError(f"{option} {path} is a folder, expected the name of a file, for example {path / example}")
+    if is_special(path):
+        raise InputError(f"{option} {path} is a device or a pipe, expected the name of a file, for example {example}")
     _try(path.parent, f"{option} {path}", option)
+
+
+def is_special(path: Path) -> bool:
+    """Whether something lies there whose place a file must not take: a device, a pipe, a socket."""
+    try:
+        return path.exists() and not (path.is_file() or path.is_dir())
+    except OSError:
+        return False
 
 
 def _try(folder: Path, what: str, option: str) -> None:

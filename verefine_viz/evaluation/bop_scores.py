@@ -54,6 +54,11 @@ class Counts:
     missing: int
     """Instances asked for beyond the number of rows that are there for them."""
 
+    @property
+    def answered(self) -> int:
+        """Instances asked for that have a row, whatever its pose is worth."""
+        return self.targets - self.missing
+
 
 @dataclass(frozen=True, eq=False)
 class Scores:

@@ -87,6 +87,12 @@ def evaluate_files(
             )
     own = tuple(own_part(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
     scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell, own)
+    for path, score in zip(files, scores, strict=True):
+        if score.counts.targets and not score.counts.answered:
+            raise InputError(
+                f"{path} has an estimate for none of the {score.counts.targets} instances that {asked.name} asks for; "
+                "does it belong to another data set, --split or --targets?"
+            )
     obj_ids = {i for s in scores for i in (*s.recalls_by_object, *s.precision_by_object)}
     return Evaluation(
         folder.name,

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from verefine_viz.batch.bar import counted_bar
 from verefine_viz.batch.index import find_runs
+from verefine_viz.core.atomic import clear_parts
 from verefine_viz.core.errors import InputError
 from verefine_viz.report.bop import bop_recalls
 from verefine_viz.report.comparison import compare
@@ -59,6 +60,7 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     # A comparison does not take the place of the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     path = out or folder / name
+    clear_parts(path.parent, path.name)
     places = [find_runs(place) for place in (folder, other) if place is not None]
     found = [run for place in places for run in place.runs]
     several = len(found) > (1 if other is None else 2)

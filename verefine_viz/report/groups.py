@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.folder import read_run
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.run_file import read_run
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.report.loaded import Loaded, data_set, load
@@ -72,7 +72,7 @@ def load_groups(folders: Sequence[Path], tell: Callable[[int, int], None] = lamb
     for done, folder in enumerate(folders):
         tell(done, len(folders))
         try:
-            status = read_run(folder).get("status", "unknown")
+            status = read_run(folder).status
             if status == "finished":
                 runs.append(load(folder))
             else:

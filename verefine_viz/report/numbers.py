@@ -93,7 +93,7 @@ def stage_times(run: Loaded) -> dict[str, float]:
     n = _n_solved_frames(run.rows)
     if not n:
         return {}
-    stages: dict[str, float] = dict(run.index.run.get("totals", {}).get("mean_stages_ms_per_frame", {}))
+    stages: dict[str, float] = dict(run.index.run.totals.mean_stages_ms_per_frame)
     parts = {
         "refine": sum(row.ms_refine for row in run.objects) / n,
         "simulate": sum(row.ms_simulate for row in run.objects) / n,

@@ -108,7 +108,7 @@ def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
     """
     with atomic(Path(path)) as part, part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(HEADER + "\n")
-        file.writelines(_line(row) for row in rows)
+        file.writelines(map(results_line, rows))
 
 
 def method_of(path: Path | str) -> str:
@@ -118,7 +118,8 @@ def method_of(path: Path | str) -> str:
     return named.group(1) if named else stem
 
 
-def _line(row: ResultRow) -> str:
+def results_line(row: ResultRow) -> str:
+    """The line of a results file that says this."""
     R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
     t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
     return f"{row.scene_id},{row.im_id},{row.obj_id},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import tomli_w
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.lock import wait_for_lock
 from verefine_viz.core.places import why_not
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.images import write_image
@@ -94,11 +94,9 @@ class KeptFolder:
         path = self._folder / LOCK
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            lock = path.open("w")
         except OSError as error:
             raise InputError(f"cannot write {path}: {why_not(path, error)}") from None
-        with lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with wait_for_lock(path):
             yield
 
     def _begin(self) -> None:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.bar import counted_bar
-from verefine_viz.core.atomic import atomic
+from verefine_viz.core.atomic import atomic, clear_parts
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.studies.curves import Points, points, rows, verdicts
@@ -67,6 +67,7 @@ def run_one(
             lambda done, total: tell(f"study {name}", done, total),
         )
     found = points(outcomes)
+    clear_parts(out, name)
     write_csv(study, found, out / f"{name}.csv")
     write_objects(outcomes, out / f"{name}_objects.csv")
     missing = missing_rows(sessions.values()) if name == "tables" else ()
