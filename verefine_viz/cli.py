@@ -29,7 +29,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
 from verefine_viz.core.places import at_home
 
 PROGRAM = "verefine-viz"
@@ -73,6 +73,8 @@ def run_command(words: list[str]) -> int:
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
+    if "\0" in "".join(words):
+        return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
     words = [_at_home(word) for word in words]
     try:
         code = parse(words).run(words[1:])

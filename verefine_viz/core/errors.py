@@ -61,7 +61,12 @@ def meant(name: object, available: Iterable[object]) -> str:
 
 def quoted(value: object, most: int = 80) -> str:
     """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits.
+        return "a number of thousands of digits"
+    except RecursionError:
+        return "lists of thousands of levels"
     return text if len(text) <= most else f"{text[:most]}…"
 
 
