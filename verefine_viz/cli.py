@@ -83,6 +83,8 @@ def run_command(words: list[str]) -> int:
     except VerefineError as error:
         return fail(str(error))
     except RuntimeError as error:
+        if str(error).startswith("Symlink loop"):  # Python 3.13 raises none.
+            return fail(f"{error}: links that lead to each other lead nowhere")
         # Numba's, where the package belongs to somebody else and there is no home to write to.
         if "no locator available" not in str(error):
             raise

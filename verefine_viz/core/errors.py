@@ -45,7 +45,7 @@ class Cancelled(BaseException):
 def unknown(kind: str, name: object, available: Iterable[object]) -> str:
     """The text for a name that does not exist: ``unknown refiner 'ipc'; did you mean 'icp'? available: icp, tricp``."""
     names = list(available)
-    return f"unknown {kind} {name!r}; {meant(name, names)}available: {listed(names)}"
+    return f"unknown {kind} {quoted(name)}; {meant(name, names)}available: {listed(names)}"
 
 
 def meant(name: object, available: Iterable[object]) -> str:

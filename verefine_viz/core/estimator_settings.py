@@ -13,11 +13,11 @@ class PpfSettings(Settings):
     """Point pair features. METHODS 6; defaults as measured on real frames (bench/estimators.py)."""
 
     step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Grid of model and scene points as a share of the diameter, at least 0.02."""
+    """Grid of model and scene points as a share of the diameter."""
     distance_bin: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
-    """Bin of distances as a share of the diameter, at least 0.02."""
+    """Bin of distances as a share of the diameter."""
     angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
-    """Bin of the three angles, at least 4° [deg]."""
+    """Bin of the three angles [deg]."""
     bin_limit: LargeCount = 1000
     """Most model pairs kept in a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic.fields import FieldInfo
 
 
 class Settings(BaseModel):
@@ -40,12 +41,13 @@ LARGEST = 1e6
 
 def _gravity(value: Any) -> Any:
     """The words and vectors that tell where "up" is: a field of two kinds would say what is wrong with both."""
-    is_vector = isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_finite, value))
-    if not is_vector and value not in ("plane", "world"):
+    if value in ("plane", "world"):
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(_is_finite, value)):
         raise ValueError('expected "plane", "world" or three numbers [x, y, z]')
-    if is_vector and not any(value):
+    if not any(value):
         raise ValueError("a direction cannot be (0, 0, 0)")
-    if is_vector and not 1 / LARGEST <= max(map(abs, value)) <= LARGEST:
+    if not 1 / LARGEST <= max(map(abs, value)) <= LARGEST:
         raise ValueError(f"expected a vector of 1e-6 to {LARGEST:g} in length")
     return value
 
@@ -78,3 +80,19 @@ InputPath = Annotated[str, AfterValidator(_without_nul)]
 """Where a file or folder lies."""
 Gravity = Annotated[Literal["plane", "world"] | tuple[float, float, float], BeforeValidator(_gravity)]
 Order = Annotated[tuple[tuple[Index | str, ...], ...], BeforeValidator(_as_written)]
+
+
+def limits(field: FieldInfo) -> str:
+    """The numbers that a field takes, as in "from 1 to 10000" or "above 0 and below 1"; empty without bounds."""
+    metadata = list(field.metadata)
+    for kind in get_args(field.annotation):  # Of a number or None the bounds are those of the number.
+        metadata += [bound for info in getattr(kind, "__metadata__", ()) for bound in getattr(info, "metadata", ())]
+    names = ("ge", "gt", "le", "lt")
+    found = {name: getattr(bound, name) for bound in metadata for name in names if hasattr(bound, name)}
+    if not {"le", "lt"} & found.keys():
+        return ""
+    if "ge" in found and "le" in found:
+        return f"from {found['ge']:g} to {found['le']:.10g}"
+    first = f"at least {found['ge']:g}" if "ge" in found else f"above {found['gt']:g}"
+    last = f"at most {found['le']:.10g}" if "le" in found else f"below {found['lt']:g}"
+    return f"{first} and {last}"
