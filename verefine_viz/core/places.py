@@ -7,6 +7,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
@@ -75,6 +76,8 @@ def check_file(path: Path, example: str, option: str = "--out") -> None:
 
 def _try(folder: Path, what: str, option: str) -> None:
     try:
+        with suppress(FileNotFoundError):
+            os.stat(folder)  # noqa: PTH116 (a name that is too long, a loop of links)
         with tempfile.TemporaryFile(dir=_there(folder)):
             pass
     except OSError as error:
