@@ -33,7 +33,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.atomic import NO_ROOM
-from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
 from verefine_viz.core.places import at_home
 
 PROGRAM = "verefine-viz"
@@ -77,6 +77,8 @@ def run_command(words: list[str]) -> int:
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
+    if "\0" in "".join(words):
+        return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
     words = [_at_home(word) for word in words]
     try:
         with stopped_by_signals():
@@ -86,6 +88,8 @@ def run_command(words: list[str]) -> int:
     except VerefineError as error:
         return fail(str(error))
     except RuntimeError as error:
+        if str(error).startswith("Symlink loop"):  # Python 3.13 raises none.
+            return fail(f"{error}: links that lead to each other lead nowhere")
         # Numba's, where the package belongs to somebody else and there is no home to write to.
         if "no locator available" not in str(error):
             raise

@@ -109,6 +109,60 @@ def test_out_holds_a_damaged_run_json(desk: Desk) -> None:
     assert "run.json cannot be read" in desk.batch(session)
 
 
+# Paths that nothing can have
+
+
+@pytest.mark.parametrize("command", BELOW)
+def test_out_holds_a_nul(desk: Desk, command: str) -> None:
+    assert desk.refused(*BELOW[command](desk), "a\0b") == r"'a\x00b': it holds \0, which no path can"
+
+
+@pytest.mark.parametrize("command", BELOW)
+def test_out_is_in_a_loop_of_links(desk: Desk, command: str) -> None:
+    loop = desk.folder / "loop"
+    loop.symlink_to(loop)
+    said = desk.refused(*BELOW[command](desk), loop / "x")
+    assert str(loop) in said
+    assert "Too many levels of symbolic links" in said or f"Symlink loop from '{loop}" in said
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "/".join(["n" * 200] * 25)])
+@pytest.mark.parametrize("command", BELOW)
+def test_out_has_a_name_that_is_too_long(desk: Desk, command: str, name: str) -> None:
+    assert "File name too long" in desk.refused(*BELOW[command](desk), desk.folder / name)
+
+
+INPUTS: dict[str, tuple[str, Callable[[Desk, Path], list[object]]]] = {
+    "view": (".toml", lambda d, x: ["view", x]),
+    "batch": (".toml", lambda d, x: ["batch", x, "--out", d.folder / "out"]),
+    "estimate": (".toml", lambda d, x: ["estimate", x, "--out", d.folder / "pool.csv"]),
+    "study": (".toml", lambda d, x: ["study", "ablation", "--session", x, "--out", d.folder / "out"]),
+}
+
+
+@pytest.mark.parametrize("command", INPUTS)
+@pytest.mark.parametrize(
+    "make",
+    [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to(path), lambda path: None],
+    ids=["pipe", "device", "loop", "missing"],
+)
+def test_an_input_that_is_no_file_is_one_line_at_once(desk: Desk, command: str, make: Callable[[Path], object]) -> None:
+    suffix, words = INPUTS[command]
+    path = desk.folder / f"it{suffix}"
+    make(path)
+    assert str(path) in desk.refused(*words(desk, path))
+
+
+def test_a_value_of_thousands_of_letters_is_cut(desk: Desk) -> None:
+    for words in (["--method.name", "x" * 5000], ["--method.iterations", "9" * 5000], ["--port", "9" * 5000]):
+        assert len(desk.refused("view", *words)) < 500
+
+
+@pytest.mark.parametrize("n", ["-1", "10001", str(10**30)])
+def test_failures_that_no_report_shows(desk: Desk, n: str) -> None:
+    assert desk.refused("report", desk.folder, "--failures", n) == f"--failures is {n}, expected 0 to 10000"
+
+
 # view
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -102,6 +104,34 @@ def test_overrides_win_field_by_field(tmp_path: Path) -> None:
         ("[method\nname=1", "is not TOML"),
         ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
         ("[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]", "edits.0.T_cam_obj"),
+        (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", "is not TOML: it has lists or tables of more than 20 levels$"),
+        (f"[scene]\nobjects = {'[' * 60}{']' * 60}", "is not TOML: it has lists or tables of more than 20 levels$"),
+        (f"{'.'.join('a' * 3000)} = 1", "is not TOML: it has lists or tables of more than 20 levels$"),
+        (f"[scene]\nseed = {'9' * 5000}", "is not TOML: it has a number of thousands of digits$"),
+        (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: input should be less than"),
+        (f"[scene]\nobjects = [0x{'f' * 5000}]", "scene.objects.0 = a number of thousands of digits: expected the id"),
+        (
+            '[scene]\nsource = "bop"\ndataset = "a\\u0000b"',
+            r"scene.dataset = 'a.x00b': it holds .0, which no path can$",
+        ),
+        ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': it holds .0"),
+        ('[scene]\nmasks = "a\\u0000b.json"', r"scene.masks = 'a.x00b.json': it holds .0"),
+        ('[hypotheses]\nsource = "results"\nfiles = ["a\\u0000b"]', r"hypotheses.files.0 = 'a.x00b': it holds .0"),
+        ('[dependency]\norder_file = "a\\u0000b"', r"dependency.order_file = 'a.x00b': it holds .0"),
+        ("[dependency]\norder = [[1.5]]", "dependency.order.0.0 = 1.5: input should be a valid integer"),
+        ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
+        ("[scene]\ngravity = [1e-308, 0, 0]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
+        ("[hypotheses]\nmax_per_object = 1000000000", "max_per_object = 1000000000: .*less than or equal to 10000$"),
+        ("[method]\niterations = 1000000000000000000", "method.iterations = 1.*: .*less than or equal to 10000$"),
+        ("[method]\nseed = 18446744073709551616", "method.seed = 18446744073709551616: .*equal to 4294967295$"),
+        ("[physics]\nsteps = 1000000000000", "physics.steps = 1000000000000: .*less than or equal to 10000$"),
+        ("[physics]\nsubsteps = 1000000000000", "physics.substeps = 1000000000000: .*less than or equal to 1000$"),
+        ("[physics]\nsolver_iterations = 1000000000000", "solver_iterations = 1.*: .*less than or equal to 1000$"),
+        ("[physics]\ngravity_m_s2 = 1e308", r"gravity_m_s2 = 1e\+308: .*less than or equal to 1000$"),
+        (
+            "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
+            "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*less than or equal to 10000$",
+        ),
     ],
 )
 def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, expected: str) -> None:
@@ -125,8 +155,42 @@ def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
         save_session(Session(), tmp_path / "file" / "s.toml")
 
 
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (os.mkfifo, "is a pipe, expected a file"),
+        (lambda path: path.symlink_to("/dev/zero"), "is a device, expected a file"),
+        (lambda path: path.symlink_to(path), "cannot be read: Too many levels of symbolic links"),
+        (lambda path: path.write_bytes(b"#" * 10_000_001), "is larger than 10 MB, expected a .toml file"),
+    ],
+)
+def test_what_is_no_session_file_is_said_at_once(tmp_path: Path, make: Callable[[Path], object], expected: str) -> None:
+    path = tmp_path / "s.toml"
+    make(path)
+    with pytest.raises(InputError) as caught:
+        load_session(path)
+    assert str(caught.value) == f"session file {path} {expected}"
+
+
+@pytest.mark.parametrize("name", ["a\0b.toml", f"{'a' * 300}.toml", "a/" * 3000])
+def test_a_name_that_no_file_can_have_is_one_line(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=r"is no path|File name too long"):
+        load_session(tmp_path / name)
+
+
+def test_a_loop_of_links_in_a_path_is_left_to_who_opens_it(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    session = load_session(write(tmp_path, '[scene]\nsource = "bop"\ndataset = "loop/data"'))
+    assert session.scene.dataset == str(tmp_path / "loop" / "data")
+
+
 def test_a_byte_order_mark_is_read_over(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\nname = 'sir'\n")
+    assert load_session(tmp_path / "s.toml").method.name == "sir"
+
+
+def test_lines_may_end_as_windows_ends_them(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"[method]\r\nname = 'sir'\r\n")
     assert load_session(tmp_path / "s.toml").method.name == "sir"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.tools import DRAGGED, FakeTools
-from verefine_viz.core.settings import Edit, MethodSettings, Session
+from verefine_viz.core.settings import Change, Edit, MethodSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
@@ -53,6 +53,30 @@ def test_an_edit_knows_its_frame_and_the_session_opens_there() -> None:
     d.carry_out([c.OpenFrame("0/1")])
     assert d.workspace.run.edits == ()
     assert "1 pose moved by hand belongs to frame 0/2." in headline(d.view())
+
+
+def test_edits_and_changes_behind_the_end_of_the_run_are_noted() -> None:
+    late = edit_of(instance=0, frame="0/1").model_copy(update={"after_iteration": 999})
+    change = Change(after_iteration=10**9, settings={"method": {"exploration": 0.2}})
+    d = Debugger(session(late).model_copy(update={"changes": (change,)}), None, FakeTools)
+    assert d.view().notes == (
+        "the run has 6 iterations: no pose is moved by hand after iteration 999",
+        "the run has 6 iterations: no setting changes after iteration 1000000000",
+    )
+    longer = Change(after_iteration=2, settings={"method": {"iterations": 5}})
+    d = Debugger(session(late).model_copy(update={"changes": (longer,)}), None, FakeTools)
+    assert d.view().notes == (), "a change on the way may make it longer"
+    d.carry_out([c.RunUntil()])
+    assert d.view().notes == ("the run has 15 iterations: no pose is moved by hand after iteration 999",)
+
+
+def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(keeping: Keeping, tmp_path: Path) -> None:
+    absent = edit_of(instance=5, frame="0/1")
+    d = Debugger(session(absent), None, FakeTools, keep=keeping)
+    assert d.workspace.run.edits == ()
+    assert "by hand" not in headline(d.view())
+    d.carry_out([c.OpenFrame("0/2"), c.SaveSession("again")])
+    assert load_session(tmp_path / "again.toml").edits == (absent,)
 
 
 @pytest.fixture

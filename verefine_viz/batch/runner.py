@@ -136,7 +136,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     frames = toolbox.frames
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
-    notes = (*toolbox.source.notes, *toolbox.source.check_first_poses())
+    notes = (*toolbox.notes, *toolbox.source.check_first_poses())
     check_orders(session, frames)
     _ = toolbox.method
     return frames, notes

@@ -18,6 +18,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.evaluation.errors import add_s_mm, pose_errors
 from verefine_viz.scenes.answer_fit import answer_notes
+from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
 
 MUCH, MUCH_SCORE = 0.03, 0.01
@@ -48,7 +49,8 @@ def frame_result(run: Run, session: Session) -> FrameResult:
         if best is not None
     )
     no_physics = _no_physics(problem, session)
-    notes = (*problem.notes, no_physics) if no_physics else problem.notes
+    notes = (*problem.notes, *([no_physics] if no_physics else []))
+    notes += never_reached(run.edits, session.changes, run.length)
     return FrameResult(
         frame=problem.frame,
         failed=False,

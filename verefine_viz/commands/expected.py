@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from verefine_viz.commands.flags import SessionFlags
+from verefine_viz.core.errors import quoted
 
 _WORDS = {int: "an integer", float: "a number", bool: "True or False", str: "a word", Path: "a path"}
 _MANY = {"an integer": "integers", "a number": "numbers", "a word": "words", "a path": "paths"}
@@ -25,7 +26,7 @@ def refusal(command: type, option: str, words: Sequence[str]) -> str | None:
     kind = _kind(command, option)
     if kind is None:
         return None
-    return f"{option} is {' '.join(_written(option, words))!r}, expected {in_words(kind)}"
+    return f"{option} is {quoted(' '.join(_written(option, words)))}, expected {in_words(kind)}"
 
 
 def section_of(option: str) -> str:

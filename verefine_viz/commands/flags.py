@@ -12,7 +12,9 @@ from typing import Annotated, Any
 
 import tyro
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
+from verefine_viz.core.fields import limits
 from verefine_viz.core.settings import Session
 
 NOT_OPTIONS = ("edits", "changes", "waiting")
@@ -29,11 +31,17 @@ def _flags_of(model: type[BaseModel]) -> Any:
             group = _flags_of(type(info.default))
             fields.append((name, group, dataclasses.field(default_factory=group)))
         else:
-            kind = Annotated[info.annotation, tyro.conf.arg(help=info.description or "")]
+            kind = Annotated[info.annotation, tyro.conf.arg(help=_help(info))]
             fields.append((name, kind, dataclasses.field(default=info.default)))
     flags = dataclasses.make_dataclass(model.__name__, fields, frozen=True)
     flags.__doc__ = model.__doc__
     return flags
+
+
+def _help(info: FieldInfo) -> str:
+    """What ``--help-settings`` says of a field: its text, and the numbers that it takes."""
+    bounds = limits(info)
+    return f"{info.description or ''}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
 
 
 SessionFlags: Any = _flags_of(Session)

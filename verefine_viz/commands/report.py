@@ -11,8 +11,11 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.commands.limits import check_workers
-from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.errors import SettingsError, quoted
 from verefine_viz.core.places import check_file
+
+MOST_FAILURES = 10_000
+"""The file holds their pictures: so many are a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,13 @@ class Report:
     out: Path | None = None
     """The file to write; by default report.html in RUN_DIR, for two of them report-against-NAME.html."""
     failures: int = 60
-    """Failures that are shown with pictures, worst first, as many of each group; 0 = none."""
+    """Failures that are shown with pictures, worst first, as many of each group, at most 10000; 0 = none."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Threads for the BOP scores, no more than 4 per core; they are the same for any number."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        if self.failures < 0:
-            raise SettingsError(f"--failures is {self.failures}, expected 0 or more")
+        if not 0 <= self.failures <= MOST_FAILURES:
+            raise SettingsError(f"--failures is {quoted(self.failures)}, expected 0 to {MOST_FAILURES}")
         check_workers(self.workers)
         if self.out is not None:
             check_file(self.out, "report.html")

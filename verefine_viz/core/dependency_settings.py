@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from verefine_viz.core.fields import Count, Order, Positive, Settings
+from verefine_viz.core.fields import Index, InputPath, Length, Order, Settings, Share
 
 
 class DependencySettings(Settings):
@@ -18,17 +18,17 @@ class DependencySettings(Settings):
     order: Order = ()
     """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
     is there twice, as [[8, 2], [3]]."""
-    order_file: str = ""
+    order_file: InputPath = ""
     """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file."""
-    cut: tuple[tuple[int, int], ...] = ()
+    cut: tuple[tuple[Index, Index], ...] = ()
     """Pairs of instances between which no edge is to count."""
-    contact_m: Positive = 0.015
+    contact_m: Length = 0.015
     """Visible clouds nearer than this may touch [m]."""
-    border_px: Count = 3
+    border_px: Annotated[int, Field(ge=1, le=100)] = 3
     """Width of the common border of two masks [px]."""
-    occlusion_m: Positive = 0.010
+    occlusion_m: Length = 0.010
     """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
-    footprint_share: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.1
+    footprint_share: Share = 0.1
     """An object lies over another if more than this share of its footprint does."""
-    base_m: Positive = 0.020
+    base_m: Length = 0.020
     """An object whose lowest visible point is lower than this over the plane stands on it [m]."""

@@ -47,7 +47,7 @@ class Cancelled(BaseException):
 def unknown(kind: str, name: object, available: Iterable[object]) -> str:
     """The text for a name that does not exist: ``unknown refiner 'ipc'; did you mean 'icp'? available: icp, tricp``."""
     names = list(available)
-    return f"unknown {kind} {name!r}; {meant(name, names)}available: {listed(names)}"
+    return f"unknown {kind} {quoted(name)}; {meant(name, names)}available: {listed(names)}"
 
 
 def meant(name: object, available: Iterable[object]) -> str:
@@ -63,7 +63,12 @@ def meant(name: object, available: Iterable[object]) -> str:
 
 def quoted(value: object, most: int = 80) -> str:
     """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits.
+        return "a number of thousands of digits"
+    except RecursionError:
+        return "lists of thousands of levels"
     return text if len(text) <= most else f"{text[:most]}…"
 
 

@@ -6,19 +6,19 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from verefine_viz.core.fields import Count, NonNegative, Positive, Settings
+from verefine_viz.core.fields import LargeCount, Length, Settings, Weight
 
 
 class MctsSettings(Settings):
     """PHYSIM-MCTS, the system that the paper compares with. docs/methods.md 3."""
 
-    expansions: Count = 50
+    expansions: LargeCount = 50
     """Budget in expansions per object."""
-    seconds: Positive | None = None
+    seconds: Annotated[float, Field(gt=0, le=86_400, allow_inf_nan=False)] | None = None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
-    exploration_px: NonNegative = 5000.0
+    exploration_px: Weight = 5000.0
     """α, weight of the exploration term [px]."""
-    explained_m: Positive = 0.010
+    explained_m: Length = 0.010
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
     trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
     """Trim of its trimmed ICP."""

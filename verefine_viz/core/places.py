@@ -7,6 +7,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
@@ -85,6 +86,8 @@ def is_special(path: Path) -> bool:
 
 def _try(folder: Path, what: str, option: str) -> None:
     try:
+        with suppress(FileNotFoundError):
+            os.stat(folder)  # noqa: PTH116 (a name that is too long, a loop of links)
         with tempfile.TemporaryFile(dir=_there(folder)):
             pass
     except OSError as error:

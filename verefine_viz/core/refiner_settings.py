@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from verefine_viz.core.fields import Count, NonNegative, Settings
+from verefine_viz.core.fields import Count, LengthOrNone, Settings, Share
 
 
 class IcpSettings(Settings):
@@ -32,9 +32,9 @@ class TricpSettings(Settings):
 
     trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
     """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""
-    energy_ratio: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 0.99
+    energy_ratio: Share = 0.99
     """A pass that leaves more than this share of the energy before is the last."""
     max_passes: Count = 50
     """Most passes of a call."""
-    explained_m: NonNegative = 0.008
+    explained_m: LengthOrNone = 0.008
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""

@@ -14,7 +14,7 @@ from pydantic import Field
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.estimator_settings import PcsSettings, PpfSettings
-from verefine_viz.core.fields import Count, Gravity, NonNegative, Positive, Seed, Settings
+from verefine_viz.core.fields import Count, Gravity, Index, InputPath, Seed, Settings, Weight
 from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
 
@@ -24,26 +24,26 @@ class SceneSettings(Settings):
 
     source: Literal["bop", "demo"] = "demo"
     """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed."""
-    dataset: str = ""
+    dataset: InputPath = ""
     """BOP: the data set folder, relative to the session file."""
-    split: str = "test"
+    split: InputPath = "test"
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
     demo: str = "mug"
     """Demo: name of the built-in scene; an unknown name lists them."""
     frames: tuple[str, ...] = ()
     """Frames as "scene/image"; none = all of the targets file, else all of the split."""
-    objects: tuple[int, ...] = ()
+    objects: tuple[Index, ...] = ()
     """BOP object ids to solve; none = all."""
-    masks: str = "mask_visib"
+    masks: InputPath = "mask_visib"
     """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
     gravity: Gravity = "plane"
     """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
     camera frame (an IMU's reading)."""
     seed: Seed = 0
     """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
-    cloud_points: Count = 1000
+    cloud_points: Annotated[int, Field(ge=1, le=100_000)] = 1000
     """Observed points per object that the refiner sees."""
-    model_points: Count = 2000
+    model_points: Annotated[int, Field(ge=1, le=100_000)] = 2000
     """Points sampled on each model."""
 
 
@@ -53,18 +53,18 @@ class HypothesesSettings(Settings):
     source: Literal["results", "perturb", "ppf", "pcs"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
     ppf: point pair features. pcs: congruent point sets (Super4PCS)."""
-    files: tuple[str, ...] = ()
+    files: tuple[InputPath, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""
     max_per_object: Count = 5
     """H, hypotheses per object; further rows are left out, lowest score first."""
-    rotation_deg: NonNegative = 30.0
+    rotation_deg: Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)] = 30.0
     """perturb: angle of the disturbance about a random axis [deg]. Paper Sec. V-A."""
-    translation_mm: NonNegative = 30.0
+    translation_mm: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)] = 30.0
     """perturb: length of the disturbance in a random direction [mm]. Paper Sec. V-A."""
     seed: Seed = 0
     """perturb: seed."""
-    estimate: tuple[tuple[str, Annotated[int, Field(ge=0)], Literal["ppf", "pcs"]], ...] = ()
+    estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
     """Instances whose first poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
@@ -77,7 +77,7 @@ class MethodSettings(Settings):
     """Name of the refiner."""
     iterations: Count = 5
     """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. V: 5 with ICP."""
-    exploration: NonNegative = 0.7
+    exploration: Weight = 0.7
     """c, weight of the exploration term in UCB [score]. The paper gives no value, the authors' code has 0.1; but
     their score spreads over a quarter of the range of this one, and measured on real frames 0.5-1.0 finds better poses
     (docs/methods.md 1.8.21)."""
@@ -118,7 +118,7 @@ class ScoreSettings(Settings):
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
     hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py)."""
     tau_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.020
-    """τ, depth tolerance [m], at most 1 m. Paper Sec. V: 20 mm."""
+    """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
     alpha: Annotated[float, Field(gt=0, le=1)] = 0.707
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
     0.293."""
@@ -127,7 +127,7 @@ class ScoreSettings(Settings):
     half a pixel further, as the authors' projection has it."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
-    simplify_mm: NonNegative = 0.2
+    simplify_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.2
     """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
     scores of real frames by up to 0.001, and takes two thirds of the time."""
 
@@ -139,21 +139,21 @@ class PhysicsSettings(Settings):
     """Off: simulated pose = current pose."""
     steps: Count = 3
     """Steps per iteration; 60 for the Extended APC experiments."""
-    step_s: Positive = 1 / 60
+    step_s: Annotated[float, Field(ge=1e-5, le=1, allow_inf_nan=False)] = 1 / 60
     """Duration of one step [s]."""
-    substeps: Count = 4
+    substeps: Annotated[int, Field(ge=1, le=1000)] = 4
     """Bullet sub-steps per step."""
-    solver_iterations: Count = 10
+    solver_iterations: Annotated[int, Field(ge=1, le=1000)] = 10
     """Bullet constraint solver iterations."""
-    mass_kg: Positive = 1.0
+    mass_kg: Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)] = 1.0
     """Mass of every object [kg]."""
-    friction: NonNegative = 0.5
+    friction: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.5
     """Lateral friction of objects; the plane has 1.0."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
-    margin_m: NonNegative = 1e-4
+    margin_m: Annotated[float, Field(ge=0, le=0.1, allow_inf_nan=False)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
-    gravity_m_s2: NonNegative = 9.81
+    gravity_m_s2: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 9.81
     """Strength of gravity [m/s²]."""
     damping: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.04
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
@@ -173,11 +173,11 @@ class RecordingSettings(Settings):
 class Edit(Settings):
     """A pose that a person moved by hand."""
 
-    after_iteration: Annotated[int, Field(ge=0)]
+    after_iteration: Index
     """The iteration after which it was moved; 0 = before the first."""
-    instance: int
+    instance: Index
     """instance_id."""
-    hypothesis: Annotated[int, Field(ge=0)]
+    hypothesis: Index
     """Index of the hypothesis, from 0."""
     T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
     """The new pose, row by row [m]."""
@@ -188,7 +188,7 @@ class Edit(Settings):
 class Change(Settings):
     """Settings that a person changed in the middle of a run."""
 
-    after_iteration: Annotated[int, Field(ge=0)]
+    after_iteration: Index
     """The iteration after which they hold; 0 = before the first."""
     settings: dict[str, dict[str, Any]]
     """Changed fields by section: {"method": {"exploration": 0.2}}; sections method, icp, score, physics."""

@@ -8,6 +8,7 @@ from math import inf
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
 from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.errors import unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.observation.contact_edges import contact_edges, meetings
 from verefine_viz.observation.dependency_order import Groups, cut_between, ordered
@@ -49,7 +50,8 @@ def dependency_graph(problem: Problem, settings: DependencySettings) -> Dependen
     )
     unseen = sorted({i.instance_id for i in problem.instances} - {p.instance_id for p in parts})
     alone = tuple((i,) for i in unseen)
-    notes = (*found.notes, *(f"{label(problem, i)} has no depth in its mask; solved alone, behind" for i in unseen))
+    notes = (*_unknown_cuts(problem, settings), *found.notes)
+    notes += tuple(f"{label(problem, i)} has no depth in its mask; solved alone, behind" for i in unseen)
     clusters, lists = found.clusters + alone, found.support_lists + alone
     if entries is None:
         if settings.order_file and not settings.order:
@@ -58,6 +60,14 @@ def dependency_graph(problem: Problem, settings: DependencySettings) -> Dependen
     given, said = given_clusters(problem, entries, [i for cluster in clusters for i in cluster])
     said += _against_support(problem, given, found.edges)
     return DependencyGraph(found.edges, given, given, "given", said + notes)
+
+
+def _unknown_cuts(problem: Problem, settings: DependencySettings) -> tuple[str, ...]:
+    """Instances between which no edge is to count and that are not there."""
+    ids = [i.instance_id for i in problem.instances]
+    known = {*ids, *(one.instance_id for one in problem.left_out)}
+    absent = dict.fromkeys(i for pair in settings.cut for i in pair if i not in known)
+    return tuple(f"dependency.cut: {unknown('instance', i, ids)}; it is ignored" for i in absent)
 
 
 def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _Found:

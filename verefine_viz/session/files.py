@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.input_files import open_input
 from verefine_viz.core.places import at_home
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
@@ -51,22 +53,55 @@ _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
 """What the parser says of a text that does not end in its line, or at all."""
 
 
-def _read(path: Path) -> dict[str, Any]:
+LARGEST_BYTES = 10_000_000
+"""No session file is larger; what a person named instead may fill the memory."""
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """What a text in TOML says.
+
+    Raises:
+        ValueError: it is not TOML, or its numbers are too long or its lists too deep.
+    """
+    too_deep = f"it has lists or tables of more than {DEEPEST} levels"
     try:
-        # Some editors begin a text with a byte order mark, which TOML does not know.
-        text = path.read_text(encoding="utf-8-sig")
         raw = tomllib.loads(text)
-    except FileNotFoundError:
-        raise InputError(f"session file {path} does not exist") from None
-    except IsADirectoryError:
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise ValueError(too_deep) from None
+    except ValueError:  # Python reads no integer of more than 4300 digits.
+        raise ValueError("it has a number of thousands of digits") from None
+    if _is_deeper(raw, DEEPEST):
+        raise ValueError(too_deep)
+    return raw
+
+
+DEEPEST = 20
+"""Levels of lists and tables. Those of settings are six; what checks and writes them calls itself for each."""
+
+
+def _is_deeper(value: Any, levels: int) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return levels < 0 or any(_is_deeper(part, levels - 1) for part in inner)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if os.path.isdir(path):  # noqa: PTH112 (without an error where a name is too long, or holds a NUL)
         inside = path / "session.toml"
         hint = f"; did you mean {inside}?" if inside.is_file() else ""
-        raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}") from None
+        raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}")
+    with open_input(path, "session file") as file:
+        content = file.read(LARGEST_BYTES + 1)
+    if len(content) > LARGEST_BYTES:
+        raise InputError(f"session file {path} is larger than {LARGEST_BYTES // 1_000_000} MB, expected a .toml file")
+    try:
+        # Some editors begin a text with a byte order mark, which TOML does not know; some end lines as Windows does.
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+        raw = parsed_toml(text)
     except UnicodeDecodeError:
         raise InputError(f"session file {path} cannot be read: it is no text, expected a .toml file") from None
-    except OSError as error:
-        raise InputError(f"session file {path} cannot be read: {error.strerror}") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         is_open = any(saying in str(error) for saying in _OPEN_QUOTE)
         hint = "; a quote is opened there or before and not closed" if is_open else ""
         raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
@@ -95,8 +130,12 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     except ValidationError as error:
         raise SettingsError(f"{written_in(layers, error)}: {first_mistake(error)}") from None
     check_sources(session, layers)
-    for change in session.changes:
-        changed(session, change.settings)
+    for k, change in enumerate(session.changes):
+        try:
+            changed(session, change.settings)
+        except SettingsError as error:
+            origin = next(origin for origin, fields in reversed(layers) if "changes" in fields)
+            raise SettingsError(f"{origin}: changes.{k}: {error}") from None
     return session
 
 
@@ -163,7 +202,8 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 
 def _absolute(path: str, folder: Path) -> str:
-    return str((folder / at_home(path)).resolve())
+    # What no path can be is refused with the field that holds it; a loop of links where the file is opened.
+    return path if "\0" in path else os.path.realpath(folder / at_home(path))
 
 
 def _without_none(value: Any) -> Any:

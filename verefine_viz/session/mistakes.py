@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -49,7 +49,11 @@ def first_mistake(error: ValidationError) -> str:
 
 def _field(location: tuple[int | str, ...]) -> str:
     """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
-    return ".".join(str(part) for part in location if not (isinstance(part, str) and re.search(r"[\[(]", part)))
+    return ".".join(str(part) for part in location if not (isinstance(part, str) and _KIND.search(part)))
+
+
+_KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
+"""One of the kinds that a field may be of; pydantic appends it to the field."""
 
 
 def _unit(field: str) -> str:
@@ -67,7 +71,11 @@ def _example(location: tuple[int | str, ...], value: Any) -> str:
     model: Any = Session
     for part in location:
         model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
-    return f", {json.dumps([value], ensure_ascii=False)}" if model == tuple[type(value), ...] else ""
+    kind = next(iter(get_args(model)), None)
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    is_only_entry = get_origin(model) is tuple and kind is type(value)
+    return f", {json.dumps([value], ensure_ascii=False)}" if is_only_entry else ""
 
 
 def _siblings(location: tuple[int | str, ...]) -> list[str]:

@@ -23,7 +23,7 @@ from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_first_poses
 from verefine_viz.scenes.source import SceneSource, open_scene
-from verefine_viz.session.edits import edits_of
+from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
 
@@ -85,14 +85,21 @@ class Toolbox:
         """Every frame the session names, as "scene/image"."""
         return self.source.frames
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about the choice of frames and objects."""
+        return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
+
     def problem(self, frame: str) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other.
 
         Raises:
-            VerefineError: the frame cannot be used.
+            VerefineError: the frame cannot be used, or lacks what the session names in it.
             Cancelled: nobody waits for it any more.
         """
-        return self.ordered(self._with_estimates(self._solvable(self.source.problem(frame, self._patience))))
+        problem = self._with_estimates(self._solvable(self.source.problem(frame, self._patience)))
+        notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
+        return self.ordered(replace(problem, notes=(*problem.notes, *notes)) if notes else problem)
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""
@@ -149,8 +156,9 @@ class Toolbox:
         instances, notes = list(problem.instances), list(problem.notes)
         there = [i.instance_id for i in instances]
         absent = wanted.keys() - there - {o.instance_id for o in problem.left_out}
-        if absent and not self.session.scene.objects:  # Else it may be of an object that nobody asks for now.
+        if absent and not self.session.scene.objects:
             raise InputError(f"hypotheses.estimate: {unknown('instance', min(absent), there)} (frame {problem.frame})")
+        notes += [f"hypotheses.estimate: instance {i} is none of the objects to solve" for i in sorted(absent)]
         for k, target in enumerate(problem.targets):
             instance = target.instance
             name = wanted.get(instance.instance_id, h.source)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import resolve
+from verefine_viz.session.files import parsed_toml, resolve
 
 SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")
 """What cannot be changed for a comparison, since both sides look at the same frame, or what says nothing."""
@@ -66,8 +65,8 @@ def parsed(text: str) -> tuple[tuple[str, Any], ...]:
                 f"{part.strip()!r} is no setting; expected a name and a value, as in score.tau_m = 0.01"
             )
         try:
-            found.append((name, tomllib.loads(f"value = {value}")["value"]))
-        except tomllib.TOMLDecodeError:
+            found.append((name, parsed_toml(f"value = {value}")["value"]))
+        except ValueError:
             found.append((name, value))  # A word needs no quotation marks here.
     return tuple(found)
 

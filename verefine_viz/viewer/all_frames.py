@@ -20,8 +20,8 @@ def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -
         others: those of the other frames that were looked at.
         is_only_frame: whether the session has no frame but the shown one.
     """
-    here, looked_at = _at_first(shown, is_only_frame), {other.run.problem.frame for other in others}
-    elsewhere = (edit for edit in shown.start.edits if edit not in here and edit.frame not in looked_at)
+    made = [*_at_first(shown, is_only_frame), *(edit for other in others for edit in _at_first(other) if edit.frame)]
+    elsewhere = (edit for edit in shown.start.edits if edit not in made)
     there = (edit for other in others for edit in _edits(other) if edit.frame)
     return (*_edits(shown, is_only_frame), *elsewhere, *there)
 

@@ -23,7 +23,7 @@ def moved_by_hand(view: View) -> str:
     said = [_one(view, edit) for edit in edits[:MOST]]
     if len(edits) > MOST:
         said.append(f"{len(edits) - MOST} more are moved by hand.")
-    elsewhere = [edit for edit in view.session.edits if edit not in edits]
+    elsewhere = [edit for edit in view.session.edits if edit not in edits and edit.frame != view.frame]
     return " ".join((*said, *([_elsewhere(elsewhere)] if elsewhere else [])))
 
 

@@ -10,6 +10,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.gallery import Gallery
@@ -62,7 +63,8 @@ def check_names(session: Session) -> tuple[str, ...]:
         raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
     if session.method.refiner not in REFINERS:
         raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
-    return open_scene(session.scene, session.hypotheses).notes
+    scene = open_scene(session.scene, session.hypotheses)
+    return (*scene.notes, *edits_elsewhere(session.edits, scene.frames))
 
 
 def _of_recordings(a: Path | None, b: Path | None) -> tuple[Command, ...]:

@@ -15,7 +15,7 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.session.edits import edits_of
+from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.downloads import Kept
 from verefine_viz.viewer.gallery import Entry, Gallery
@@ -202,6 +202,14 @@ class View:
     def edits(self) -> tuple[Edit, ...]:
         """The poses that the session moves by hand in this frame."""
         return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about the frame, and of what the session does behind the end of the run."""
+        changes, p = self.session.changes, self.progress
+        # A change on the way may make the run longer.
+        is_known = not any(p.done < change.after_iteration <= p.total for change in changes)
+        return (*self.problem.notes, *(never_reached(self.edits, changes, p.total) if is_known else ()))
 
     @property
     def at_end(self) -> bool:

@@ -89,7 +89,7 @@ class RunPanel:
         self.frame.visible = len(view.frames) > 1
         _options(self.demo, view.demos, view.session.scene.demo)
         self.demo.visible = view.session.scene.source == "demo" and bool(view.demos)
-        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.problem.notes)
+        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.notes)
         self._branches.show(branches_table(view) + notes)
 
 

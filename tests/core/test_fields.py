@@ -1,0 +1,66 @@
+"""Every number that can be set has bounds, which the help shows; they admit all that ships."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from verefine_viz.core.fields import limits
+from verefine_viz.core.settings import Change, Edit, Session
+from verefine_viz.session.files import load_session, resolve
+
+SESSIONS = sorted((Path(__file__).resolve().parents[2] / "sessions").glob("*.toml"))
+
+
+def fields_of(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    for name, field in model.model_fields.items():
+        if isinstance(field.default, BaseModel):
+            yield from fields_of(type(field.default), f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", field
+
+
+NUMBERS = {
+    name: field
+    for name, field in (*fields_of(Session), *fields_of(Edit, "edit."), *fields_of(Change, "change."))
+    if field.annotation in (int, float) or str(field.annotation).startswith("typing.Optional[typing.Annotated[float")
+}
+
+
+def test_numbers_are_looked_at() -> None:
+    assert len(NUMBERS) > 60
+    assert {"physics.steps", "mcts.seconds", "edit.instance", "change.after_iteration"} <= NUMBERS.keys()
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_every_number_has_a_lower_and_an_upper_bound(name: str) -> None:
+    assert re.fullmatch(r"from \S+ to \S+|(at least|above) \S+ and (at most|below) \S+", limits(NUMBERS[name]))
+
+
+@pytest.mark.parametrize("value", [1e12, 10**20, 1e308, float("inf"), float("nan")])
+@pytest.mark.parametrize("name", [name for name in NUMBERS if name.count(".") == 1 and "edit" not in name])
+def test_what_is_beyond_sense_is_refused(name: str, value: float) -> None:
+    section, field = name.split(".")
+    model = Change if section == "change" else type(getattr(Session(), section))
+    with pytest.raises(ValidationError):
+        model.model_validate({field: value} | ({"settings": {}} if model is Change else {}))
+
+
+@pytest.mark.parametrize("path", SESSIONS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("preset", ["recommended", "published"])
+def test_the_bounds_admit_what_ships(path: Path, preset: str) -> None:
+    load_session(path, {"preset": preset})
+    resolve({"preset": preset})
+
+
+def test_the_words_of_bounds() -> None:
+    assert limits(NUMBERS["method.iterations"]) == "from 1 to 10000"
+    assert limits(NUMBERS["mcts.seconds"]) == "above 0 and at most 86400"
+    assert limits(NUMBERS["tricp.energy_ratio"]) == "above 0 and below 1"
+    assert limits(NUMBERS["ppf.step"]) == "at least 0.02 and below 0.5"
+    assert limits(Session.model_fields["title"]) == ""
