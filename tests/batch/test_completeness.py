@@ -178,7 +178,7 @@ def test_a_damaged_run_json_stops_a_repeated_batch_with_one_line(
     frames(3, monkeypatch)
     run_batch(Session(), tmp_path, AtOncePlace())
     (tmp_path / "run.json").write_text(run)
-    with pytest.raises(InputError, match=r"run\.json is not the run\.json of a batch: .*; delete it, and the same"):
+    with pytest.raises(InputError, match=r"run\.json cannot be read: .*: delete it, and the same"):
         run_batch(Session(), tmp_path, AtOncePlace())
     (tmp_path / "run.json").unlink()
     assert run_batch(Session(), tmp_path, AtOncePlace(made=AtOnce(never))).is_whole
