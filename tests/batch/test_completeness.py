@@ -137,7 +137,7 @@ NAN_POSE = [float("nan")] + [float(k % 5 == 0) for k in range(1, 16)]
         (pose([0.0, 0.0, 1.0]), "estimates.0.T_cam_obj = [0.0, 0.0, 1.0]: tuple should have at least 16 items"),
         (pose([2.0 * (k % 5 == 0) for k in range(16)]), "the pose is not rigid"),
         (pose("here"), "estimates.0.T_cam_obj = 'here'"),
-        (lambda entry: entry.pop("objects"), "objects: Field required"),
+        (lambda entry: entry.pop("objects"), "objects is missing"),
         (lambda entry: entry.update(objects=[]), "it holds no object"),
         (lambda entry: entry.update(objects=[], failed=True), "a failed frame has a row that says why"),
         (lambda entry: entry["objects"][0].update(score=float("inf")), "objects.0.score = inf"),
@@ -178,7 +178,7 @@ def test_a_damaged_run_json_stops_a_repeated_batch_with_one_line(
     frames(3, monkeypatch)
     run_batch(Session(), tmp_path, AtOncePlace())
     (tmp_path / "run.json").write_text(run)
-    with pytest.raises(InputError, match=r"run\.json is not the run\.json of a batch: .*; delete it, and the same"):
+    with pytest.raises(InputError, match=r"run\.json cannot be read: .*: delete it, and the same"):
         run_batch(Session(), tmp_path, AtOncePlace())
     (tmp_path / "run.json").unlink()
     assert run_batch(Session(), tmp_path, AtOncePlace(made=AtOnce(never))).is_whole

@@ -197,7 +197,9 @@ def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pyt
 )  # fmt: skip
 def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str | bytes) -> None:
     (tmp_path / "run.json").write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InputError, match=r"run\.json .*; delete it, and the same batch command writes it again"):
+    with pytest.raises(
+        InputError, match=r"run\.json cannot be read: .*: delete it, and the same batch command writes it again"
+    ):
         read_run(tmp_path)
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.report.runs import row, write_run
 from verefine_viz import cli
+from verefine_viz.core.errors import InputError
+from verefine_viz.report.bop import result_rows
 from verefine_viz.report.loaded import load, load_pair
 
 DEMO = {"scene": {"source": "demo", "demo": "mug"}}
@@ -74,3 +77,21 @@ def test_answers_belong_to_their_instances(tmp_path: Path) -> None:
 def test_two_runs_are_called_a_and_b(tmp_path: Path) -> None:
     a, b = load_pair(write_run(tmp_path / "a", [row(1)]), write_run(tmp_path / "b", [row(1)]))
     assert (a.label, b.label) == ("A", "B")
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (lambda file: file.write_text("{"), "000001_000001.json is damaged: invalid JSON"),
+        (lambda file: file.write_text(file.read_text().replace("1.0", "2.0")), "the pose is not rigid"),
+        (Path.unlink, "says nothing about frame 1/1; the same batch command solves it again"),
+    ],
+)
+def test_answers_that_the_journal_has_lost_are_not_scored_as_missing(
+    damage: Callable[[Path], object], why: str, tmp_path: Path
+) -> None:
+    folder = write_run(tmp_path / "run", [row(0), row(1)])
+    damage(folder / "frames" / "000001_000001.json")
+    with pytest.raises(InputError) as caught:
+        list(result_rows(load(folder), ("1/0", "1/1")))
+    assert why in str(caught.value)

@@ -52,14 +52,15 @@ class RunFolder:
         self.session = session
         check_folder(path)
         try:
-            self._check()  # Before anything is written: it may be somebody else's.
+            self._check_kind()  # Before anything is written: it may be somebody else's.
             path.mkdir(parents=True, exist_ok=True)
             lock = try_lock(path / LOCK_FILE)
             if lock is None:
                 raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out")
             self._lock = lock
             try:
-                self._check()  # Another process may have begun a run meanwhile.
+                self._check_kind()
+                self._check_session()
                 self.save_session()
                 for name in ("frames", "recordings"):
                     (path / name).mkdir(exist_ok=True)
@@ -101,14 +102,18 @@ class RunFolder:
         """What run.json says; nothing is known where there is none."""
         return read_run(self.path)
 
-    def _check(self) -> None:
-        """Whether what lies in the folder is a run of the same session."""
+    def _check_kind(self) -> None:
+        """Whether the folder is new or empty, or holds a run."""
+        if (self.path / SESSION_FILE).exists() or not self.path.exists():
+            return
+        others = sorted(p.name for p in self.path.iterdir() if p.name != LOCK_FILE and p.suffix != ".part")
+        if others:
+            raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
+
+    def _check_session(self) -> None:
+        """Whether the run in the folder, if there is one, is of the same session."""
         before = self.path / SESSION_FILE
         if not before.exists():
-            there = self.path.iterdir() if self.path.exists() else ()
-            others = sorted(p.name for p in there if p.name != LOCK_FILE and p.suffix != ".part")
-            if others:
-                raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
             return
         difference = first_change(load_session(before), self.session)
         if difference:

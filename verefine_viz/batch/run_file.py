@@ -80,6 +80,6 @@ def read_run(folder: Path) -> RunFile:
         return RunFile.model_validate_json(read_input(file))
     except ValidationError as error:
         raise InputError(
-            f"{file} is not the run.json of a batch: {first_fault(error)}; delete it, and the same batch command "
-            "writes it again"
+            f"{file} cannot be read: {first_fault(error)}; it is not what a batch writes: delete it, and the same "
+            "batch command writes it again"
         ) from None

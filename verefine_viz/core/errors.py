@@ -77,9 +77,10 @@ def first_fault(error: ValidationError) -> str:
     detail = error.errors()[0]
     field = ".".join(map(str, detail["loc"]))
     said = detail["msg"].removeprefix("Value error, ")
-    if not field or detail["type"] == "missing":
-        return f"{field}: {said}".removeprefix(": ")
-    return f"{field} = {quoted(detail['input'])}: {said[:1].lower()}{said[1:]}"
+    said = said[:1].lower() + said[1:]
+    if detail["type"] == "missing":
+        return f"{field} is missing"
+    return f"{field} = {quoted(detail['input'])}: {said}" if field else said
 
 
 def in_one_line(text: str) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,8 @@ import platformdirs
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.rendering.closed import closed_faces, parts
@@ -168,13 +168,8 @@ def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:
 
 
 def _write(file: Path, vertices: Float, faces: Faces, closed: NDArray[np.bool_]) -> None:
-    part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as stream:
+        with atomic(file) as part, part.open("wb") as stream:
             np.savez(stream, vertices=vertices, faces=faces, closed=closed)
-        part.replace(file)
-    except OSError as error:
+    except InputError as error:
         log.warning("the simplified mesh is not cached: %s", error)
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)

@@ -92,8 +92,17 @@ def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
 
 
 def result_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
-    """The answers of a run in ``frames``, as results.csv has them."""
-    for result in run.journal.results(frames):
+    """The answers of a run in ``frames``, as results.csv has them.
+
+    Raises:
+        InputError: the journal's entry of a frame is gone or damaged.
+    """
+    for frame in frames:
+        result = run.journal.entry(frame)
+        if result is None:
+            raise InputError(
+                f"{run.journal.folder} says nothing about frame {frame}; the same batch command solves it again"
+            )
         for e in result.estimates:
             T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
             yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.solving_s)
