@@ -17,13 +17,13 @@ from verefine_viz.commands.registration_check import registration
 from verefine_viz.commands.size_check import object_sizes
 from verefine_viz.commands.truth_check import check_truths
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.jsonfile import read_json
 from verefine_viz.core.listing import first_of
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import read_targets, targets_path
 from verefine_viz.evaluation.truth import BopTruth, visible_targets
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
-from verefine_viz.scenes.jsonfile import read_json
 
 LOOKED = 40
 """Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""

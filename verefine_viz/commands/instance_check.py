@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.jsonfile import read_json
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
-from verefine_viz.scenes.jsonfile import read_json
 
 
 def unequal_counts(dataset: BopDataset) -> tuple[str, ...]:

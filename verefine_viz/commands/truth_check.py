@@ -8,9 +8,9 @@ from contextlib import suppress
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.jsonfile import read_json
 from verefine_viz.core.listing import first_of
 from verefine_viz.scenes.bop import BopDataset, GroundTruth
-from verefine_viz.scenes.jsonfile import read_json
 
 
 def check_truths(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
