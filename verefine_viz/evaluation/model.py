@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
@@ -17,7 +16,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.evaluation.symmetries import bop_symmetries
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
-from verefine_viz.scenes.meshes import largest_distance, mesh_files, read_geometry, unit_of_format
+from verefine_viz.scenes.meshes import hull_vertices, largest_distance, mesh_files, read_geometry, unit_of_format
 from verefine_viz.scenes.units import checked_unit, diameter_mm_of
 
 N_PROBES = 24
@@ -49,15 +48,12 @@ class EvalModel:
 
     @cached_property
     def sorted_vertices(self) -> tuple[Float, int]:
-        """The vertices (V, 3) [mm], extreme ones first, and how many of them span the convex hull.
+        """The vertices (V, 3) [mm], extreme ones first, and how many of them hold those that span the convex hull.
 
         A search for the largest distance that stops early should meet large ones soon.
         """
         points = np.unique(self.vertices_mm, axis=0)
-        try:
-            hull = ConvexHull(points).vertices
-        except (QhullError, ValueError):
-            hull = np.arange(len(points))  # flat or a line: no hull in 3D
+        hull = hull_vertices(points)
         probes = hull[_far_apart(points[hull], N_PROBES)]
         rest = np.setdiff1d(hull, probes)
         inside = np.setdiff1d(np.arange(len(points)), hull)

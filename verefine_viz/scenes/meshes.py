@@ -32,6 +32,12 @@ FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
 MAX_HULL_POINTS = 4000
 """Hull vertices above which the diameter is taken from the extreme points of many directions."""
 
+HULL_AT_ONCE = 50_000
+"""Most points of which a convex hull is made in one go, 0.1 GB."""
+
+MOST_PRODUCTS = 4_000_000
+"""Most numbers that are held at once while extremes are looked for."""
+
 LARGEST_COORDINATE = 1e9
 """Of a vertex, in the unit of its file."""
 LONGEST_SHOWN = 80
@@ -125,18 +131,36 @@ def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
 
 def largest_distance(points: Float) -> float:
     """The largest distance between two of the points (N, 3)."""
-    try:
-        hull = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
-        hull = np.unique(points, axis=0)  # flat or a line: no hull in 3D
+    hull = points[hull_vertices(points)]
     if len(hull) > MAX_HULL_POINTS:
         # A Fibonacci sphere: extremes along 2000 directions miss the true diameter by < 0.1 %.
         k = np.arange(2000) + 0.5
         phi, z = np.pi * (1 + 5**0.5) * k, 1 - k / 1000
         r = np.sqrt(1 - z * z)
         directions = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
-        hull = hull[np.unique(np.argmax(hull @ directions.T, axis=0))]
+        blocks = np.array_split(directions, -(-len(hull) * len(directions) // MOST_PRODUCTS))
+        hull = hull[np.unique(np.concatenate([np.argmax(hull @ block.T, axis=0) for block in blocks]))]
     return float(pdist(hull).max(initial=0.0))
+
+
+def hull_vertices(points: Float) -> NDArray[np.intp]:
+    """Indices of points (N, 3) that hold those that span the convex hull: exactly those, unless they are very many.
+
+    The hull of a million points takes gigabytes, so that of so many is put together from those of samples.
+    """
+    n = -(-len(points) // HULL_AT_ONCE)
+    if n <= 1:
+        return _hull_at_once(points)
+    # Samples of every n-th point have the shape of the whole, so that few of their hulls' vertices are inside of it.
+    found = np.concatenate([k + n * _hull_at_once(points[k::n]) for k in range(n)])
+    return found if len(found) > HULL_AT_ONCE else found[_hull_at_once(points[found])]
+
+
+def _hull_at_once(points: Float) -> NDArray[np.intp]:
+    try:
+        return ConvexHull(points).vertices.astype(np.intp)
+    except (QhullError, ValueError):
+        return np.arange(len(points))  # flat or a line: no hull in 3D
 
 
 def _check_file(path: Path) -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from verefine_viz.core.geometry import FARTHEST_M
 from verefine_viz.core.jsonfile import number_of
 
 SIZE_TOLERANCE = 1.2
 """Ratio between a mesh's own and its stated diameter above which a person is told."""
 
-DIAMETER_MM = (1e-3, FARTHEST_M * 1e3)
+DIAMETER_MM = (1e-3, 1e6)
 """Least and largest diameter that models_info.json may state [mm]."""
 
 
