@@ -35,8 +35,8 @@ MAX_HULL_POINTS = 4000
 HULL_AT_ONCE = 50_000
 """Most points of which a convex hull is made in one go, 0.1 GB."""
 
-MOST_PRODUCTS = 4_000_000
-"""Most numbers that are held at once while extremes are looked for."""
+EXTREMES_AT_ONCE = 4000
+"""Points among which extremes are looked for in one go, 0.06 GB."""
 
 LARGEST_COORDINATE = 1e9
 """Of a vertex, in the unit of its file."""
@@ -106,7 +106,7 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
     colors = None if notes or bare else _baked_colors(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
-    if not loaded.is_watertight:
+    if not (np.unique(_edges(faces), return_counts=True)[1] == 2).all():
         vertices, faces, colors = _merged(vertices, faces, colors)
     faces = _outward(vertices, faces)
     return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes)
@@ -138,8 +138,13 @@ def largest_distance(points: Float) -> float:
         phi, z = np.pi * (1 + 5**0.5) * k, 1 - k / 1000
         r = np.sqrt(1 - z * z)
         directions = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
-        blocks = np.array_split(directions, -(-len(hull) * len(directions) // MOST_PRODUCTS))
-        hull = hull[np.unique(np.concatenate([np.argmax(hull @ block.T, axis=0) for block in blocks]))]
+        farthest, extreme = np.full(len(directions), -np.inf), np.zeros(len(directions), np.intp)
+        for start in range(0, len(hull), EXTREMES_AT_ONCE):
+            along = directions @ hull[start : start + EXTREMES_AT_ONCE].T
+            own, at = along.max(axis=1), along.argmax(axis=1)
+            extreme = np.where(own > farthest, start + at, extreme)
+            farthest = np.maximum(own, farthest)
+        hull = hull[np.unique(extreme)]
     return float(pdist(hull).max(initial=0.0))
 
 
@@ -301,14 +306,18 @@ def _merged(
     return vertices[kept], faces[~collapsed], None if colors is None else colors[kept]
 
 
+def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(3 F,) a number for the edge from each corner to the next, whichever way it goes."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    return np.minimum(start, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(start, end)
+
+
 def _turned_alike(faces: NDArray[np.integer]) -> NDArray[np.integer]:
     """The faces, those turned round that are wound against the first face they hang together with by edges.
 
     Faces of a surface with one side only, which can not all be wound alike, stay as they are.
     """
-    n = len(faces)
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    edge = np.minimum(start, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(start, end)
+    n, edge, start = len(faces), _edges(faces), faces.ravel()
     order = np.argsort(edge, kind="stable")
     _, first, count = np.unique(edge[order], return_index=True, return_counts=True)
     one, other = order[first[count == 2]], order[first[count == 2] + 1]
