@@ -65,7 +65,7 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, desk: Desk)
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "orders.json cannot be read: No such file"),
+        (None, "orders.json does not exist"),
         ("{", "orders.json is not JSON"),
         ([[2, 5]], "expected orders by frame"),
         ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),

@@ -106,7 +106,7 @@ SESSION_FILES: dict[str, Case] = {
     "no results file named": (lambda d: d.bop(hypotheses='source = "results"'), "hypotheses.files is empty"),
     "results missing": (
         lambda d: d.bop(hypotheses='source = "results"\nfiles = ["none.csv"]'),
-        "none.csv cannot be read",
+        "none.csv does not exist",
     ),
     "a bad line of results": (
         lambda d: d.results("7,3,2,0.9,1 0 0 0 1 0 0 0,0 0 500,-1"),

@@ -144,7 +144,7 @@ def test_rows_that_do_not_count_are_counted(desk: Desk, text: str, note: str) ->
 
 
 def test_files_that_are_no_results_files(desk: Desk) -> None:
-    assert "none.csv cannot be read: No such file" in desk.refused(*desk.evaluated(desk.folder / "none.csv"))
+    assert "none.csv does not exist" in desk.refused(*desk.evaluated(desk.folder / "none.csv"))
     (desk.folder / "loop.csv").symlink_to("loop.csv")
     assert "loop.csv cannot be read: " in desk.refused(*desk.evaluated(desk.folder / "loop.csv"))
     assert "is a folder, expected a BOP results CSV" in desk.refused(*desk.evaluated(desk.folder))
@@ -221,8 +221,8 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
     ),
     "no scene_camera.json": (
         lambda m: (m.scene / "scene_camera.json").unlink(),
-        "scene_camera.json cannot be read",
-        "scene_camera.json cannot be read",
+        "scene_camera.json does not exist",
+        "scene_camera.json does not exist",
     ),
     "no scene": (
         lambda m: shutil.rmtree(m.scene),

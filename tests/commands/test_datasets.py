@@ -220,7 +220,7 @@ def test_scores_need_targets_and_diameters(made: Made) -> None:
     (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
     assert missing(check_split(made.root, "test"))["evaluate:"] == ""
     (made.root / "models" / "models_info.json").unlink()
-    assert "models_info.json cannot be read" in missing(check_split(made.root, "test"))["evaluate:"]
+    assert "models_info.json does not exist" in missing(check_split(made.root, "test"))["evaluate:"]
 
 
 def test_without_a_targets_file_the_frames_that_are_looked_at_stand_for_all(

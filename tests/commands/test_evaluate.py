@@ -304,7 +304,7 @@ MODELS = "../../models"
         (edit(TARGETS, lambda x: x[1].update(inst_count=-1)), "'inst_count' is -1, expected 0 or more instances"),
         (edit(TARGETS, lambda x: x[0].update(im_id=8)), "has no image 8, which the targets name"),
         (edit(TARGETS, lambda x: x[0].update(scene_id=8)), "unknown scene 8; available: 7"),
-        (remove(f"{MODELS}/models_info.json"), "models_info.json cannot be read"),
+        (remove(f"{MODELS}/models_info.json"), "models_info.json does not exist"),
         (
             edit(f"{MODELS}/models_info.json", lambda x: x.pop("5")),
             "has no entry for object 5; its 'diameter' is needed",
@@ -354,7 +354,7 @@ def test_a_batch_run_s_table_of_objects_is_told_from_its_poses(desk: Desk, tmp_p
 
 
 def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
-    assert "cannot be read: No such file" in desk.refused(tmp_path / "no.csv")
+    assert "no.csv does not exist" in desk.refused(tmp_path / "no.csv")
     assert "no results file given" in desk.refused("--split", "test")
     assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
     assert "is a file, not a folder; give --dataset" in desk.refused(desk.results, "--dataset", desk.results)

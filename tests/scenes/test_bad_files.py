@@ -112,8 +112,8 @@ def test_times_of_one_image_must_agree(tmp_path: Path) -> None:
 def test_results_that_are_not_there_or_no_text(tmp_path: Path) -> None:
     made = make(tmp_path)
     missing = HypothesesSettings(source="results", files=(str(tmp_path / "no.csv"),))
-    assert "no.csv cannot be read: No such file" in refusal(made, missing)
-    assert "cannot be read" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path),)))
+    assert "no.csv does not exist" in refusal(made, missing)
+    assert "is a folder, expected a file" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path),)))
     assert "hypotheses.files is empty" in refusal(made, HypothesesSettings(source="results"))
     (tmp_path / "bin.csv").write_bytes(bytes(range(128, 256)))
     assert "is no text file" in refusal(made, HypothesesSettings(source="results", files=(str(tmp_path / "bin.csv"),)))

@@ -41,7 +41,7 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
     ),
     "camera file missing": (
         lambda m: (m.scene / "scene_camera.json").unlink(),
-        ["scene_camera.json cannot be read: No such file"],
+        ["scene_camera.json does not exist"],
     ),
     "camera file not JSON": (
         lambda m: (m.scene / "scene_camera.json").write_text('{"3": {"cam_K": [1, 2,,]}}'),
@@ -57,7 +57,7 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
     ),
     "camera keys are words": (
         lambda m: m.edit("scene_camera.json", lambda c: c.update(left=1)),
-        ["keys that are no image ids"],
+        ["scene_camera.json has 'left' for an image, expected its number"],
     ),
     "camera entry is a list": (
         lambda m: m.edit("scene_camera.json", lambda c: c.update({"3": [1]})),
@@ -289,7 +289,7 @@ def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(tmp_path: Path,
         ({"frames": ("7/9",)}, ["unknown image 9 in scene 7", "available: 3"]),
         ({"objects": (9,)}, ["unknown object 9 in scene.objects; available: 2 (obj_000002), 5 (obj_000005)"]),
         ({"masks": "mask_pred"}, ["scene.masks is 'mask_pred', expected mask_visib, mask, or the path"]),
-        ({"masks": "/nowhere/det.json"}, ["/nowhere/det.json cannot be read: No such file"]),
+        ({"masks": "/nowhere/det.json"}, ["/nowhere/det.json does not exist"]),
     ],
 )
 def test_wrong_settings_are_one_clear_line(tmp_path: Path, scene: dict[str, Any], words: list[str]) -> None:

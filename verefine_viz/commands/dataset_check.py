@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -20,10 +20,10 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.listing import first_of
 from verefine_viz.evaluation.model import EvalModels
 from verefine_viz.evaluation.targets import read_targets, targets_path
-from verefine_viz.evaluation.truth import BopTruth, visible_targets
+from verefine_viz.evaluation.truth import VISIB_FRACT, BopTruth, visible_targets
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
-from verefine_viz.scenes.jsonfile import read_json
+from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 LOOKED = 40
 """Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""
@@ -147,7 +147,7 @@ def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]
 def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
     for scene_id in dataset.scene_ids:
         with suppress(VerefineError):  # Said already.
-            entries = read_json(dataset.scene_folder(scene_id) / "scene_camera.json", dict)
+            entries = dataset.of_images(scene_id, "scene_camera.json")
             parts.frames += len(entries)
             parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
     if parts.with_camera_pose:
@@ -201,15 +201,26 @@ def _check_scoring(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts
 
 
 def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
-    scenes = [dataset.scene_folder(scene_id) for scene_id in dataset.scene_ids]
+    scenes: list[Path] = []
+    for scene_id in dataset.scene_ids:
+        with suppress(VerefineError):  # Said already.
+            scenes.append(dataset.scene_folder(scene_id))
     kinds: list[MaskFolder] = [
         kind for kind in get_args(MaskFolder) if scenes and all((s / kind).is_dir() for s in scenes)
     ]
     detections = dataset.detection_files()
     parts.masks, parts.detections = (*kinds, *detections), bool(detections)
     none = "" if parts.masks else f"masks are needed: {_without_masks(scenes)}, or a detections JSON"
-    faults = list(dict.fromkeys(fault for ids in sampled for fault in _mask_faults(dataset, ids, kinds)))
-    parts.add("masks", ", ".join(parts.masks) or "none", none or first_of(faults, MOST_FAULTS, "; "))
+    unreadable, small = list[str](), list[str]()
+    for ids in sampled:
+        _look_at_masks(dataset, ids, kinds, unreadable, small)
+    faults = [first_of(list(dict.fromkeys(unreadable)), MOST_FAULTS, "; ")] * bool(unreadable)
+    if small:
+        faults.append(
+            f"{first_of(small, MOST_FAULTS)}, expected at least {FEWEST_MASK_PX} px, as no pose is found with fewer; "
+            f"where an object is hidden, state a visib_fract below {VISIB_FRACT:g} in scene_gt_info.json"
+        )
+    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join(faults))
     check_truths(dataset, sampled, parts)
 
 
@@ -221,12 +232,20 @@ def _without_masks(scenes: Sequence[Path]) -> str:
     return f"a folder mask_visib/ in every scene, also in {first_of(lacking, MOST_FAULTS)}"
 
 
-def _mask_faults(dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder]) -> Iterator[str]:
-    """What is wrong with the masks of a frame's annotated instances; what else is wrong with it is said already."""
+def _look_at_masks(
+    dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder], unreadable: list[str], small: list[str]
+) -> None:
+    """Adds what is wrong with the masks of a frame's annotated instances; what else is wrong with it is said already.
+
+    A mask may be empty or nearly so where the object is known to be hidden.
+    """
     with suppress(VerefineError):
         shape, truths = dataset.image(*ids).camera.shape, dataset.ground_truth(*ids) or ()
         for truth, kind in product(truths, kinds):
             try:
-                dataset.mask(*ids, truth.gt_id, kind, shape)
+                n = np.count_nonzero(dataset.mask(*ids, truth.gt_id, kind, shape))
             except VerefineError as error:
-                yield str(error)
+                unreadable.append(str(error))
+                continue
+            if n < FEWEST_MASK_PX and (truth.visib_fract is None or truth.visib_fract >= VISIB_FRACT):
+                small.append(f"{kind} of entry {truth.gt_id} in {frame_name(ids)} covers {n} px")

@@ -20,7 +20,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
-from verefine_viz.scenes.fit import NEAR, share_near
+from verefine_viz.scenes.fit import NEAR, sample, share_near
 from verefine_viz.scenes.frames import frame_name
 
 NEAR_M = 0.015
@@ -46,8 +46,12 @@ class _Object:
     gt_id: int
     model: ObjectModel
     T_cam_obj: Float
+    n_points: int
+    """Measured in its mask, > 0."""
     points_cam: Float
-    """(N, 3) [m], N > 0: measured in its mask."""
+    """(N, 3) [m]: some of them, as a frame may hold thousands of objects."""
+    middle_m: float
+    """Their depth (median of all)."""
 
     def share(self, points_cam: Float) -> float:
         """Share of points (N, 3) [m] that lie on its model in its true pose."""
@@ -65,7 +69,7 @@ def each_frame(dataset: BopDataset, looked: Sequence[tuple[int, int]], kind: Mas
         objects = _objects(dataset, ids, kind)
         if objects:
             name, fits = frame_name(ids), {one.gt_id: one.share(one.points_cam) for one in objects}
-            sizes = [len(one.points_cam) for one in objects]
+            sizes = [one.n_points for one in objects]
             shares[name] = float(np.average(list(fits.values()), weights=sizes))
             fault = _fault(objects, fits, shares[name], kind)
             faults |= {name: fault} if fault else {}
@@ -91,13 +95,15 @@ def _objects(dataset: BopDataset, ids: tuple[int, int], kind: MaskFolder) -> lis
                 mask: Mask = dataset.mask(*ids, truth.gt_id, kind, image.camera.shape) & (image.depth_m > 0)
                 if mask.any() and truth.T_cam_obj is not None:
                     model = dataset.models.get(truth.obj_id)
-                    objects.append(_Object(truth.gt_id, model, truth.T_cam_obj, points_cam[mask]))
+                    seen_cam = points_cam[mask]
+                    some, middle_m = sample(seen_cam), float(np.median(seen_cam[:, 2]))
+                    objects.append(_Object(truth.gt_id, model, truth.T_cam_obj, len(seen_cam), some, middle_m))
     return objects
 
 
 def _fault(objects: Sequence[_Object], fits: Mapping[int, float], share: float, kind: MaskFolder) -> str:
     """What is wrong with a frame, or with some of its objects, and what to check; empty where nothing is."""
-    off = [one for one in objects if fits[one.gt_id] < FEWEST_ON and len(one.points_cam) >= FEWEST_POINTS]
+    off = [one for one in objects if fits[one.gt_id] < FEWEST_ON and one.n_points >= FEWEST_POINTS]
     # The mask of all of an object covers what hides it as well.
     alone = off if kind == "mask_visib" else []
     if share >= FEWEST_ON and not alone:
@@ -130,7 +136,7 @@ def _swapped(off: Sequence[_Object], objects: Sequence[_Object]) -> Iterator[tup
 def _times(objects: Sequence[_Object]) -> float | None:
     """How many times as far away as the true poses all objects are measured; None where that is no explanation."""
     ahead = [one for one in objects if one.T_cam_obj[2, 3] > 0]
-    logs = np.log([np.median(one.points_cam[:, 2]) / one.T_cam_obj[2, 3] for one in ahead])
+    logs = np.log([one.middle_m / one.T_cam_obj[2, 3] for one in ahead])
     if not len(logs) or np.ptp(logs) > 2 * SAME_DEPTH:
         return None
     times = float(np.exp(np.median(logs)))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.jsonfile import id_of
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
-from verefine_viz.scenes.jsonfile import read_json
 
 
 def unequal_counts(dataset: BopDataset) -> tuple[str, ...]:
@@ -19,26 +20,26 @@ def unequal_counts(dataset: BopDataset) -> tuple[str, ...]:
 
 
 def _of_scene(dataset: BopDataset, scene_id: int) -> Iterator[str]:
-    folder = dataset.scene_folder(scene_id)
     with suppress(VerefineError):  # A file that is damaged is a finding of its own.
-        truths = _lengths(folder / "scene_gt.json")
+        folder = dataset.scene_folder(scene_id)
+        truths = _lengths(dataset, scene_id, "scene_gt.json")
         kinds = [kind for kind in sorted(get_args(MaskFolder)) if (folder / kind).is_dir()]
         others = {f"{kind}/": _masks(folder / kind) for kind in kinds}
-        if (folder / "scene_gt_info.json").is_file():
-            others = {"scene_gt_info.json": _lengths(folder / "scene_gt_info.json"), **others}
+        if os.path.lexists(folder / "scene_gt_info.json"):
+            others = {"scene_gt_info.json": _lengths(dataset, scene_id, "scene_gt_info.json"), **others}
         for im_id, n in truths.items():
             wrong = [f"{found[im_id]} in {name}" for name, found in others.items() if found[im_id] != n]
             if wrong:
                 yield f"image {scene_id}/{im_id}: {n} instances in scene_gt.json, {', '.join(wrong)}"
 
 
-def _lengths(path: Path) -> Counter[int]:
+def _lengths(dataset: BopDataset, scene_id: int, name: str) -> Counter[int]:
     """How many entries a file has for each image."""
-    content: dict[str, Any] = read_json(path, dict)
-    return Counter({int(k): len(v) for k, v in content.items() if k.isdecimal() and isinstance(v, list)})
+    content = dataset.of_images(scene_id, name)
+    return Counter({im_id: len(entries) for im_id, entries in content.items() if isinstance(entries, list)})
 
 
 def _masks(folder: Path) -> Counter[int]:
     """How many masks there are of each image; they are called image_instance.png."""
     stems = {path.stem for path in folder.iterdir()}
-    return Counter(int(image) for image in (stem.partition("_")[0] for stem in stems) if image.isdecimal())
+    return Counter(im_id for stem in stems if (im_id := id_of(stem.partition("_")[0])) is not None)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+from io import TextIOWrapper
 from pathlib import Path
 
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import is_batch_folder
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.input_files import open_input
 from verefine_viz.evaluation.coverage import Covered
 from verefine_viz.session.files import load_session
 
@@ -22,9 +24,9 @@ def covered_by(results: Path) -> Covered | None:
         return None
     try:
         # Two columns of many: the rows are not checked as they are for the page.
-        with (folder / "frames.csv").open(encoding="utf-8", newline="") as file:
+        with TextIOWrapper(open_input(folder / "frames.csv"), encoding="utf-8", newline="") as file:
             images = frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
-    except (OSError, ValueError, KeyError, TypeError, csv.Error):
+    except (VerefineError, OSError, ValueError, KeyError, TypeError, csv.Error):
         return None
     return Covered(images, _objects(folder / SESSION_FILE))
 

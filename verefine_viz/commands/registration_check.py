@@ -12,8 +12,8 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Placed
-from verefine_viz.rendering.scene import render_scene
 from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.silhouette import depth_of
 
 Pixels = NDArray[np.intp]
 
@@ -53,7 +53,7 @@ def registration(
             f"millimetres{guess}",
         )
         return
-    pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := _drawn(frame)).any()]
+    pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := depth_of(frame.placed, frame.camera)).any()]
     if pairs:
         yield _agreement(pairs, is_in_place)
 
@@ -100,11 +100,6 @@ def _frames(dataset: BopDataset, sampled: Sequence[tuple[int, int]]) -> Iterator
         except VerefineError:
             continue  # Said already.
         yield _Frame(image.depth_m.astype(np.float64), image.camera, tuple(placed))
-
-
-def _drawn(frame: _Frame) -> Float:
-    """The depth (H, W) [m] that the true poses have, 0 beside objects."""
-    return render_scene(frame.placed, frame.camera).depth_m.astype(np.float64)
 
 
 def _times_as_far(frames: Sequence[_Frame]) -> float | None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from heapq import nlargest
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
-from verefine_viz.scenes.size_fit import Witness, size_verdict, witnesses
+from verefine_viz.scenes.bop import BopDataset, MaskFolder
+from verefine_viz.scenes.size_fit import MOST, Witness, size_verdict, witnesses
 from verefine_viz.scenes.size_words import Verdict
 
 
@@ -21,27 +22,23 @@ def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: 
     for ids in sampled:
         with suppress(VerefineError):
             image = dataset.image(*ids)
-            shape = image.camera.shape
-            masks = [(truth, _mask(dataset, ids, truth, kind, shape)) for truth in dataset.ground_truth(*ids) or ()]
-            objects = [_posed(dataset, truth, mask) for truth, mask in masks if mask.any()]
-            together = np.any([mask for _, mask in masks], axis=0)
-            known = [one for one in objects if one is not None]
-            looked += witnesses(known, image.camera, image.depth_m, together)
+            together = np.zeros(image.camera.shape, np.bool_)
+            # A frame may hold thousands of instances, so no more masks are held than are looked at.
+            largest = nlargest(MOST, _objects(dataset, ids, kind, together), lambda one: np.count_nonzero(one[2]))
+            looked += witnesses(largest, image.camera, image.depth_m, together)
     return size_verdict(looked)
 
 
-def _mask(
-    dataset: BopDataset, ids: tuple[int, int], truth: GroundTruth, kind: MaskFolder, shape: tuple[int, int]
-) -> Mask:
-    """The mask (H, W) of an instance, empty where it cannot be read."""
-    with suppress(VerefineError):
-        return dataset.mask(*ids, truth.gt_id, kind, shape)
-    return np.zeros(shape, np.bool_)
+def _objects(
+    dataset: BopDataset, ids: tuple[int, int], kind: MaskFolder, together: Mask
+) -> Iterator[tuple[ObjectModel, Float, Mask]]:
+    """Model, true pose and mask (H, W) of each instance of a frame of which all are known.
 
-
-def _posed(dataset: BopDataset, truth: GroundTruth, mask: Mask) -> tuple[ObjectModel, Float, Mask] | None:
-    """The model of an instance in its true pose; None where one of them is not known."""
-    with suppress(VerefineError):
-        if truth.T_cam_obj is not None:
-            return dataset.models.get(truth.obj_id), truth.T_cam_obj, mask
-    return None
+    Masks of all instances, also of others, are added to ``together`` (H, W).
+    """
+    for truth in dataset.ground_truth(*ids) or ():
+        with suppress(VerefineError):
+            mask = dataset.mask(*ids, truth.gt_id, kind, together.shape)
+            together |= mask
+            if mask.any() and truth.T_cam_obj is not None:
+                yield dataset.models.get(truth.obj_id), truth.T_cam_obj, mask

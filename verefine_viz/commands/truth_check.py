@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.commands.instance_check import unequal_counts
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.listing import first_of
 from verefine_viz.scenes.bop import BopDataset, GroundTruth
-from verefine_viz.scenes.jsonfile import read_json
 
 
 def check_truths(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
@@ -22,7 +20,7 @@ def check_truths(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts:
             truths.append(dataset.ground_truth(*ids) or ())
         except VerefineError as error:
             damage.append(str(error))
-    damage = list(dict.fromkeys([*damage, *_odd_keys(dataset)]))
+    damage = list(dict.fromkeys(damage))
     n_with = sum(bool(mine) for mine in truths)
     parts.ground_truth = n_with > 0
     parts.damaged_truth = damage[0] if damage and not parts.ground_truth else ""
@@ -45,13 +43,3 @@ def check_truths(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts:
             "all must list the same instances in the same order; evaluate refuses images where scene_gt_info differs"
         )
         parts.add("instances", "not the same in all files", f"{unequal}; {needed}")
-
-
-def _odd_keys(dataset: BopDataset) -> Iterator[str]:
-    """What in each scene's file is called by no number of an image, and would never be looked at."""
-    for scene_id in dataset.scene_ids:
-        path = dataset.scene_folder(scene_id) / "scene_gt.json"
-        with suppress(VerefineError):  # Not there, or said already.
-            odd = [key for key in read_json(path, dict) if not key.isdecimal()]
-            if odd:
-                yield f"{path} has {odd[0]!r} for an image, expected its number, as in {{'0': […], '1': […]}}"

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 
+FOCAL_PX = (1.0, 1e6)
+"""Least and largest focal length [px]: beyond lie mistakes, and pixels that no integer counts."""
+FARTHEST_PX = 1e6
+"""Largest distance of the principal point from the image's corner, along each axis, and largest skew [px]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -25,8 +30,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         K = finite(self.K, "cam_K", (3, 3))
-        if K[0, 0] <= 0 or K[1, 1] <= 0:
-            raise ShapeError(f"cam_K has focal lengths {K[0, 0]:g}, {K[1, 1]:g}; expected positive pixels")
+        check_intrinsics(K)
         if self.width <= 0 or self.height <= 0:
             raise ShapeError(f"the image is {self.width}×{self.height}, expected positive sizes")
         object.__setattr__(self, "K", K)
@@ -64,3 +68,22 @@ class Camera:
         return np.stack(
             [points_cam[..., 0] / z * self.fx + self.cx, points_cam[..., 1] / z * self.fy + self.cy], axis=-1
         )
+
+
+def check_intrinsics(K: Float) -> None:
+    """Nothing, if a camera can have the matrix (3, 3) [px].
+
+    Raises:
+        ShapeError: a focal length, the principal point or the skew is out of bounds.
+    """
+    low, high = FOCAL_PX
+    if not (low <= K[0, 0] <= high and low <= K[1, 1] <= high):
+        raise ShapeError(
+            f"cam_K has focal lengths {K[0, 0]:g}, {K[1, 1]:g}; expected positive pixels, {low:g} to {high:g}"
+        )
+    if not np.abs(K[:2, 2]).max() <= FARTHEST_PX:
+        raise ShapeError(
+            f"cam_K has the principal point {K[0, 2]:g}, {K[1, 2]:g}; expected pixels within ±{FARTHEST_PX:g}"
+        )
+    if not max(abs(K[0, 1]), abs(K[1, 0])) <= FARTHEST_PX:
+        raise ShapeError(f"cam_K has a skew of {K[0, 1]:g}, {K[1, 0]:g}; expected pixels within ±{FARTHEST_PX:g}")

@@ -17,6 +17,9 @@ from verefine_viz.core.errors import ShapeError
 RIGID_TOLERANCE = 1e-3
 """How far RᵀR may be from the identity in a pose that is read from a file (rounded decimals) [-]."""
 
+FARTHEST_M = 100.0
+"""No position that is read from a file is further away [m]; the simulator takes none either."""
+
 ORTHONORMAL_TOLERANCE = 1e-9
 """Below this RᵀR counts as the identity and a pose is left as it is [-]."""
 
@@ -67,6 +70,17 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
     T[:3, :3] = nearest_rotation(T[:3, :3])
     T.flags.writeable = False
     return T
+
+
+def check_reach(t_m: Float, name: str) -> None:
+    """Nothing, if a position (3,) [m] is at most ``FARTHEST_M`` away.
+
+    Raises:
+        ShapeError: it is further away, or not finite.
+    """
+    distance_m = math.hypot(*t_m.tolist())
+    if not distance_m <= FARTHEST_M:
+        raise ShapeError(f"{name} is {distance_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
 
 
 def _is_orthonormal(T: Float) -> bool:

@@ -6,6 +6,7 @@ import hashlib
 import io
 import logging
 import math
+import os
 import zipfile
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +17,7 @@ import platformdirs
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.estimator_settings import PpfSettings
+from verefine_viz.core.input_files import read_input
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field
@@ -71,8 +73,10 @@ def cache_file(model: ObjectModel, settings: PpfSettings, folder: Path | None = 
 
 def read(path: Path) -> Learnt | None:
     """The tables kept at ``path``; None if there are none that can be used."""
+    if not os.path.lexists(path):
+        return None
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
+        with np.load(io.BytesIO(read_input(path)), allow_pickle=False) as kept:
             table = PairTable(
                 kept["points"],
                 kept["normals"],
@@ -87,9 +91,7 @@ def read(path: Path) -> Learnt | None:
                 int(kept["n_angles"]),
             )
             learnt = Learnt(table, SurfaceField(kept["distance_m"], kept["low"], float(kept["side_m"])))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (InputError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
         log.warning("the table %s is damaged and made again (%s)", path.name, error)
         return None
     if not _is_sound(learnt):

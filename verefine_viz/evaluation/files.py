@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, quoted
 from verefine_viz.core.listing import MOST_NAMED, first_of
 from verefine_viz.core.places import LEVELS_BELOW
 from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
@@ -131,9 +132,9 @@ def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: B
     if path is None:
         return _default_targets(dataset, truth, task)
     inside = dataset.folder / path
-    if not path.is_file() and not inside.is_file():
-        raise InputError(f"targets file {path} does not exist, neither here nor in {dataset.folder}")
-    return read_targets(path if path.is_file() else inside)
+    if not os.path.lexists(path) and not os.path.lexists(inside):
+        raise InputError(f"targets file {quoted(str(path), 200)} does not exist, neither here nor in {dataset.folder}")
+    return read_targets(path if os.path.lexists(path) else inside)
 
 
 def _default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = None) -> Targets:

@@ -5,21 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.jsonfile import read_numbered
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.evaluation.symmetries import bop_symmetries
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
-from verefine_viz.scenes.jsonfile import number_of, read_json
-from verefine_viz.scenes.meshes import FORMATS, largest_distance, read_geometry, unit_of_format
-from verefine_viz.scenes.units import checked_unit
+from verefine_viz.scenes.meshes import hull_vertices, largest_distance, mesh_files, read_geometry, unit_of_format
+from verefine_viz.scenes.units import checked_unit, diameter_mm_of
 
 N_PROBES = 24
 """Vertices, far from each other, that bound the largest distance from below."""
@@ -50,15 +48,12 @@ class EvalModel:
 
     @cached_property
     def sorted_vertices(self) -> tuple[Float, int]:
-        """The vertices (V, 3) [mm], extreme ones first, and how many of them span the convex hull.
+        """The vertices (V, 3) [mm], extreme ones first, and how many of them hold those that span the convex hull.
 
         A search for the largest distance that stops early should meet large ones soon.
         """
         points = np.unique(self.vertices_mm, axis=0)
-        try:
-            hull = ConvexHull(points).vertices
-        except (QhullError, ValueError):
-            hull = np.arange(len(points))  # flat or a line: no hull in 3D
+        hull = hull_vertices(points)
         probes = hull[_far_apart(points[hull], N_PROBES)]
         rest = np.setdiff1d(hull, probes)
         inside = np.setdiff1d(np.arange(len(points)), hull)
@@ -99,7 +94,8 @@ class EvalModels:
             raise InputError(f"{dataset} has no object models; expected models_eval/obj_000001.ply, … (or models/)")
         self.folder = folders[0]
         self._info_path = self.folder / "models_info.json"
-        self._info: dict[str, Any] = read_json(self._info_path, dict)
+        self._info = read_numbered(self._info_path, "object")
+        self._meshes = mesh_files(self.folder)
         self._loaded: dict[int, EvalModel] = {}
         self._unit_notes: list[str] = []
 
@@ -127,21 +123,16 @@ class EvalModels:
         Raises:
             InputError: there is none.
         """
-        if str(obj_id) not in self._info:
+        if obj_id not in self._info:
             raise InputError(f"{self._info_path} has no entry for object {obj_id}; its 'diameter' is needed")
-        where = f"{self._info_path}, object {obj_id}"
-        diameter_mm = number_of(self._info[str(obj_id)], "diameter", where)
-        if diameter_mm <= 0:
-            raise InputError(f"{where}: 'diameter' is {diameter_mm:g}, expected millimetres > 0")
-        return diameter_mm
+        return diameter_mm_of(self._info[obj_id], f"{self._info_path}, object {obj_id}")
 
     def _read(self, obj_id: int) -> EvalModel:
-        path = next((p for f in FORMATS if (p := self.folder / f"obj_{obj_id:06d}{f}").is_file()), None)
-        if path is None:
-            found = sorted({p.stem[4:] for p in self.folder.glob("obj_*") if p.stem[4:].isdecimal()})
-            raise InputError(f"{unknown('model', obj_id, map(int, found))} in {self.folder}")
+        if obj_id not in self._meshes:
+            raise InputError(f"{unknown('model', obj_id, self._meshes)} in {self.folder}")
+        path = self._meshes[obj_id]
         diameter_mm = self.diameter_mm(obj_id)
-        symmetries_mm = bop_symmetries(self._info[str(obj_id)], f"{self._info_path}, object {obj_id}")
+        symmetries_mm = bop_symmetries(self._info[obj_id], f"{self._info_path}, object {obj_id}")
         vertices, faces = read_geometry(path)
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
         # As where poses are found: a mesh that is solved in one unit must not be measured in another.

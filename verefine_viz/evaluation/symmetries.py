@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.scenes.jsonfile import key_of, numbers_of
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.geometry import axis_angle, check_reach, transform
+from verefine_viz.core.jsonfile import key_of, numbers_of, position_of
 
 STEP = 0.01
 """Largest way of a point between two steps of a continuous symmetry, as a share of the diameter (BOP)."""
@@ -32,7 +32,13 @@ def bop_symmetries(info: dict[str, Any], where: str, step: float = STEP) -> Floa
     """
     discrete = [np.eye(4)]
     for k, values in enumerate(_list(info, "symmetries_discrete", where)):
-        discrete.append(numbers_of({"it": values}, "it", 16, f"{where}: symmetries_discrete[{k}]").reshape(4, 4))
+        place = f"{where}: symmetries_discrete[{k}]"
+        T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4)
+        try:
+            check_reach(T[:3, 3] * 1e-3, place)
+        except ShapeError as error:
+            raise InputError(str(error)) from None
+        discrete.append(T)
     continuous = [
         T
         for k, entry in enumerate(_list(info, "symmetries_continuous", where))
@@ -44,7 +50,7 @@ def bop_symmetries(info: dict[str, Any], where: str, step: float = STEP) -> Floa
 
 
 def _rotations(entry: Any, where: str, n_steps: int) -> list[Float]:
-    axis, offset_mm = numbers_of(entry, "axis", 3, where), numbers_of(entry, "offset", 3, where)
+    axis, offset_mm = numbers_of(entry, "axis", 3, where), position_of(entry, "offset", where)
     if not np.linalg.norm(axis) > 0:
         raise InputError(f"{where}: 'axis' is zero, expected a direction")
     turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))

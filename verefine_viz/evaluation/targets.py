@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.scenes.jsonfile import integer_of, key_of, read_json
+from verefine_viz.core.jsonfile import integer_of, key_of, read_json
 
 Task = Literal["localization", "detection"]
 """localization: BOP'19 to '23, how many instances there are is known. detection: BOP'24, it is not."""
+
+MOST_INSTANCES = 100_000
+"""Of an object in an image."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,10 @@ def read_targets(path: Path) -> Targets:
         counts = scenes.setdefault(scene_id, {}).setdefault(im_id, {})
         if task == "localization":
             n = integer_of(entry, "inst_count", where)
-            if n < 0:
-                raise InputError(f"{where}: 'inst_count' is {n}, expected 0 or more instances")
+            if not 0 <= n <= MOST_INSTANCES:
+                raise InputError(
+                    f"{where}: 'inst_count' is {n}, expected 0 or more instances, at most {MOST_INSTANCES}"
+                )
             counts[integer_of(entry, "obj_id", where)] = n
     if task == "localization" and not any(n for scene in scenes.values() for c in scene.values() for n in c.values()):
         raise InputError(f"{path} asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere")
@@ -71,7 +77,7 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
 
 def targets_path(dataset: Path, split: str, task: Task | None = None) -> Path | None:
     """The same, None where there is none."""
-    return next((dataset / name for name in _names(split, task) if (dataset / name).is_file()), None)
+    return next((dataset / name for name in _names(split, task) if os.path.lexists(dataset / name)), None)
 
 
 def _names(split: str, task: Task | None) -> list[str]:

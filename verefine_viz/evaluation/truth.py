@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,17 +12,16 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.jsonfile import integer_of, number_of, numbers_of, position_of, read_numbered
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.model import EvalModel, EvalModels, eval_model
 from verefine_viz.evaluation.targets import Targets
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.images import find_image, read_depth
-from verefine_viz.scenes.intrinsics import intrinsics_of
-from verefine_viz.scenes.jsonfile import integer_of, key_of, number_of, numbers_of, read_json
+from verefine_viz.scenes.images import check_deepest, find_image, image_width, read_steps
+from verefine_viz.scenes.intrinsics import depth_scale_of, intrinsics_of
 
 VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""
@@ -91,23 +91,22 @@ class BopTruth:
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
         folder, cameras, truths, infos = self._scene(scene_id)
-        key = str(im_id)
-        if key not in cameras:
+        if im_id not in cameras:
             raise InputError(f"{folder / 'scene_camera.json'} has no image {im_id}, which the targets name")
-        if key not in truths:
+        if im_id not in truths:
             raise InputError(f"{folder / 'scene_gt.json'} has no image {im_id}, which the targets name")
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        K = intrinsics_of(cameras[key], where)
-        if K[0, 0] <= 0 or K[1, 1] <= 0:
-            raise InputError(f"{where}: 'cam_K' has focal lengths {K[0, 0]:g}, {K[1, 1]:g}, expected positive pixels")
-        found = _truths(truths[key], infos, im_id, folder)
+        K = intrinsics_of(cameras[im_id], where)
+        found = _truths(truths[im_id], infos, im_id, folder)
         if not with_depth:
             return TruthImage(K, _width(folder, im_id), None, found)
         path = find_image(folder / "depth", f"{im_id:06d}")
         if path is None:
             raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; VSD needs the depth image")
-        # A scale of 1000 mm a step gives the raw steps; the toolkit multiplies them in single precision.
-        depth_mm = read_depth(path, 1000.0) * np.float32(number_of(cameras[key], "depth_scale", where))
+        scale_mm = depth_scale_of(cameras[im_id], where)
+        check_deepest(path, steps := read_steps(path), scale_mm)
+        # The toolkit multiplies them in single precision.
+        depth_mm = steps.astype(np.float32) * np.float32(scale_mm)
         return TruthImage(K, depth_mm.shape[1], depth_mm, found)
 
     def model(self, obj_id: int) -> EvalModel:
@@ -121,9 +120,9 @@ class BopTruth:
         """
         found: list[tuple[int, int]] = []
         for scene_id in self._dataset.scene_ids:
-            if (self._dataset.scene_folder(scene_id) / "scene_gt.json").is_file():
+            if os.path.lexists(self._dataset.scene_folder(scene_id) / "scene_gt.json"):
                 truths = self._scene(scene_id)[2]
-                found += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if str(i) in truths]
+                found += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if i in truths]
         return found
 
     @property
@@ -134,18 +133,19 @@ class BopTruth:
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
         return tuple(notes)
 
-    def _read_scene(self, scene_id: int) -> tuple[Path, dict[str, Any], dict[str, Any], dict[str, Any] | None]:
+    def _read_scene(self, scene_id: int) -> tuple[Path, dict[int, Any], dict[int, Any], dict[int, Any] | None]:
         folder = self._dataset.scene_folder(scene_id)
-        if not (folder / "scene_gt.json").is_file():
+        if not os.path.lexists(folder / "scene_gt.json"):
             raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
         info = folder / "scene_gt_info.json"
-        if not info.is_file():
+        has_info = os.path.lexists(info)
+        if not has_info:
             self._without_info.add(scene_id)
         return (
             folder,
-            read_json(folder / "scene_camera.json", dict),
-            read_json(folder / "scene_gt.json", dict),
-            read_json(info, dict) if info.is_file() else None,
+            read_numbered(folder / "scene_camera.json", "image"),
+            read_numbered(folder / "scene_gt.json", "image"),
+            read_numbered(info, "image") if has_info else None,
         )
 
 
@@ -214,14 +214,14 @@ def visible_targets(truth: TruthSource, images: Iterable[tuple[int, int]]) -> Ta
     return Targets("all instances that are at least 10 % visible", counts, "localization", is_official=False)
 
 
-def _truths(entries: Any, infos: dict[str, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
+def _truths(entries: Any, infos: dict[int, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
     where = f"{folder / 'scene_gt.json'}, image {im_id}"
     if not isinstance(entries, list):
         raise InputError(f"{where} is a JSON {type(entries).__name__}, expected a list of instances")
     shares = [1.0] * len(entries)
     if infos is not None:
         place = f"{folder / 'scene_gt_info.json'}, image {im_id}"
-        mine = key_of(infos, str(im_id), str(folder / "scene_gt_info.json"))
+        mine = infos.get(im_id)
         if not isinstance(mine, list) or len(mine) != len(entries):
             raise InputError(f"{place} does not describe the {len(entries)} instances of scene_gt.json one by one")
         shares = [number_of(info, "visib_fract", f"{place}, entry {k}") for k, info in enumerate(mine)]
@@ -230,7 +230,7 @@ def _truths(entries: Any, infos: dict[str, Any] | None, im_id: int, folder: Path
             k,
             integer_of(entry, "obj_id", f"{where}, entry {k}"),
             numbers_of(entry, "cam_R_m2c", 9, f"{where}, entry {k}").reshape(3, 3),
-            numbers_of(entry, "cam_t_m2c", 3, f"{where}, entry {k}"),
+            position_of(entry, "cam_t_m2c", f"{where}, entry {k}"),
             shares[k],
         )
         for k, entry in enumerate(entries)
@@ -243,8 +243,4 @@ def _width(folder: Path, im_id: int) -> int:
     path = next((p for p in found if p is not None), None)
     if path is None:
         raise InputError(f"{folder} has no rgb, gray or depth image {im_id:06d}; its width is needed")
-    try:
-        with Image.open(path) as image:
-            return image.width
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
+    return image_width(path)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.dependency_settings import DependencySettings
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, quoted, unknown
+from verefine_viz.core.input_files import read_input
+from verefine_viz.core.jsonfile import parse_json
 from verefine_viz.core.problem import Problem
 from verefine_viz.observation.dependency_order import Groups
 from verefine_viz.observation.visible_parts import label
@@ -40,17 +41,16 @@ def read_orders(path: Path) -> dict[str, Entries]:
         InputError: the file cannot be read.
         SettingsError: it is not JSON, or not orders by frame.
     """
+    raw = read_input(path, "order file")
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"order file {path} cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise SettingsError(f"order file {path} is not JSON: {error}") from None
+        data = parse_json(raw, f"order file {path}")
+    except InputError as error:
+        raise SettingsError(str(error)) from None
     if not isinstance(data, dict):
         raise SettingsError(
-            f'order file {path}: {_short(data)}; expected orders by frame, as {{"50/1": [[8, 2], [3]]}}'
+            f'order file {path}: {quoted(data, 60)}; expected orders by frame, as {{"50/1": [[8, 2], [3]]}}'
         )
-    return {frame: checked(entries, f"order file {path}, frame {frame!r}") for frame, entries in data.items()}
+    return {frame: checked(entries, f"order file {path}, frame {quoted(frame, 40)}") for frame, entries in data.items()}
 
 
 def checked(value: Any, where: str) -> Entries:
@@ -60,11 +60,11 @@ def checked(value: Any, where: str) -> Entries:
         SettingsError: it is something else; the text begins with ``where``.
     """
     if not _is_list(value) or not all(_is_list(cluster) for cluster in value):
-        raise SettingsError(f"{where}: {_short(value)}; expected {EXPECTED}")
+        raise SettingsError(f"{where}: {quoted(value, 60)}; expected {EXPECTED}")
     for entry in (entry for cluster in value for entry in cluster):
         is_id = isinstance(entry, int) and not isinstance(entry, bool)
         if not is_id and not (isinstance(entry, str) and re.fullmatch(r"#\d{1,9}", entry)):
-            raise SettingsError(f"{where}: entry {_short(entry)}; expected {EXPECTED}")
+            raise SettingsError(f"{where}: entry {quoted(entry, 60)}; expected {EXPECTED}")
     return value
 
 
@@ -120,8 +120,3 @@ def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int
 
 def _is_list(value: Any) -> bool:
     return isinstance(value, list | tuple)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:59] + "…"

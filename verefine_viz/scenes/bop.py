@@ -5,6 +5,7 @@ Foreign names stay here: ``cam_R_m2c``, ``cam_t_m2c`` [mm] become ``T_cam_obj`` 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,10 +19,18 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.jsonfile import (
+    id_of,
+    integer_of,
+    number_of,
+    numbers_of,
+    position_of,
+    read_json,
+    read_numbered,
+)
 from verefine_viz.core.listing import listed
 from verefine_viz.scenes.images import find_image, read_color, read_depth, read_mask, size_text
-from verefine_viz.scenes.intrinsics import intrinsics_notes, intrinsics_of
-from verefine_viz.scenes.jsonfile import integer_of, number_of, numbers_of, read_json
+from verefine_viz.scenes.intrinsics import depth_scale_of, intrinsics_notes, intrinsics_of
 from verefine_viz.scenes.models import ModelLibrary
 
 MaskFolder = Literal["mask_visib", "mask"]
@@ -78,7 +87,7 @@ class BopDataset:
             raise InputError(f"{unknown('split', split, splits)} in {self.folder}{_meant(self.folder, split)}")
         self.models = ModelLibrary(self.folder, model_points, seed)
         self._scenes = _scenes_in(self.folder / split)
-        self._json: dict[Path, Any] = {}
+        self._json: dict[Path, dict[int, Any]] = {}
 
     @property
     def name(self) -> str:
@@ -103,11 +112,18 @@ class BopDataset:
         Raises:
             InputError: no such scene, or its scene_camera.json is missing or damaged.
         """
-        path = self._scene(scene_id) / "scene_camera.json"
-        ids = self._read(path, dict)
-        if not all(key.isdecimal() for key in ids):
-            raise InputError(f"{path} has keys that are no image ids, expected {{'0': …, '1': …}}")
-        return tuple(sorted(int(key) for key in ids))
+        return tuple(sorted(self.of_images(scene_id, "scene_camera.json")))
+
+    def of_images(self, scene_id: int, name: str) -> dict[int, Any]:
+        """What a scene's scene_camera.json, scene_gt.json or scene_gt_info.json says of each image.
+
+        Raises:
+            InputError: no such scene, or the file is missing or damaged.
+        """
+        path = self._scene(scene_id) / name
+        if path not in self._json:
+            self._json[path] = read_numbered(path, "image")
+        return self._json[path]
 
     def knows_up(self, scene_id: int) -> bool:
         """Whether the camera's rotation (``cam_R_w2c``) is known in any image of a scene.
@@ -115,7 +131,7 @@ class BopDataset:
         Raises:
             InputError: as :meth:`image_ids`.
         """
-        entries = self._read(self._scene(scene_id) / "scene_camera.json", dict).values()
+        entries = self.of_images(scene_id, "scene_camera.json").values()
         return any(isinstance(entry, dict) and "cam_R_w2c" in entry for entry in entries)
 
     def has(self, scene_id: int, im_id: int) -> bool:
@@ -142,11 +158,8 @@ class BopDataset:
         self.check(scene_id, im_id)
         folder = self._scene(scene_id)
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        entry = self._read(folder / "scene_camera.json", dict)[str(im_id)]
-        K = intrinsics_of(entry, where)
-        scale_mm = number_of(entry, "depth_scale", where)
-        if scale_mm <= 0:
-            raise InputError(f"{where}: 'depth_scale' is {scale_mm:g}, expected millimetres per step > 0")
+        entry = self.of_images(scene_id, "scene_camera.json")[im_id]
+        K, scale_mm = intrinsics_of(entry, where), depth_scale_of(entry, where)
         path = find_image(folder / "depth", f"{im_id:06d}")
         if path is None:
             raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; a depth image is needed")
@@ -172,15 +185,15 @@ class BopDataset:
         """
         folder = self._scene(scene_id)
         path = folder / "scene_gt.json"
-        if not path.is_file():
+        if not os.path.lexists(path):
             return None
-        content = self._read(path, dict)
-        if str(im_id) not in content:
+        content = self.of_images(scene_id, path.name)
+        if im_id not in content:
             return None
-        entries = content[str(im_id)]
+        entries = content[im_id]
         if not isinstance(entries, list):
             raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
-        visible = self._visible_shares(folder, im_id)
+        visible = self._visible_shares(scene_id, im_id)
         return tuple(
             _ground_truth(entry, gt_id, visible.get(gt_id), f"{path}, image {im_id}, entry {gt_id}")
             for gt_id, entry in enumerate(entries)
@@ -218,7 +231,7 @@ class BopDataset:
         if path is None:
             return None
         wanted: dict[tuple[int, int], dict[int, int]] = {}
-        for k, entry in enumerate(self._read(path, list)):
+        for k, entry in enumerate(read_json(path, list)):
             where = f"{path}, entry {k}"
             counts = wanted.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
             if "obj_id" in entry:
@@ -242,9 +255,9 @@ class BopDataset:
             raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
         return rgb, ()
 
-    def _visible_shares(self, folder: Path, im_id: int) -> dict[int, float]:
-        path = folder / "scene_gt_info.json"
-        entries = self._read(path, dict).get(str(im_id), []) if path.is_file() else []
+    def _visible_shares(self, scene_id: int, im_id: int) -> dict[int, float]:
+        path = self._scene(scene_id) / "scene_gt_info.json"
+        entries = self.of_images(scene_id, path.name).get(im_id, []) if os.path.lexists(path) else []
         if not isinstance(entries, list):
             raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
         shares = (number_of(e, "visib_fract", f"{path}, image {im_id}, entry {k}") for k, e in enumerate(entries))
@@ -259,12 +272,10 @@ class BopDataset:
     def _scene(self, scene_id: int) -> Path:
         if scene_id not in self._scenes:
             raise InputError(f"{unknown('scene', scene_id, self._scenes)} in {self.folder / self.split}")
-        return self._scenes[scene_id]
-
-    def _read(self, path: Path, kind: type[dict] | type[list]) -> Any:
-        if path not in self._json:
-            self._json[path] = read_json(path, kind)
-        return self._json[path]
+        folder, *others = self._scenes[scene_id]
+        if others:
+            raise InputError(f"{folder} and {others[0].name} are both scene {scene_id}; rename or remove one of them")
+        return folder
 
 
 def _meant(folder: Path, split: str) -> str:
@@ -276,9 +287,14 @@ def _meant(folder: Path, split: str) -> str:
     return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
 
 
-def _scenes_in(folder: Path) -> dict[int, Path]:
-    found = (p for p in folder.iterdir() if p.is_dir() and p.name.isdecimal()) if folder.is_dir() else ()
-    return {int(p.name): p for p in sorted(found, key=lambda p: int(p.name))}
+def _scenes_in(folder: Path) -> dict[int, list[Path]]:
+    """The folders of each scene by number; one each, unless somebody made another with more or fewer zeros in front."""
+    scenes: dict[int, list[Path]] = {}
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        scene_id = id_of(path.name)
+        if scene_id is not None and path.is_dir():
+            scenes.setdefault(scene_id, []).append(path)
+    return dict(sorted(scenes.items()))
 
 
 def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
@@ -295,7 +311,7 @@ def _ground_truth(entry: Any, gt_id: int, visib_fract: float | None, where: str)
     obj_id = integer_of(entry, "obj_id", where)
     try:
         R = numbers_of(entry, "cam_R_m2c", 9, where).reshape(3, 3)
-        t_m = numbers_of(entry, "cam_t_m2c", 3, where) * 1e-3
+        t_m = position_of(entry, "cam_t_m2c", where) * 1e-3
         pose = as_rigid(transform(R, t_m), f"{where}: the pose")
     except (InputError, ShapeError) as error:
         return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))

@@ -10,9 +10,9 @@ import numpy as np
 from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, quoted
+from verefine_viz.core.jsonfile import integer_of, number_of, read_json
 from verefine_viz.scenes.images import size_text
-from verefine_viz.scenes.jsonfile import integer_of, number_of, read_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +98,14 @@ def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
         raise InputError(f"{where}: 'segmentation' needs 'counts' and 'size' (run-length encoding, no polygons)")
     size, counts = segmentation["size"], segmentation["counts"]
     if not isinstance(size, list) or tuple(size) != shape:
-        raise InputError(f"{where}: the mask is made for [h, w] = {size}, but the image is {size_text(shape)} pixels")
-    runs = _runs(counts)
+        found = f"the mask is made for [h, w] = {quoted(size, 40)}"
+        raise InputError(f"{where}: {found}, but the image is {size_text(shape)} pixels")
+    runs, n_pixels = _runs(counts), shape[0] * shape[1]
     # Checked here because pycocotools leaves memory uninitialised where the runs end early.
-    if runs is None or sum(runs) != shape[0] * shape[1]:
-        raise InputError(f"{where}: the mask's run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels")
+    if runs is None or min(runs, default=0) < 0 or sum(runs) != n_pixels:
+        raise InputError(
+            f"{where}: the mask's run lengths are damaged, expected a sum of {n_pixels} pixels, none below 0"
+        )
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
     return np.ascontiguousarray(coco.decode(rle)).astype(bool)
@@ -117,7 +120,7 @@ def encode_rle(mask: Mask) -> dict[str, Any]:
 def _runs(counts: Any) -> list[int] | None:
     if isinstance(counts, str):
         return _string_runs(counts)
-    whole = isinstance(counts, list) and all(isinstance(r, int) and not isinstance(r, bool) and r >= 0 for r in counts)
+    whole = isinstance(counts, list) and all(isinstance(r, int) and not isinstance(r, bool) for r in counts)
     return counts if whole else None
 
 

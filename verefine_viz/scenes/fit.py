@@ -88,13 +88,18 @@ def pose_notes(
 
 def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
     """Median distance of observed points (N, 3) [m] to a posed model, as a share of its diameter."""
-    some = points_cam[:: max(1, len(points_cam) // POINTS)]
+    some = sample(points_cam)
     return float(np.median(_tree(model).query(apply(inverse(T_cam_obj), some))[0])) / model.diameter_m
+
+
+def sample(points_cam: Float) -> Float:
+    """As many of the points (N, 3) as are looked at, a copy; of a sample all."""
+    return points_cam[:: max(1, len(points_cam) // POINTS)].copy()
 
 
 def share_near(points_cam: Float, model: ObjectModel, T_cam_obj: Float, near_m: float) -> float:
     """Share of observed points (N, 3) [m], N > 0, that lie within ``near_m`` of a posed model."""
-    some = points_cam[:: max(1, len(points_cam) // POINTS)]
+    some = sample(points_cam)
     return float(np.mean(_tree(model).query(apply(inverse(T_cam_obj), some))[0] < near_m))
 
 

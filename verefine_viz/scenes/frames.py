@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.errors import InputError, SettingsError, quoted
+from verefine_viz.core.jsonfile import id_of
 from verefine_viz.core.listing import listed
 from verefine_viz.scenes.bop import BopDataset
 
@@ -20,10 +20,11 @@ def parse_frame(frame: str) -> FrameIds:
     Raises:
         SettingsError: it is not two numbers with a slash between.
     """
-    found = re.fullmatch(r"(\d+)/(\d+)", frame.strip(), re.ASCII)
-    if not found:
-        raise SettingsError(f'frame {frame!r} is not "scene/image", such as "50/1"')
-    return int(found.group(1)), int(found.group(2))
+    scene, slash, image = frame.strip().partition("/")
+    scene_id, im_id = id_of(scene), id_of(image)
+    if not slash or scene_id is None or im_id is None:
+        raise SettingsError(f'frame {quoted(frame)} is not "scene/image", such as "50/1"')
+    return scene_id, im_id
 
 
 def frame_name(ids: FrameIds) -> str:

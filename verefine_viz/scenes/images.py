@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from verefine_viz.core.arrays import Mask
+from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.input_files import open_input
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 """Looked for in this order."""
+DEEPEST_M = 1e6
+"""Largest depth that an image may hold [m]; a 16-bit one holds no more at any depth_scale that is taken."""
 
 
 def find_image(folder: Path, stem: str) -> Path | None:
-    """The image of that name in ``folder``, whatever its format, or None."""
+    """The image of that name in ``folder``, whatever its format, or None.
+
+    What stands under the name and is no file (a pipe, a broken link) is said when it is read.
+    """
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
-    return next((path for path in candidates if path.is_file()), None)
+    return next((path for path in candidates if os.path.lexists(path)), None)
 
 
 def read_color(path: Path) -> NDArray[np.uint8]:
@@ -41,6 +48,31 @@ def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
     """Depth z (H, W) [m] of a one-channel image whose values times ``scale_mm`` are millimetres; 0 = not measured.
 
     Raises:
+        InputError: missing, damaged, more than one channel, negative or infinite values, or depth beyond ``DEEPEST_M``.
+    """
+    steps = read_steps(path)
+    check_deepest(path, steps, scale_mm)
+    return (steps * (scale_mm * 1e-3)).astype(np.float32)
+
+
+def check_deepest(path: Path, steps: Float, scale_mm: float) -> None:
+    """Nothing, if no depth of an image (H, W) of steps is beyond ``DEEPEST_M``.
+
+    Raises:
+        InputError: some is.
+    """
+    deepest_m = float(steps.max(initial=0.0)) * scale_mm * 1e-3
+    if not deepest_m <= DEEPEST_M:
+        raise InputError(
+            f"{path} holds depth of {deepest_m:.3g} m at {scale_mm:g} mm a step, expected at most {DEEPEST_M:g} m; "
+            "check 'depth_scale' in scene_camera.json"
+        )
+
+
+def read_steps(path: Path) -> Float:
+    """The values (H, W) of a depth image as they are in the file, 0 = not measured.
+
+    Raises:
         InputError: missing, damaged, more than one channel, or negative or infinite values.
     """
     image = _read(path)
@@ -50,7 +82,7 @@ def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
     raw = np.where(np.isnan(raw), 0.0, raw)
     if not np.isfinite(raw).all() or (raw < 0).any():
         raise InputError(f"{path} holds negative or infinite depth, expected values ≥ 0 with 0 = not measured")
-    return (raw * (scale_mm * 1e-3)).astype(np.float32)
+    return raw
 
 
 def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
@@ -80,11 +112,22 @@ def write_image(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> N
         Image.fromarray(pixels).save(part, format="PNG")
 
 
-def _read(path: Path) -> Image.Image:
-    if not path.is_file():
-        raise InputError(f"{path} is missing")
+def image_width(path: Path) -> int:
+    """The width that an image's header states [px].
+
+    Raises:
+        InputError: missing, damaged, or no image.
+    """
     try:
-        with Image.open(path) as image:
+        with open_input(path) as file, Image.open(file) as image:
+            return image.width
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
+
+
+def _read(path: Path) -> Image.Image:
+    try:
+        with open_input(path) as file, Image.open(file) as image:
             image.load()
             return image.copy()
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:

@@ -11,6 +11,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance
 from verefine_viz.scenes.frames import FrameIds
 from verefine_viz.scenes.pool import ResultsFile
+from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 FAR = 2.5
 """First poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
@@ -44,6 +45,11 @@ def instance_notes(
             notes.append(
                 f"{without(instance, model)}there is no ground truth to disturb; set hypotheses.source to 'results' "
                 "and name results files"
+            )
+        n_pixels = np.count_nonzero(instance.mask)
+        if n_pixels < FEWEST_MASK_PX:
+            notes.append(
+                f"{name}: its mask covers {n_pixels} px, too few to find a pose; expected at least {FEWEST_MASK_PX}"
             )
         if len(instance.points_cam):
             seen_m = float(np.median(instance.points_cam[:, 2]))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
+from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +14,34 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
+from trimesh.resolvers import FilePathResolver
 from trimesh.visual import TextureVisuals
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.input_files import open_input, read_input
+from verefine_viz.core.jsonfile import id_of
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
 """Looked for in this order."""
 
 MAX_HULL_POINTS = 4000
 """Hull vertices above which the diameter is taken from the extreme points of many directions."""
+
+HULL_AT_ONCE = 50_000
+"""Most points of which a convex hull is made in one go, 0.1 GB."""
+
+EXTREMES_AT_ONCE = 4000
+"""Points among which extremes are looked for in one go, 0.06 GB."""
+
+LARGEST_COORDINATE = 1e9
+"""Of a vertex, in the unit of its file."""
+LONGEST_SHOWN = 80
+"""Of a texture's name, in a note [characters]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +63,25 @@ class Mesh:
         return largest_distance(self.vertices_m)
 
 
+def mesh_files(folder: Path) -> dict[int, Path]:
+    """The mesh file of each object of a folder, ``obj_000005.ply`` or with another number of zeros, by BOP id.
+
+    Raises:
+        InputError: two names are of the same object.
+    """
+    found: dict[int, list[Path]] = {}
+    for path in folder.iterdir():
+        obj_id = id_of(path.stem.removeprefix("obj_")) if path.stem.startswith("obj_") else None
+        if obj_id is not None and path.suffix.lower() in FORMATS:
+            found.setdefault(obj_id, []).append(path)
+    for obj_id, paths in found.items():
+        paths.sort(key=lambda path: (FORMATS.index(path.suffix.lower()), path.name))
+        other = next((path for path in paths if path.stem != paths[0].stem), None)
+        if other is not None:
+            raise InputError(f"{paths[0]} and {other.name} are both object {obj_id}; rename or remove one of them")
+    return {obj_id: paths[0] for obj_id, paths in sorted(found.items())}
+
+
 def unit_of_format(path: Path) -> float:
     """Metres per unit of a model file in a BOP folder: glTF is in metres by its standard, all others in millimetres."""
     return 1.0 if path.suffix.lower() in (".glb", ".gltf") else 1e-3
@@ -62,14 +100,13 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         InputError: missing, damaged, no triangles, or coordinates that are not finite.
     """
     _check_file(path)
-    texture = _texture_name(path)
-    notes = _texture_notes(path, texture)
+    texture, notes = _texture(path)
     # An image that cannot be used is kept from trimesh, which would log a traceback.
     loaded = _loaded(path, skip_materials=bool(notes))
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
     colors = None if notes or bare else _baked_colors(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
-    if not loaded.is_watertight:
+    if not (np.unique(_edges(faces), return_counts=True)[1] == 2).all():
         vertices, faces, colors = _merged(vertices, faces, colors)
     faces = _outward(vertices, faces)
     return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes)
@@ -94,31 +131,59 @@ def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
 
 def largest_distance(points: Float) -> float:
     """The largest distance between two of the points (N, 3)."""
-    try:
-        hull = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
-        hull = np.unique(points, axis=0)  # flat or a line: no hull in 3D
+    hull = points[hull_vertices(points)]
     if len(hull) > MAX_HULL_POINTS:
         # A Fibonacci sphere: extremes along 2000 directions miss the true diameter by < 0.1 %.
         k = np.arange(2000) + 0.5
         phi, z = np.pi * (1 + 5**0.5) * k, 1 - k / 1000
         r = np.sqrt(1 - z * z)
         directions = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
-        hull = hull[np.unique(np.argmax(hull @ directions.T, axis=0))]
+        farthest, extreme = np.full(len(directions), -np.inf), np.zeros(len(directions), np.intp)
+        for start in range(0, len(hull), EXTREMES_AT_ONCE):
+            along = directions @ hull[start : start + EXTREMES_AT_ONCE].T
+            own, at = along.max(axis=1), along.argmax(axis=1)
+            extreme = np.where(own > farthest, start + at, extreme)
+            farthest = np.maximum(own, farthest)
+        hull = hull[np.unique(extreme)]
     return float(pdist(hull).max(initial=0.0))
+
+
+def hull_vertices(points: Float) -> NDArray[np.intp]:
+    """Indices of points (N, 3) that hold those that span the convex hull: exactly those, unless they are very many.
+
+    The hull of a million points takes gigabytes, so that of so many is put together from those of samples.
+    """
+    n = -(-len(points) // HULL_AT_ONCE)
+    if n <= 1:
+        return _hull_at_once(points)
+    # Samples of every n-th point have the shape of the whole, so that few of their hulls' vertices are inside of it.
+    found = np.concatenate([k + n * _hull_at_once(points[k::n]) for k in range(n)])
+    return found if len(found) > HULL_AT_ONCE else found[_hull_at_once(points[found])]
+
+
+def _hull_at_once(points: Float) -> NDArray[np.intp]:
+    try:
+        return ConvexHull(points).vertices.astype(np.intp)
+    except (QhullError, ValueError):
+        return np.arange(len(points))  # flat or a line: no hull in 3D
 
 
 def _check_file(path: Path) -> None:
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path} is no mesh file; supported: {', '.join(f[1:] for f in FORMATS)}")
-    if not path.is_file():
+    if not os.path.lexists(path):
         raise InputError(f"{path} is missing")
 
 
 def _loaded(path: Path, skip_materials: bool) -> trimesh.Trimesh:
     """The mesh of a file as trimesh reads it; refused where it is damaged or holds no triangles."""
     try:
-        loaded = trimesh.load_mesh(path, process=False, skip_materials=skip_materials)
+        with open_input(path) as file:
+            loaded = trimesh.load_mesh(
+                file, path.suffix[1:], resolver=_Beside(str(path)), process=False, skip_materials=skip_materials
+            )
+    except InputError:
+        raise
     except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} is damaged, cut off or no mesh ({reason}); fetch it again") from None
@@ -126,6 +191,11 @@ def _loaded(path: Path, skip_materials: bool) -> trimesh.Trimesh:
         raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
     if not np.isfinite(loaded.vertices).all():
         raise InputError(f"{path} holds vertices that are NaN or infinite")
+    if np.abs(loaded.vertices).max() > LARGEST_COORDINATE:
+        raise InputError(
+            f"{path} has a vertex at {np.abs(loaded.vertices).max():.3g}, expected coordinates within "
+            f"±{LARGEST_COORDINATE:g}"
+        )
     if len(loaded.faces) < (promised := _promised_faces(path)):
         raise InputError(f"{path} ends after {len(loaded.faces)} of {promised} faces; fetch it again")
     if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
@@ -141,8 +211,11 @@ def _ascii_vertices(path: Path) -> Float | None:
     if found is None or header.find("element") != found.start():
         return None  # other elements come before the vertices
     names = [line.split()[-1] for line in found.group(2).strip().splitlines()]
-    body = path.read_text("latin-1").split("end_header", 1)[1].lstrip("\r\n").splitlines()
-    return np.loadtxt(body[: int(found.group(1))], usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
+    with TextIOWrapper(open_input(path), "latin-1") as lines:
+        while not next(lines).startswith("end_header"):
+            pass
+        body = (line for line in lines if line.strip())
+        return np.loadtxt(islice(body, int(found.group(1))), usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
 
 
 def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
@@ -155,18 +228,40 @@ def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     return colors[:, :3] if len(colors) == len(mesh.vertices) else None
 
 
-def _texture_notes(path: Path, name: str | None) -> tuple[str, ...]:
-    """Why the texture that the file names cannot be used; empty where it can, or where there is none."""
-    if name is None:
-        return ()
-    if not (path.parent / name).is_file():
-        return (f"texture {name} of {path.name} is missing; the model is drawn in one colour",)
+class _Beside(FilePathResolver):
+    """The files that a mesh file names (materials, textures, buffers), opened like every other input."""
+
+    def get(self, name: str) -> bytes:
+        return read_input(self.absolute(name))
+
+
+def _texture(path: Path) -> tuple[str | None, tuple[str, ...]]:
+    """The texture that a mesh file names, None without one, and why it cannot be used (empty = it can)."""
     try:
-        with Image.open(path.parent / name) as image:
+        name = _texture_name(path)
+        why = None if name is None else _unusable(path.parent / name)
+    except InputError as error:
+        return None, (f"{error}; {path.name} is drawn in one colour",)
+    if name is None or why is None:
+        return name, ()
+    shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
+    return name, (f"texture {shown} of {path.name} {why}; the model is drawn in one colour",)
+
+
+def _unusable(texture: Path) -> str | None:
+    """What is wrong with an image; None where it can be used.
+
+    Raises:
+        InputError: something that is no file stands in its place.
+    """
+    if not os.path.lexists(texture):
+        return "is missing"
+    try:
+        with open_input(texture) as file, Image.open(file) as image:
             image.load()
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        return (f"texture {name} of {path.name} is damaged; the model is drawn in one colour",)
-    return ()
+        return "is damaged"
+    return None
 
 
 def _texture_name(path: Path) -> str | None:
@@ -175,9 +270,10 @@ def _texture_name(path: Path) -> str | None:
         found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
         return found.group(1) if found else None
     if path.suffix.lower() == ".obj":
-        library = re.search(r"^mtllib\s+(.+?)\s*$", path.read_text("latin-1"), re.MULTILINE)
-        if library and (path.parent / library.group(1)).is_file():
-            material = (path.parent / library.group(1)).read_text("latin-1")
+        library = re.search(rb"^mtllib\s+(.+?)\s*$", read_input(path), re.MULTILINE)
+        materials = path.parent / os.fsdecode(library.group(1)) if library else path
+        if library and os.path.lexists(materials):
+            material = read_input(materials).decode("latin-1")
             found = re.search(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
             return found.group(1) if found else None
     return None
@@ -192,7 +288,7 @@ def _promised_faces(path: Path) -> int:
 
 
 def _ply_header(path: Path) -> str:
-    with path.open("rb") as file:
+    with open_input(path) as file:
         return file.read(65536).split(b"end_header")[0].decode("latin-1")
 
 
@@ -210,12 +306,40 @@ def _merged(
     return vertices[kept], faces[~collapsed], None if colors is None else colors[kept]
 
 
+def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(3 F,) a number for the edge from each corner to the next, whichever way it goes."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    return np.minimum(start, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(start, end)
+
+
+def _turned_alike(faces: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The faces, those turned round that are wound against the first face they hang together with by edges.
+
+    Faces of a surface with one side only, which can not all be wound alike, stay as they are.
+    """
+    n, edge, start = len(faces), _edges(faces), faces.ravel()
+    order = np.argsort(edge, kind="stable")
+    _, first, count = np.unique(edge[order], return_index=True, return_counts=True)
+    one, other = order[first[count == 2]], order[first[count == 2] + 1]
+    face, neighbour = one // 3, other // 3
+    # Neighbours wound alike go along their common edge in opposite directions.
+    is_against = start[one] == start[other]
+    if not is_against.any():
+        return faces
+    # Each face stands for two nodes, as it is (k) and turned round (n + k); edges join what is wound alike.
+    a = np.concatenate([face, n + face])
+    b = np.concatenate([neighbour + n * is_against, neighbour + n * ~is_against])
+    graph = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(2 * n, 2 * n))
+    group = connected_components(graph, directed=False)[1]
+    as_is, turned = group[:n], group[n:]
+    # The group of the first face of each part is that of the lowest number: groups are numbered in order of faces.
+    is_turned = turned < as_is
+    return np.where(is_turned[:, None], faces[:, ::-1], faces)
+
+
 def _outward(vertices: Float, faces: NDArray[np.integer]) -> NDArray[np.integer]:
     """The faces, neighbours turned alike and the enclosed volume positive."""
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    if not mesh.is_winding_consistent:
-        trimesh.repair.fix_winding(mesh)
-        faces = np.asarray(mesh.faces)
+    faces = _turned_alike(faces)
     # Volume seen from the middle of the box: right for closed meshes, and a fair guess for open ones.
     a, b, c = np.moveaxis((vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2)[faces], 1, 0)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))

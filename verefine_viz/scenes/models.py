@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,15 @@ import numpy as np
 import trimesh
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, in_one_line, quoted, unknown
+from verefine_viz.core.jsonfile import id_of, read_json, read_numbered
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.scenes.jsonfile import number_of, read_json
-from verefine_viz.scenes.meshes import FORMATS, Mesh, read_mesh, unit_of_format
+from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
 from verefine_viz.scenes.symmetries import symmetry_transforms
-from verefine_viz.scenes.units import checked_unit
+from verefine_viz.scenes.units import checked_unit, diameter_mm_of
+
+LONGEST_NAME = 200
+"""Of an object [characters]."""
 
 
 def load_model(
@@ -97,15 +101,13 @@ class ModelLibrary:
         self.folder = _models_folder(dataset)
         self._n_points = n_points
         self._seed = seed
-        self._info: dict[str, Any] = {}
-        if (self.folder / "models_info.json").is_file():
-            self._info = read_json(self.folder / "models_info.json", dict)
+        self._info: dict[int, Any] = {}
+        if os.path.lexists(self.folder / "models_info.json"):
+            self._info = read_numbered(self.folder / "models_info.json", "object")
         self._names = _names(dataset, self.folder)
         self._loaded: dict[int, tuple[ObjectModel, tuple[str, ...]]] = {}
-        found = {p.stem for p in self.folder.iterdir() if p.suffix.lower() in FORMATS}
-        self.ids: tuple[int, ...] = tuple(
-            sorted(int(s.removeprefix("obj_")) for s in found if s.startswith("obj_") and s[4:].isdecimal())
-        )
+        self._meshes = mesh_files(self.folder)
+        self.ids: tuple[int, ...] = tuple(self._meshes)
         """BOP ids of the models whose mesh file is there."""
 
     def name(self, obj_id: int) -> str:
@@ -130,16 +132,14 @@ class ModelLibrary:
         return self._loaded[obj_id]
 
     def _read(self, obj_id: int) -> tuple[ObjectModel, tuple[str, ...]]:
-        path = next((p for f in FORMATS if (p := self.folder / f"obj_{obj_id:06d}{f}").is_file()), None)
-        if path is None:
+        if obj_id not in self._meshes:
             raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}")
+        path = self._meshes[obj_id]
         where = f"{self.folder / 'models_info.json'}, object {obj_id}"
-        info = self._info.get(str(obj_id), {})
+        info = self._info.get(obj_id, {})
         if not isinstance(info, dict):
             raise InputError(f"{where} is a JSON {type(info).__name__}, expected an object with 'diameter'")
-        stated_m = number_of(info, "diameter", where) * 1e-3 if "diameter" in info else None
-        if stated_m is not None and stated_m <= 0:
-            raise InputError(f"{where}: 'diameter' is {stated_m * 1e3:g}, expected millimetres > 0")
+        stated_m = diameter_mm_of(info, where) * 1e-3 if "diameter" in info else None
         symmetries = symmetry_transforms(info, where)
         mesh = read_mesh(path, unit_of_format(path))
         factor, note = checked_unit(path.name, mesh.diameter_m, stated_m)
@@ -159,14 +159,22 @@ def _models_folder(dataset: Path) -> Path:
 
 
 def _names(dataset: Path, models: Path) -> dict[int, str]:
-    path = next((f / "obj_names.json" for f in (models, dataset) if (f / "obj_names.json").is_file()), None)
+    path = next((f / "obj_names.json" for f in (models, dataset) if os.path.lexists(f / "obj_names.json")), None)
     if path is None:
         return {}
     names: dict[int, str] = {}
     for key, value in read_json(path, dict).items():
         # Both directions are in use: {"1": "can"} and {"can": 1}.
-        pair = (key, value) if str(key).isdecimal() else (value, key)
-        if not str(pair[0]).isdecimal():
-            raise InputError(f"{path}: {key!r}: {value!r} does not name an object id")
-        names[int(pair[0])] = str(pair[1])
+        number, name = (key, value) if id_of(key) is not None else (value, key)
+        obj_id = id_of(str(number))
+        if obj_id is None:
+            raise InputError(f"{path}: {quoted(key, 40)}: {quoted(value, 40)} does not name an object id")
+        if obj_id in names:
+            raise InputError(f"{path} names object {obj_id} twice; delete one of the names")
+        # Names go into tables and files, which hold neither line breaks nor half characters (lone surrogates).
+        names[obj_id] = in_one_line(str(name))
+        if not 0 < len(names[obj_id]) <= LONGEST_NAME:
+            raise InputError(
+                f"{path}: the name of object {obj_id} has {len(names[obj_id])} characters, expected 1 to {LONGEST_NAME}"
+            )
     return names

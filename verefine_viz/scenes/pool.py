@@ -12,6 +12,7 @@ import numpy as np
 
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.geometry import FARTHEST_M
 from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis
@@ -37,6 +38,8 @@ class ResultsFile:
     there twice."""
     n_repeated: int = 0
     """Rows that were dropped because they repeat a pose of the same object in the same frame."""
+    n_far: int = 0
+    """Rows that were dropped because they lie further away than ``FARTHEST_M``."""
 
     def objects(self) -> dict[FrameIds, set[int]]:
         """Of which objects there are rows, by frame."""
@@ -50,15 +53,22 @@ def open_results(path: Path | str) -> ResultsFile:
     """A results file, ready to be asked for an object of a frame.
 
     Raises:
-        InputError: as :func:`read_results`.
+        InputError: as :func:`read_results`, or every pose lies further away than ``FARTHEST_M``.
     """
     grouped: dict[tuple[int, int, int], list[ResultRow]] = {}
-    for row in read_results(path):
+    rows = read_results(path)
+    near = [row for row in rows if np.linalg.norm(row.T_cam_obj[:3, 3]) <= FARTHEST_M]
+    if not near:
+        raise InputError(
+            f"{path}: every pose lies more than {FARTHEST_M:g} m from the camera; BOP wants t in millimetres, expected "
+            f"at most {FARTHEST_M * 1e3:g}"
+        )
+    for row in near:
         grouped.setdefault((row.scene_id, row.im_id, row.obj_id), []).append(row)
     # Two starts from one pose would do the same, twice; the better score stays.
     ranked = {key: _each_once(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
     n_repeated = sum(len(rows) - len(ranked[key]) for key, rows in grouped.items())
-    return ResultsFile(Path(path).name, method_of(path), ranked, n_repeated)
+    return ResultsFile(Path(path).name, method_of(path), ranked, n_repeated, len(rows) - len(near))
 
 
 def _each_once(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
@@ -94,19 +104,27 @@ def _told_apart(paths: Sequence[Path]) -> tuple[ResultsFile, ...]:
 
 
 def file_notes(files: Sequence[ResultsFile]) -> tuple[str, ...]:
-    """Which of ``files`` seem to give translations in metres or give poses twice, and what is done about it."""
-    in_metres = tuple(
-        f"{file.name}: every pose lies within {NEAREST_M * 1e3:g} mm of the camera, so t looks like metres; BOP wants "
-        "millimetres: multiply t by 1000"
-        for file in files
-        if all(np.linalg.norm(row.T_cam_obj[:3, 3]) < NEAREST_M for rows in file.rows.values() for row in rows)
-    )
-    return in_metres + tuple(
-        f"{file.name}: {file.n_repeated} {'row repeats' if file.n_repeated == 1 else 'rows repeat'} a pose of the same "
-        "object in the same frame; each pose is tried once"
-        for file in files
-        if file.n_repeated
-    )
+    """What is odd about all poses of a file (in metres, out of reach, repeated), and what is done about it."""
+    notes: list[str] = []
+    for file in files:
+        if all(np.linalg.norm(row.T_cam_obj[:3, 3]) < NEAREST_M for rows in file.rows.values() for row in rows):
+            notes.append(
+                f"{file.name}: every pose lies within {NEAREST_M * 1e3:g} mm of the camera, so t looks like metres; "
+                "BOP wants millimetres: multiply t by 1000"
+            )
+        if file.n_far:
+            which = "row gives no pose: it lies" if file.n_far == 1 else "rows give no pose: they lie"
+            notes.append(
+                f"{file.name}: {file.n_far} {which} more than {FARTHEST_M:g} m from the camera; BOP wants t in "
+                "millimetres"
+            )
+        if file.n_repeated:
+            which = "row repeats" if file.n_repeated == 1 else "rows repeat"
+            notes.append(
+                f"{file.name}: {file.n_repeated} {which} a pose of the same object in the same frame; each pose is "
+                "tried once"
+            )
+    return tuple(notes)
 
 
 def check_covered(

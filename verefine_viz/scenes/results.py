@@ -17,6 +17,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, ShapeError, quoted
 from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.input_files import read_input
 
 HEADER = "scene_id,im_id,obj_id,score,R,t,time"
 
@@ -68,10 +69,10 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
         InputError: the file is missing or empty, or a line breaks a rule; the line's number and the reason are named.
     """
     path = Path(path)
+    raw = read_input(path)
     try:
-        text = path.read_text("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+        # Line breaks as Python reads text: of any system.
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise InputError(f"{path} is no text file, expected a BOP results CSV ({HEADER})") from None
     lines = text.split("\n")
@@ -166,9 +167,12 @@ def _hint(path: Path) -> str:
 
 def _integer(text: str, name: str, where: str) -> int:
     try:
-        return int(text)
-    except ValueError:
+        value = int(text)
+    except ValueError:  # no integer, or one of more than 4300 digits
         raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
+    if abs(value) >= 2**63:
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
+    return value
 
 
 def _numbers(text: str, n: int, name: str, where: str) -> Float:

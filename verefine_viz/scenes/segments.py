@@ -20,6 +20,9 @@ from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.scenes.silhouette import overlap, silhouette
 
+FEWEST_MASK_PX = 10
+"""Pixels of a mask below which nothing is solved well: point pair features need as many points, ICP three."""
+
 
 @dataclass(frozen=True, eq=False)
 class Segment:

@@ -8,8 +8,8 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.geometry import as_rigid, axis_angle, transform
-from verefine_viz.scenes.jsonfile import key_of, numbers_of
+from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
+from verefine_viz.core.jsonfile import key_of, numbers_of, position_of
 
 CONTINUOUS_STEPS = 64
 """Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
@@ -34,6 +34,7 @@ def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int 
         T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4).copy()
         T[:3, 3] *= 1e-3
         try:
+            check_reach(T[:3, 3], place)
             discrete.append(as_rigid(T, place))
         except ShapeError as error:
             raise InputError(str(error)) from None
@@ -49,7 +50,7 @@ def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int 
 
 def _rotations(entry: Any, where: str, n_steps: int) -> list[Float]:
     axis = numbers_of(entry, "axis", 3, where)
-    offset_m = numbers_of(entry, "offset", 3, where) * 1e-3
+    offset_m = position_of(entry, "offset", where) * 1e-3
     if not np.linalg.norm(axis) > 0:
         raise InputError(f"{where}: 'axis' is zero, expected a direction")
     turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))

@@ -2,8 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from verefine_viz.core.jsonfile import number_of
+
 SIZE_TOLERANCE = 1.2
 """Ratio between a mesh's own and its stated diameter above which a person is told."""
+
+DIAMETER_MM = (1e-3, 1e6)
+"""Least and largest diameter that models_info.json may state [mm]."""
+
+
+def diameter_mm_of(info: Any, where: str) -> float:
+    """The diameter of an object's entry in models_info.json [mm].
+
+    Raises:
+        InputError: there is none, or it is out of ``DIAMETER_MM``.
+    """
+    low, high = DIAMETER_MM
+    return number_of(info, "diameter", where, low, high, f"millimetres > 0, {low:g} to {high:g}")
 
 
 def checked_unit(file: str, own_m: float, stated_m: float | None) -> tuple[float, str]:

@@ -15,10 +15,10 @@ import numpy as np
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.jsonfile import write_json
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.scenes.images import write_image
-from verefine_viz.scenes.jsonfile import write_json
 from verefine_viz.scenes.ply import ply_bytes, size_entry
 from verefine_viz.scenes.silhouette import silhouette
 

@@ -13,11 +13,11 @@ import tomli_w
 
 from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.jsonfile import read_json, write_json
 from verefine_viz.core.lock import wait_for_lock
 from verefine_viz.core.places import why_not
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.images import write_image
-from verefine_viz.scenes.jsonfile import read_json, write_json
 from verefine_viz.scenes.results import ResultRow, read_results, write_results
 from verefine_viz.session.kept_begun import HEAD, SCENE_ID, scene_folder
 from verefine_viz.session.kept_entries import KeptFrame, KeptObject, camera_entry, info_entry, ply_of, truth_entry
