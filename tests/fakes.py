@@ -171,3 +171,19 @@ class FakeRefiner:
         angle = float(np.linalg.norm(w))
         half = transform(axis_angle(w, angle / 2) if angle > 1e-9 else np.eye(3), T_rest[:3, 3] / 2)
         return T_cam_obj @ half
+
+
+@dataclass
+class OneFrame:
+    """A scene source of one problem."""
+
+    only: Problem
+    notes: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        return (self.only.frame,)
+
+    def problem(self, frame: str, patience: object = None) -> Problem:
+        assert frame == self.only.frame
+        return self.only

@@ -25,8 +25,7 @@ from tests.batch.frames import batch_here, started_batch
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
-from verefine_viz.batch.cluster import open_cluster
-from verefine_viz.batch.desk import Desk
+from verefine_viz.batch.dask_worker import WorkerTools
 from verefine_viz.batch.runner import Place, Progress
 from verefine_viz.batch.runner import run_batch as run_here
 from verefine_viz.batch.worker import ONE_THREAD
@@ -73,29 +72,17 @@ def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
 
 
-def test_frames_can_be_sent_to_a_cluster_that_sees_no_file(
+def test_a_running_cluster_gives_the_same_and_keeps_nothing_of_ours(
     running: LocalCluster, session: Path, whole: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    done = batch_here(session, out, "--cluster", running.scheduler_address, "--ship")
+    done = batch_here(session, out, "--cluster", running.scheduler_address)
     assert done.returncode == 0, done.stderr
     assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
     # The cluster is somebody else's: it goes on, with nothing of ours left on it.
     assert running.status.name == "running"
     assert not [n for w in running.workers.values() for n in getattr(w, "plugins", {}) if n.startswith("verefine")]
-
-
-def test_a_frame_that_cannot_be_read_is_not_sent(running: LocalCluster, session: Path, tmp_path: Path) -> None:
-    workers = open_cluster(running.scheduler_address, load_session(session), tmp_path, "solve", 1, ship=True)
-    try:
-        results = list(workers.solve(["7/99"]))
-    finally:
-        workers.close()
-    (result,) = results
-    assert result is not None
-    assert result.failed
-    assert "unknown image 99" in result.objects[0].message
 
 
 def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
@@ -206,12 +193,6 @@ def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
     )
 
 
-def test_shipping_without_a_cluster_is_refused(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert "say --cluster ADDRESS" in refused(capsys, session, "--out", tmp_path / "out", "--ship")
-
-
 @pytest.mark.parametrize(
     ("version", "must_see", "said"),
     [("0.0.1", (), "install the same version"), (None, ("/no/such/folder",), "does not see /no/such/folder")],
@@ -222,7 +203,7 @@ def test_a_worker_says_why_it_cannot_help(
     import verefine_viz
 
     worker: Any = SimpleNamespace(address="tcp://10.0.0.7:1234", executors={})
-    desk = Desk("name", Session(), tmp_path, "solve", must_see, version or verefine_viz.__version__)
+    tools = WorkerTools("name", Session(), tmp_path, "solve", must_see, version or verefine_viz.__version__)
     with pytest.raises(UnavailableError, match=said):
-        desk.setup(worker)
+        tools.setup(worker)
     assert worker.executors == {}

@@ -121,7 +121,7 @@ def test_batch_takes_several_sessions() -> None:
             "unrecognized options: --recording.kep, all; perhaps you meant --recording.keep or ",
         ),
         (["view", "--port", "abc"], "--port is 'abc', expected an integer"),
-        (["batch", "a.toml", "--out", "o", "--seeds=abc", "--ship"], "--seeds is 'abc', expected an integer"),
+        (["batch", "a.toml", "--out", "o", "--seeds=abc", "--retry-failed"], "--seeds is 'abc', expected an integer"),
         (
             ["view", "--score.renderer", "vulkan"],
             "invalid choice 'vulkan' for argument '--score.renderer'. Expected one of ('auto', 'gl', 'cpu')",

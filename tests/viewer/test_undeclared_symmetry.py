@@ -9,7 +9,7 @@ import pytest
 
 from bench.diagnosis import named
 from bench.failing_scenes import broken_scene
-from verefine_viz.batch.desk import Shipped
+from tests.fakes import OneFrame
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.viewer import commands as c
@@ -27,7 +27,7 @@ def solved() -> tuple[Diagnosis, Debugger]:
     told, toolbox = named(broken), cast(Any, broken.toolbox)
     assert told is not None
     assert told.cause == Cause.SYMMETRIC
-    toolbox.__dict__["source"] = Shipped({broken.problem.frame: broken.problem})
+    toolbox.__dict__["source"] = OneFrame(broken.problem)
     return told, Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")])
 
 

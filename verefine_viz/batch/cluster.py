@@ -12,8 +12,6 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +19,14 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, wait
 
 import verefine_viz
-from verefine_viz.batch.desk import Answer, Desk, ModelOnDesk, solve_at_desk
-from verefine_viz.batch.frame import unforeseen
+from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.memory import gigabytes
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
 from verefine_viz.batch.scheduler import CONNECT_S, check_address, must_answer, why_not
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.batch.worker import ONE_THREAD
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import UnavailableError, VerefineError
-from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.session.toolbox import Toolbox
 
 PATIENCE_S = 20.0
 """After so long without any worker a person should know that nothing happens."""
@@ -42,9 +36,7 @@ AHEAD = 2
 """Frames per worker that are handed to the scheduler, so that none waits for the next one."""
 
 
-def open_cluster(
-    address: str, session: Session, out: Path, task: TaskName, n_workers: int, ship: bool
-) -> ClusterWorkers:
+def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_workers: int) -> ClusterWorkers:
     """The workers of the cluster at ``address``, or of a new one here ("local", ``n_workers`` processes).
 
     Raises:
@@ -67,7 +59,7 @@ def open_cluster(
             f"no Dask scheduler answers at {address} ({why_not(error)}); start one with: dask scheduler, which prints "
             "its address, tcp://HOST:8786; or say --cluster local"
         ) from None
-    return ClusterWorkers(client, own, address, session, out, task, ship)
+    return ClusterWorkers(client, own, address, session, out, task)
 
 
 def _local(n_workers: int) -> LocalCluster:
@@ -94,15 +86,13 @@ class ClusterWorkers:
         session: Session,
         out: Path,
         task: TaskName,
-        ship: bool,
     ) -> None:
         self._client, self._own, self._address = client, own, address
-        self._session, self._out, self._ship = session, out, ship
-        self._desk = Desk(
+        self._session = session
+        self._tools = WorkerTools(
             f"verefine-viz-{secrets.token_hex(4)}", session, out, task,
-            () if ship else (str(out), *_paths(session)), verefine_viz.__version__,
+            (str(out), *_paths(session)), verefine_viz.__version__,
         )  # fmt: skip
-        self._models_sent: set[int] = set()
         self._opened, self._looked = time.monotonic(), 0.0
         self._n_workers = 0
         self._most_bytes = 0
@@ -128,11 +118,7 @@ class ClusterWorkers:
                 frame = next(waiting, None)
                 if frame is None:
                     break
-                given = self._given(frame)
-                if isinstance(given, FrameResult):
-                    yield given
-                else:
-                    running[given] = frame
+                running[self._submitted(frame)] = frame
             if not running:
                 return
             done = self._done(list(running))
@@ -146,8 +132,7 @@ class ClusterWorkers:
     def close(self) -> None:
         # The cluster may be gone; there is nobody to tell then.
         with suppress(Exception):
-            for name in (*(f"{self._desk.name}-model-{i}" for i in self._models_sent), self._desk.name):
-                self._client.unregister_worker_plugin(name)
+            self._client.unregister_worker_plugin(self._tools.name)
         with suppress(Exception):
             self._client.close(timeout=CONNECT_S)
         if self._own is not None:
@@ -156,7 +141,7 @@ class ClusterWorkers:
 
     def _set_up(self) -> None:
         try:
-            self._client.register_plugin(self._desk)
+            self._client.register_plugin(self._tools)
         except VerefineError as error:
             raise UnavailableError(str(error)) from None
         except Exception as error:
@@ -166,32 +151,10 @@ class ClusterWorkers:
                 "install the same verefine-viz[cluster], Python and Dask on them"
             ) from None
 
-    def _given(self, frame: str) -> Future | FrameResult:
-        """The running task of a frame; its result, where there is nothing to send because it cannot be read."""
-        problem: Problem | None = None
-        if self._ship:
-            try:
-                problem = self._read(frame)
-            except VerefineError as error:
-                return failed_frame(frame, str(error), self._session)
-            except Exception as error:
-                return unforeseen(self._reader, frame, self._out, error)
-        key = f"{self._desk.name}-{frame_name(frame)}"
-        with dask.annotate(executor=self._desk.name):  # pyright: ignore[reportPrivateImportUsage]
-            return self._client.submit(solve_at_desk, self._desk.name, frame, problem, key=key, pure=False)
-
-    def _read(self, frame: str) -> Problem:
-        """The frame without its models, which are sent once."""
-        problem = self._reader.source.problem(frame)
-        for obj_id, model in problem.models.items():
-            if obj_id not in self._models_sent:
-                self._client.register_plugin(ModelOnDesk(self._desk.name, obj_id, model))
-                self._models_sent.add(obj_id)
-        return replace(problem, models={})
-
-    @cached_property
-    def _reader(self) -> Toolbox:
-        return Toolbox(self._session)
+    def _submitted(self, frame: str) -> Future:
+        key = f"{self._tools.name}-{frame_name(frame)}"
+        with dask.annotate(executor=self._tools.name):  # pyright: ignore[reportPrivateImportUsage]
+            return self._client.submit(solve_on_worker, self._tools.name, frame, key=key, pure=False)
 
     def _done(self, running: list[Future]) -> list[Future]:
         """Those that are done; none where nothing was done for a while."""
@@ -214,7 +177,7 @@ class ClusterWorkers:
 
     def _result(self, frame: str, future: Future) -> FrameResult:
         try:
-            answer: Answer = future.result()
+            answer: str = future.result()
         except KilledWorker as error:
             n = error.allowed_failures + 1
             why = f"{n} workers died on this frame (out of memory, or a library crashed)"
@@ -223,10 +186,7 @@ class ClusterWorkers:
             if future.status != "error":
                 raise self._gone() from None  # It is not the frame that failed: its answer cannot be fetched any more.
             return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
-        for name, content in answer.files.items():
-            with atomic(self._out / name) as part:
-                part.write_bytes(content)
-        return FrameResult.model_validate_json(answer.result)
+        return FrameResult.model_validate_json(answer)
 
     def _look(self) -> None:
         """Counts the workers, now and then: there may be more or fewer than before."""

@@ -47,9 +47,6 @@ class Place:
     """Most memory of a worker process; None = its share of the machine's."""
     cluster: str = ""
     """Address of a Dask scheduler, or "local" for one of our own; empty = worker processes of this machine."""
-    ship: bool = False
-    """On a cluster: send the images of each frame to its worker and recordings back, instead of reading and writing
-    them by path."""
 
     def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
         """The workers; they may start at once.
@@ -66,7 +63,7 @@ class Place:
                 raise UnavailableError(
                     "--cluster needs Dask, which is not installed: pip install 'verefine-viz[cluster]'"
                 ) from None
-            return open_cluster(self.cluster, session, out, task, self.n_workers, self.ship)
+            return open_cluster(self.cluster, session, out, task, self.n_workers)
         from verefine_viz.batch.pool import Pool
 
         return Pool(session, out, self.n_workers, task, self.limit_bytes)

@@ -43,10 +43,8 @@ class Batch:
     """Say why an answer is wrong where ground truth is known (columns cause and evidence); its re-runs take time, for
     wrong answers only."""
     cluster: str = ""
-    """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers."""
-    ship: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """With --cluster: send each frame's images to its worker and recordings back. Without it workers read the data set
-    and write recordings by path, from storage that all machines share."""
+    """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers,
+    which read the data set and write recordings by path, from storage that all machines share."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
@@ -56,14 +54,12 @@ class Batch:
             check_workers(self.workers)
         check_memory(self.worker_memory_gb)
         check_seeds(self.seeds)
-        if self.ship and not self.cluster:
-            raise SettingsError("--ship is about clusters; say --cluster ADDRESS, or leave it out")
         from verefine_viz.batch.command import run_jobs
         from verefine_viz.batch.jobs import session_jobs, sweep_jobs
         from verefine_viz.batch.runner import Place
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
-        place = Place(self.workers, limit, self.cluster, self.ship)
+        place = Place(self.workers, limit, self.cluster)
         task = "explain" if self.diagnose else "solve"
         overrides = given(self.settings, arguments)
         if self.methods or self.seeds is not None:
