@@ -8,7 +8,7 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"

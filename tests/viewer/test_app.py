@@ -21,10 +21,10 @@ from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import page
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.busy_status import BusyStatus
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.layout import KEYS
-from verefine_viz.viewer.telling import Telling
+from verefine_viz.viewer.panels.layout import KEYS
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 
@@ -178,14 +178,14 @@ class Fresh(FakeTools):
 def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What the page says while nothing can be shown, as it stands there."""
     heard: list[str] = []
-    say = Telling.say
+    say = BusyStatus.say
 
-    def overheard(telling: Telling, *what: Any) -> None:
+    def overheard(telling: BusyStatus, *what: Any) -> None:
         say(telling, *what)
         panel = telling._panel
         heard.append(telling._loading.content if panel is None else panel._words._handle.content)
 
-    monkeypatch.setattr(Telling, "say", overheard)
+    monkeypatch.setattr(BusyStatus, "say", overheard)
     return heard
 
 

@@ -12,8 +12,8 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.gallery import PAGE, WRONG, Gallery
 from verefine_viz.viewer.panels.batch import card, choices, pages, summary
+from verefine_viz.viewer.state.gallery import PAGE, WRONG, Gallery
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:

@@ -15,11 +15,10 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.batch_words import batch_words
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
-from verefine_viz.viewer.gallery import ALL, RIGHT, WRONG, Gallery, read_gallery
-from verefine_viz.viewer.score_plot import plot_of
+from verefine_viz.viewer.drawing.score_plot import plot_of
+from verefine_viz.viewer.state.gallery import ALL, RIGHT, WRONG, Gallery, read_gallery
+from verefine_viz.viewer.text.findings import batch_words, findings
 
 SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)
 EVIDENCE = "No hypothesis of the box leads to the truth: the nearest starts 30° away."

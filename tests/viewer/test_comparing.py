@@ -17,9 +17,9 @@ from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.compare import computing
 

@@ -7,8 +7,8 @@ import numpy as np
 from tests.viewer.two_runs import SIR, TWO, debugger, sides
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.side_words import now_table
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.drawing.comparison_tables import now_table
 
 
 def test_both_move_along_one_timeline() -> None:

@@ -14,13 +14,20 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.comparison import Difference
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.drawing.comparison_tables import (
+    better,
+    legend,
+    now_table,
+    outcome_table,
+    scores_note,
+    settings_list,
+    summary,
+)
+from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.side_scores import better, scores_note
-from verefine_viz.viewer.side_view import SidesView
-from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 
 def test_the_first_difference_is_reached_and_said() -> None:
@@ -101,7 +108,7 @@ def test_settings_changed_on_the_way_count() -> None:
     assert "score.alpha is 0.293 in A, 0.707 in B" in scores_note(sides(d))
 
 
-def without_truth(v: SidesView) -> SidesView:
+def without_truth(v: ComparisonSnapshot) -> ComparisonSnapshot:
     """The same, where nobody knows who is nearer."""
     blind = [replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes]
     return replace(v, outcomes=tuple(blind))

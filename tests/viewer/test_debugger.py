@@ -22,7 +22,7 @@ from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.session import opened
 

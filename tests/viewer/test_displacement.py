@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.viewer.displacement import Axes, displaced, displacement
+from verefine_viz.viewer.state.edited_pose import Axes, displaced, displacement
 
 SEEDS = st.integers(0, 10_000)
 AXES = st.sampled_from(["camera", "object"])

@@ -13,9 +13,9 @@ from tests.viewer.client import client, until
 from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import downloads
+from verefine_viz.viewer import export as downloads
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.layout import KEYS
+from verefine_viz.viewer.panels.layout import KEYS
 
 Sent = list[tuple[int, str, bytes]]
 

@@ -13,9 +13,9 @@ from verefine_viz.core.settings import Edit, MethodSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.keeping import Keeping
+from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.panels.session import opened
+from verefine_viz.viewer.text.headline import headline
 
 
 def session(edit: Edit) -> Session:
@@ -56,9 +56,9 @@ def test_an_edit_knows_its_frame_and_the_session_opens_there() -> None:
 
 
 @pytest.fixture
-def keeping(tmp_path: Path) -> Keeping:
+def keeping(tmp_path: Path) -> Exporter:
     server: Any = None  # Sessions are saved without a page.
-    return Keeping(server, tmp_path)
+    return Exporter(server, tmp_path)
 
 
 FORK = c.Fork((("method.exploration", 0.4),), 0)
@@ -72,7 +72,7 @@ def moved(path: Path) -> list[tuple[int, str]]:
 
 
 def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the_session(
-    keeping: Keeping, tmp_path: Path
+    keeping: Exporter, tmp_path: Path
 ) -> None:
     d = Debugger(session(edit_of(instance=1)), None, FakeTools, keep=keeping)
     d.carry_out([c.SaveSession("untouched"), *MOVE, c.SaveSession("moved")])
@@ -82,7 +82,7 @@ def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the
     assert [edit.instance for edit in again.carry_out([c.OpenFrame("0/2")]).workspace.run.edits] == [1]
 
 
-def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(keeping: Keeping, tmp_path: Path) -> None:
+def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(keeping: Exporter, tmp_path: Path) -> None:
     both = (edit_of(0, frame="0/1"), edit_of(1, frame="0/2"))
     opened = session(both[0]).model_copy(update={"edits": both})
     d = Debugger(opened, None, FakeTools, keep=keeping).carry_out([c.SaveSession("same")])
@@ -90,7 +90,7 @@ def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(keeping: Keepin
     assert d.message.endswith("same.toml")
 
 
-def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keeping: Keeping, tmp_path: Path) -> None:
+def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keeping: Exporter, tmp_path: Path) -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([*IN_EACH, c.SaveSession("two")])
     assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
     again = Debugger(load_session(tmp_path / "two.toml"), None, FakeTools)
@@ -100,7 +100,7 @@ def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keep
     assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
 
 
-def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Keeping, tmp_path: Path) -> None:
+def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Exporter, tmp_path: Path) -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping)
     d.carry_out([FORK, *IN_EACH, c.SaveSession("here")])
     assert "here.toml; it does not hold what was done in frame 0/1: save that there" in d.message
@@ -111,7 +111,7 @@ def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Keepin
     assert [frame for _, frame in moved(tmp_path / "there.toml")] == ["0/1"]
 
 
-def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(keeping: Keeping, tmp_path: Path) -> None:
+def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(keeping: Exporter, tmp_path: Path) -> None:
     late = edit_of(instance=0).model_copy(update={"after_iteration": 1})
     d = Debugger(session(late), None, FakeTools, keep=keeping).carry_out([c.Fork(), c.SaveSession("let_be")])
     assert "a pose that the session moves in every frame is not moved here, which belongs to it" in d.message

@@ -11,9 +11,9 @@ import pytest
 from tests.viewer.test_words import after
 from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.headline import HINTS, UNJUDGED, headline
-from verefine_viz.viewer.markup import hinted
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.drawing.markup import hinted
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.headline import HINTS, UNJUDGED, headline
 
 
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
@@ -74,7 +74,7 @@ def test_the_end_names_the_answer_and_its_error() -> None:
     assert said.endswith("mm from the truth.")
 
 
-def with_best_scores(view: View, scores: list[float]) -> View:
+def with_best_scores(view: Snapshot, scores: list[float]) -> Snapshot:
     """The view at the end of a run in which the hypotheses came to these scores."""
     assert view.state is not None
     arms = tuple(
@@ -103,7 +103,7 @@ def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[fl
     assert f"{said}; " in told
 
 
-def with_poses(view: View, best_mm: float, rival_mm: float) -> View:
+def with_poses(view: Snapshot, best_mm: float, rival_mm: float) -> Snapshot:
     """The view with the answer (of hypothesis 2) and the poses of hypothesis 3 so far beside the truth."""
     assert view.state is not None
     T_gt = view.target.instance.T_cam_obj_gt

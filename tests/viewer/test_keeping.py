@@ -17,10 +17,10 @@ from verefine_viz.session.files import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.keeping import Keeping
-from verefine_viz.viewer.markup import carries
+from verefine_viz.viewer.drawing.markup import carries
+from verefine_viz.viewer.export import Exporter
+from verefine_viz.viewer.handlers.editing import Unconfirmed
 from verefine_viz.viewer.panels.session import CHOOSE, open_now, opened
-from verefine_viz.viewer.refusal import Unconfirmed
 
 OTHER = Session(title="other")
 FORK = c.Fork((("method.exploration", 0.4),), 0)
@@ -34,7 +34,7 @@ def debugger(tmp_path: Path) -> Debugger:
     save_session(OTHER, tmp_path / "theirs.toml")
     mine = tmp_path / "mine.toml"
     save_session(Session(title="mine", method=MethodSettings(iterations=2)), mine)
-    return Debugger(load_session(mine), mine, FakeTools, keep=Keeping(server, tmp_path))
+    return Debugger(load_session(mine), mine, FakeTools, keep=Exporter(server, tmp_path))
 
 
 def test_another_session_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:

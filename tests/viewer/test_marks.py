@@ -12,11 +12,11 @@ from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.long_names import shortened
-from verefine_viz.viewer.marks import MEANINGS, QUIET, RED, Mark, once_per_object
-from verefine_viz.viewer.markup import text
+from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.panels.settings import NAME_PX
 from verefine_viz.viewer.panels.timeline import legend, strip
+from verefine_viz.viewer.state.timeline_marks import MEANINGS, QUIET, RED, Mark, once_per_object
+from verefine_viz.viewer.text.names import shortened
 
 MARKED = {**{kind: color for kind, color in EVENT_COLORS.items() if kind not in QUIET}, "error_grew": RED}
 

@@ -10,7 +10,7 @@ from tests.viewer.test_read_changes import FORK, Clustered
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.tables import arms_table
+from verefine_viz.viewer.drawing.bandit_tables import arms_table
 
 OF_SCENE = "μ: mean score of all objects together, not of this object alone"
 

@@ -24,14 +24,14 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.command_json import from_json, to_json
+from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.dependency_picture import Node, picture, short
-from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
+from verefine_viz.viewer.drawing.dependency_picture import Node, picture, short
+from verefine_viz.viewer.handlers.reordering import entries, moved
 from verefine_viz.viewer.panels.dependencies import order_html, order_sentence
-from verefine_viz.viewer.reordering import entries, moved
-from verefine_viz.viewer.scene_now import labels_of
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.snapshot.scene_state import labels_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_breadth"))
 EDGES = (
@@ -239,7 +239,7 @@ def test_the_order_that_is_told_is_the_one_of_the_run(method: str) -> None:
     assert ("Solved in" in html) != alone
 
 
-def found_in(view: View) -> DependencyGraph:
+def found_in(view: Snapshot) -> DependencyGraph:
     assert view.problem.dependencies is not None
     return view.problem.dependencies
 

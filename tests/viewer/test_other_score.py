@@ -9,12 +9,11 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.drawing.bandit_tables import arm_history
+from verefine_viz.viewer.drawing.tables import branches_table, last_of_old_scale, one_scale_note, other_scale_sign
 from verefine_viz.viewer.panels.bandit import score_lines
-from verefine_viz.viewer.scales import last_of_old_scale, one_scale_note, other_scale_sign
-from verefine_viz.viewer.tables import branches_table
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def debugger(session: Session | None = None) -> Debugger:
 STRICTER = (("score.tau_m", 0.005),)
 
 
-def scored_anew(view: View) -> tuple[float, float]:
+def scored_anew(view: Snapshot) -> tuple[float, float]:
     """What the record says of the kept pose, and what the page finds for the same pose."""
     shown = view.shown
     assert shown is not None
@@ -115,7 +114,7 @@ def test_other_settings_leave_the_scale_as_it_is() -> None:
     assert last_of_old_scale(d.view()) is None
 
 
-def scales_of(view: View) -> set[bool]:
+def scales_of(view: Snapshot) -> set[bool]:
     """Whether what is told in one place scores as little as the stricter settings allow: poses, first poses, truth."""
     assert view.truth is not None
     assert view.state is not None

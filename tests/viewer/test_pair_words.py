@@ -10,17 +10,17 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.pair_words import compared
-from verefine_viz.viewer.panels.maps import maps_html
-from verefine_viz.viewer.score_tables import score_table
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.drawing.tables import score_table
+from verefine_viz.viewer.panels.score import maps_html
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.poses import compared
 
 
 def scored(score: float, depth: float, normal: float, counts: tuple[int, int, int, int, int]) -> PoseScore:
     return PoseScore(score, depth, normal, sum(counts), sum(counts), counts)
 
 
-def beside(one: PoseScore, other: PoseScore) -> View:
+def beside(one: PoseScore, other: PoseScore) -> Snapshot:
     """A view that compares a simulated pose with a refined one of these scores."""
     view = debugger().carry_out([c.Step()]).view()
     assert view.a is not None

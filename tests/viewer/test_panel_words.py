@@ -13,17 +13,14 @@ from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.breakpoint_words import NAMES, breakpoint_words
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.objects_words import objects_words
-from verefine_viz.viewer.pair_words import compared
-from verefine_viz.viewer.panels.layers import ROWS, WITH_BOX
 from verefine_viz.viewer.panels.session import opened
-from verefine_viz.viewer.settings_words import settings_words
-from verefine_viz.viewer.view_words import view_words
-from verefine_viz.viewer.words import chosen, physics
+from verefine_viz.viewer.panels.view import ROWS, WITH_BOX
+from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.scene import objects_words
+from verefine_viz.viewer.text.sentences import NAMES, breakpoint_words, chosen, physics, settings_words, view_words
 
 SESSION = Session(method=MethodSettings(iterations=2))
 LABELS = {

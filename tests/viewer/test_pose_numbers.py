@@ -16,7 +16,7 @@ from verefine_viz.core.geometry import axis_angle, rotation_of_quat_wxyz, transf
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.displacement import displaced, displacement
+from verefine_viz.viewer.state.edited_pose import displaced, displacement
 
 SESSION = Session(title="boxes", method=MethodSettings(iterations=2))
 

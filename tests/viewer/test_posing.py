@@ -13,13 +13,12 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.keeping import Keeping
-from verefine_viz.viewer.plays import what_n_counts
-from verefine_viz.viewer.pose_words import shift_mm
-from verefine_viz.viewer.refusal import Unconfirmed
-from verefine_viz.viewer.tables import arms_table
-from verefine_viz.viewer.words import chosen
+from verefine_viz.viewer.drawing.bandit_tables import arms_table, what_n_counts
+from verefine_viz.viewer.export import Exporter
+from verefine_viz.viewer.handlers.editing import Unconfirmed
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.poses import shift_mm
+from verefine_viz.viewer.text.sentences import chosen
 
 
 def debugger(method: str = "rir", frame: str = "0/1") -> Debugger:
@@ -143,7 +142,7 @@ def test_a_moved_pose_that_nothing_can_go_on_from_is_let_go_by_a_link() -> None:
 
 
 def test_saving_says_that_a_pose_under_the_hand_is_not_in_the_file(tmp_path: Path) -> None:
-    keeping = Keeping(None, tmp_path)  # pyright: ignore[reportArgumentType]
+    keeping = Exporter(None, tmp_path)  # pyright: ignore[reportArgumentType]
     d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([c.EditPose(), c.SaveSession("a")])
     assert d.message.endswith("a.toml")
     d.carry_out([DRAGGED, c.SaveSession("b")])

@@ -6,15 +6,13 @@ import numpy as np
 
 from tests.viewer.two_runs import TWO, debugger
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import beside_answer
-from verefine_viz.viewer.arm_history import arm_history
-from verefine_viz.viewer.headline import headline
+from verefine_viz.viewer.drawing.bandit_tables import arm_history
+from verefine_viz.viewer.drawing.tables import changes_table, event_lines
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.run import of_the_end
-from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.tables import changes_table, event_lines
-from verefine_viz.viewer.timeline_words import timeline_words
-from verefine_viz.viewer.words import chosen, physics
+from verefine_viz.viewer.panels.timeline import strip, timeline_words
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.sentences import beside_answer, chosen, physics
 
 STAGE = c.StepStage()
 

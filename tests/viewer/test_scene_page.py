@@ -13,10 +13,10 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.scene_page import scene_page
+from verefine_viz.viewer.drawing.scene_page import scene_page
 
 EVIL = "</details><img src=x onerror=alert(1)>\"'&"
 PAGE = "<html><head><title>Viser</title><script>'</body>'</script></head><body><div></div>\n</body></html>"

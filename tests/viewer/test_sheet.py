@@ -10,17 +10,17 @@ from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.sheet import maps_sheet
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.drawing.score_maps import maps_sheet
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 END = c.RunUntil("end")
 
 
-def after(*commands: c.Command) -> View:
+def after(*commands: c.Command) -> Snapshot:
     return Debugger(Session(method=MethodSettings(iterations=2)), None, FakeTools).carry_out(commands).view()
 
 
-def texts(view: View, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def texts(view: Snapshot, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is written in the picture."""
     found: list[str] = []
     draw = ImageDraw.ImageDraw.text

@@ -16,14 +16,14 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.tables import arms_table
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.words import chosen
+from verefine_viz.viewer.drawing.bandit_tables import arms_table
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.sentences import chosen
 
 
-def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> View:
+def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> Snapshot:
     """Iteration 0 of a run that goes on from hypothesis ``arm`` put that far from the truth."""
     d = debugger().carry_out([*first, c.SelectArm(arm), c.EditPose()])
     T_gt = d.view().target.instance.T_cam_obj_gt

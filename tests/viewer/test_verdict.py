@@ -18,11 +18,11 @@ from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.drawing.plausibility import LIGHTS, plausibility_html
 from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.standing import LIGHTS, standing_html
-from verefine_viz.viewer.verdict import verdict
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.viewing import later
+from verefine_viz.viewer.snapshot.build import deferred_physics
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.plausibility import plausibility_verdict
 
 
 def sunk(into: int, depth_mm: float) -> Plausibility:
@@ -45,16 +45,16 @@ def debugger() -> Debugger:
     return Debugger(SESSION, None, FakeTools, plausibility=sinking).carry_out([TWO])
 
 
-def seen(debugger: Debugger) -> View:
+def seen(debugger: Debugger) -> Snapshot:
     """The view once everything is worked out."""
-    for _ in later(debugger.view(), debugger.workspace.branch.judge):
+    for _ in deferred_physics(debugger.view(), debugger.workspace.branch.judge):
         pass
     return debugger.view()
 
 
 def test_both_lists_name_what_a_pose_sinks_into(debugger: Debugger) -> None:
     view = seen(debugger.carry_out([c.RunUntil("end")]))
-    shown = standing_html(view)
+    shown = plausibility_html(view)
     assert view.scene.object(0).label in shown + objects_html(view)
     assert "Sinks 9.0 mm into box #0." in shown
     assert "Sinks 9.0 mm into box #1." in objects_html(view)
@@ -64,7 +64,7 @@ def test_both_lists_name_what_a_pose_sinks_into(debugger: Debugger) -> None:
 
 def test_what_sinks_into_a_waiting_object_is_not_called_impossible(debugger: Debugger) -> None:
     view = seen(debugger.carry_out([c.Step()]))
-    shown = standing_html(view)
+    shown = plausibility_html(view)
     assert "Sinks 9.0 mm into box #1, which still waits at its first pose: nothing can be said yet." in shown
     assert f"rgb{LIGHTS['red']}" not in shown
     assert f"rgb{LIGHTS['grey']}" in shown
@@ -89,7 +89,7 @@ def test_sinking_into_the_plane_counts_from_where_the_true_pose_is(
     tools: type[FakeTools], depth_mm: float, light: str
 ) -> None:
     scene = Debugger(SESSION, None, tools).view().scene
-    said = verdict(sunk(-1, depth_mm), scene.objects[0], scene)
+    said = plausibility_verdict(sunk(-1, depth_mm), scene.objects[0], scene)
     assert said.light == light
     assert said.sentence.startswith(f"Sinks {depth_mm:.1f} mm into the support plane")
     assert ("so does the true pose, by 8.0 mm: it is the plane found" in said.sentence) == (light == "amber")
@@ -97,7 +97,7 @@ def test_sinking_into_the_plane_counts_from_where_the_true_pose_is(
 
 def test_a_frame_that_nobody_looks_at_any_more_is_not_kept() -> None:
     scene = Debugger(SESSION, None, Lowered).view().scene
-    verdict(sunk(-1, 12.9), scene.objects[0], scene)
+    plausibility_verdict(sunk(-1, 12.9), scene.objects[0], scene)
     target = ref(scene.objects[0].target)
     del scene
     gc.collect()

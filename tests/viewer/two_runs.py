@@ -12,7 +12,7 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.side_view import SidesView
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 SESSION = Session(method=MethodSettings(iterations=2))
 SIR = (("method.name", "sir"),)
@@ -23,7 +23,7 @@ def debugger(session: Session = SESSION) -> Debugger:
     return Debugger(session, None, FakeTools)
 
 
-def sides(d: Debugger) -> SidesView:
+def sides(d: Debugger) -> ComparisonSnapshot:
     found = d.view().sides
     assert found is not None
     return found

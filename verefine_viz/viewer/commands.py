@@ -1,18 +1,32 @@
 """Everything a person can ask for, as data: what buttons, keys, links and scripts put into the queue.
 
-A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_lines`).
+A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_json`).
 The debugger carries them out in order, on one thread (:mod:`verefine_viz.viewer.debugger`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
-from verefine_viz.viewer.command import Changes, Command
-from verefine_viz.viewer.gallery_commands import FilterBatch, OpenAt, OpenFailure, OpenPoint, SortBatch, TurnPage
-from verefine_viz.viewer.order_commands import ORDER_COMMANDS
-from verefine_viz.viewer.side_commands import SIDE_COMMANDS
+from verefine_viz.batch.index import Order
+
+Changes = tuple[tuple[str, Any], ...]
+"""Settings to change: (("method.exploration", 0.2), …)."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Base of all commands."""
+
+    latest_wins: ClassVar[bool] = False
+    """A newer one of the same kind makes an older one that still waits pointless (sliders, dragging)."""
+
+
+# Everything a person can ask for, as data: what buttons, keys, links and scripts put into the queue.
+#
+# A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_json`).
+# The debugger carries them out in order, on one thread (:mod:`verefine_viz.viewer.debugger`).
 
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
@@ -287,13 +301,94 @@ class Export(Command):
     """The browser that asked, which gets the file as well; None = it is only written."""
 
 
-COMMANDS: dict[str, type[Command]] = {
-    c.__name__: c
-    for c in (
-        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, Cancel, TogglePause,
-        Restart, Estimate, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
-        Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
-        Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
-    )
-}  # fmt: skip
+MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+
+
+MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+
+
+# What a person can ask for in the gallery of a batch.
+
+BatchFilter = Literal["result", "cause", "object", "method", "run"]
+
+
+@dataclass(frozen=True)
+class OpenAt(Command):
+    """A frame at one of its iterations, computed up to there if need be."""
+
+    frame: str
+    iteration: int
+    run: str = ""
+    """Of several batch runs the one whose session is opened; empty = the one that is open."""
+    instance: int | None = None
+    """instance_id of the object that is then in focus."""
+
+
+@dataclass(frozen=True)
+class OpenFailure(Command):
+    """The next (+1) or previous (−1) answer of the gallery, in its order and among what its filters leave."""
+
+    direction: int
+
+
+@dataclass(frozen=True)
+class OpenPoint(Command):
+    """The answer whose point in the plot of score over error lies nearest."""
+
+    u: int
+    v: int
+
+
+@dataclass(frozen=True)
+class SortBatch(Command):
+    """The order in which a batch's answers are listed."""
+
+    order: Order
+
+
+@dataclass(frozen=True)
+class FilterBatch(Command):
+    """Which of a batch's answers are listed; every filter counts until it is set to "all"."""
+
+    by: BatchFilter
+    value: str
+
+
+@dataclass(frozen=True)
+class TurnPage(Command):
+    """Another page of the gallery, counted from 0."""
+
+    latest_wins: ClassVar[bool] = True
+    page: int
+
+
+# What a person can ask for about the order in which objects are solved. Each restarts the run.
+
+
+@dataclass(frozen=True)
+class CutDependency(Command):
+    """Let what is seen between two instances count no more, or count again."""
+
+    first: int
+    """instance_id."""
+    second: int
+    cut: bool = True
+
+
+@dataclass(frozen=True)
+class MoveInOrder(Command):
+    """Solve an object one place earlier (−1) or later (+1).
+
+    At the end of its cluster, the whole cluster changes places with the next one.
+    """
+
+    instance_id: int
+    by: int
+
+
+@dataclass(frozen=True)
+class ResetOrder(Command):
+    """Back to the order of the rule."""
+
+
+ORDER_COMMANDS: tuple[type[Command], ...] = (CutDependency, MoveInOrder, ResetOrder)

@@ -16,25 +16,24 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.session.breakpoints import with_changes
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import look as looking
-from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.answer import asked
-from verefine_viz.viewer.browsing import Browsing
-from verefine_viz.viewer.comparing import Comparing, as_done
-from verefine_viz.viewer.downloads import Kept
-from verefine_viz.viewer.gallery import Gallery
-from verefine_viz.viewer.look import Look
-from verefine_viz.viewer.moving import Moving
-from verefine_viz.viewer.opening import Opening
-from verefine_viz.viewer.posing import Posing
-from verefine_viz.viewer.reordering import as_restart
-from verefine_viz.viewer.running import Running
-from verefine_viz.viewer.tools import Tools
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.viewing import view_of
-from verefine_viz.viewer.workspace import Workspace
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.command_json import COMMANDS
+from verefine_viz.viewer.handlers import looking
+from verefine_viz.viewer.handlers.batch import Browsing
+from verefine_viz.viewer.handlers.comparing import Comparing, as_done
+from verefine_viz.viewer.handlers.editing import Posing
+from verefine_viz.viewer.handlers.looking import asked
+from verefine_viz.viewer.handlers.navigation import Moving, Running
+from verefine_viz.viewer.handlers.opening import Opening
+from verefine_viz.viewer.handlers.reordering import as_restart
+from verefine_viz.viewer.snapshot.build import snapshot_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.branch import Tools
+from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.state.workspace import Workspace, WrittenFile
 
-Keeper = Callable[["Debugger", c.Command], Kept]
+Keeper = Callable[["Debugger", c.Command], WrittenFile]
 
 
 class Debugger:
@@ -68,13 +67,13 @@ class Debugger:
     ) -> None:
         self.workspace = Workspace(session, path, make_tools, plausibility, patience, overlap)
         self.demos = demos
-        self.look = Look()
+        self.look = ViewOptions()
         self.message = ""
         self.refused = False
         """Whether the message says what went wrong."""
         self.offer: tuple[str, c.Command] | None = None
         """Words and command of a link behind the message: does what was refused all the same."""
-        self.kept: tuple[Kept, ...] = ()
+        self.kept: tuple[WrittenFile, ...] = ()
         self.log: list[c.Command] = []
         """What was done, so that doing it again gives the same: runs appear as where they ended."""
         self._keep = keep
@@ -137,9 +136,9 @@ class Debugger:
         self.workspace.run.seek(cursor)
         self.look = self.look.moved()
 
-    def view(self, deep: bool = True) -> View:
+    def view(self, deep: bool = True) -> Snapshot:
         """What is to be seen now; if not ``deep`` without score maps, and plausibility only of an edited pose."""
-        return view_of(self, deep)
+        return snapshot_of(self, deep)
 
     # What the commands do
 
@@ -181,7 +180,7 @@ class Debugger:
                 if isinstance(command, c.SaveSession) and self.look.is_moved:
                     self.message += "; not the pose under the hand: press “Continue from here”, then save again"
             case _:
-                raise InputError(unknown("command", type(command).__name__, c.COMMANDS))
+                raise InputError(unknown("command", type(command).__name__, COMMANDS))
 
     def _show_branch(self, index: int) -> None:
         work = self.workspace.work
@@ -196,7 +195,7 @@ class Debugger:
             raise InputError("no simulated path here; step to an iteration with physics")
         return shown.path.Ts_cam_obj
 
-    def _check(self, look: Look) -> None:
+    def _check(self, look: ViewOptions) -> None:
         problem = self.workspace.work.problem
         ids = [i.instance_id for i in problem.instances]
         if look.focus is not None and look.focus not in ids:

@@ -11,9 +11,9 @@ from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command import Command
-from verefine_viz.viewer.gallery import Gallery
-from verefine_viz.viewer.side_commands import CompareRecording, OpenRecording
+from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.comparison_commands import CompareRecording, OpenRecording
+from verefine_viz.viewer.state.gallery import Gallery
 
 
 def serve(

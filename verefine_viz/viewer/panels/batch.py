@@ -11,16 +11,13 @@ import viser
 from verefine_viz.batch.index import ORDERS, Order
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.choice import choice
-from verefine_viz.viewer.command import Command
-from verefine_viz.viewer.gallery import ALL, PAGE, Entry, Gallery
-from verefine_viz.viewer.gallery_commands import BatchFilter
-from verefine_viz.viewer.markup import carries, link, sentence, text, warning
-from verefine_viz.viewer.standing import LIGHTS
-from verefine_viz.viewer.tables import number
-from verefine_viz.viewer.thumbnails import Painter, Thumbnails
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block
+from verefine_viz.viewer.commands import BatchFilter, Command
+from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, text, warning
+from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
+from verefine_viz.viewer.panels.widgets import Block
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import ALL, PAGE, Entry, Gallery
 
 STYLE = """<style>
 .vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px;margin-bottom:6px}
@@ -72,7 +69,7 @@ class BatchPanel:
         """No further pictures."""
         self.thumbnails.stop()
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """One page of the answers that are asked for; the one that is open is marked."""
         gallery, look = self._gallery, view.look
         entries = gallery.shown(look.batch_order, look.batch_only)

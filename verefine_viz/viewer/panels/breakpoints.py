@@ -9,10 +9,10 @@ import viser
 
 from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.breakpoint_words import breakpoint_words
-from verefine_viz.viewer.markup import sentence
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
+from verefine_viz.viewer.drawing.markup import sentence
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact, unlabelled
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.sentences import breakpoint_words
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class BreakpointsPanel:
         rows = "".join(compact(row, ROW_PX) for row in (*self.boxes.values(), *self.numbers.values()))
         gui.add_html(f"<style>{rows}{''.join(map(_beside_the_box, self.numbers.values()))}</style>")
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """Boxes and numbers as the breakpoints are set."""
         self._words.show(sentence(breakpoint_words(view.session.breakpoints)))
         for name, box in self.boxes.items():

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import viser
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
-from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
-from verefine_viz.viewer.markup import link, sentence, text, warning
-from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
-from verefine_viz.viewer.scene_now import color_of, labels_of
-from verefine_viz.viewer.scene_words import ALONE, method_name
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send
+from verefine_viz.viewer.commands import CutDependency, ResetOrder
+from verefine_viz.viewer.drawing.dependency_picture import TELLING, Node, full, picture
+from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
+from verefine_viz.viewer.panels.widgets import Block, Send
+from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.names import method_name
+from verefine_viz.viewer.text.scene import ALONE
 
 RULES = {
     "recommended": "It follows from what touches, hides and carries what.",
@@ -28,12 +29,12 @@ class DependenciesPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._block = Block(gui, "order")
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The graph of the frame; it does not change during a run."""
         self._block.show(order_html(view))
 
 
-def order_html(view: View) -> str:
+def order_html(view: Snapshot) -> str:
     """The whole content of the panel."""
     graph, names = view.problem.dependencies, labels_of(view.problem)
     if len(names) < 2:
@@ -93,7 +94,7 @@ def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
     return set(rest) <= direct
 
 
-def _actions(view: View, graph: DependencyGraph) -> str:
+def _actions(view: Snapshot, graph: DependencyGraph) -> str:
     hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
     back = ""
     if graph.source == "given":

@@ -9,12 +9,12 @@ import viser
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.changes import current_values
-from verefine_viz.viewer.long_names import shortened
-from verefine_viz.viewer.markup import sentence
-from verefine_viz.viewer.settings_words import settings_words, waiting
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
+from verefine_viz.viewer.drawing.markup import sentence
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.branch import current_values
+from verefine_viz.viewer.text.names import shortened
+from verefine_viz.viewer.text.sentences import settings_words, waiting
 
 ROW_PX = 18
 """So that all settings fit into the panel."""
@@ -81,7 +81,7 @@ class SettingsPanel:
         self._labels = {name: handle.label for name, handle in self._fields.items()}
         for handle in self._fields.values():
             handle.on_update(by_person(lambda _: self._tell()))
-        self._view: View | None = None
+        self._view: Snapshot | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
 
@@ -97,7 +97,7 @@ class SettingsPanel:
 
         self.apply.on_click(by_person(apply))
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The settings that hold at the end of this branch; drafts are kept until those change."""
         values = dict(current_values(view.session, tuple(self._fields)))
         if values != self._known:

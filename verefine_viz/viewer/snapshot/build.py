@@ -1,0 +1,347 @@
+"""Builds the :class:`Snapshot` of a debugger: gathers, scores and measures what is to be shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Instance, Problem, Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.settings import Session
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.snapshot.comparison import comparison_snapshot
+from verefine_viz.viewer.snapshot.deferred_physics import known_physics, others_of, work_out
+from verefine_viz.viewer.snapshot.partial_iteration import (
+    OF_ITERATION,
+    answered,
+    is_answer,
+    is_of_best_scene,
+    is_partial,
+    revealed,
+)
+from verefine_viz.viewer.snapshot.scene_state import SceneState, scene_state
+from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
+from verefine_viz.viewer.state.branch import Branch
+from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
+from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.text.scene import ALONE
+
+if TYPE_CHECKING:
+    from verefine_viz.viewer.debugger import Debugger
+
+
+# The two combinations of poses that are compared where the whole scene is shown, scored as a scene.
+
+FIRST = "first poses"
+"""What the scene before the run is called."""
+
+
+def frame_score(judge: CachedEvaluator, scene: SceneState, session: Session) -> PoseScore | None:
+    """The score of all answers so far, rendered together; None for a single object."""
+    known = [(o.target, o.answer.T_cam_obj) for o in scene.objects if o.answer is not None]
+    if len(known) < 2:
+        return None
+    return together(judge, [target for target, _ in known], np.array([T for _, T in known]), session)
+
+
+@lru_cache(maxsize=4)
+def scene_target(problem: Problem) -> Target:
+    """All objects as if they were one: what score maps are cut to and coloured by."""
+    mask = np.any([i.mask for i in problem.instances], axis=0)
+    model = max(problem.models.values(), key=lambda model: model.diameter_m)
+    return Target(problem.observation, Instance(-1, model.obj_id, mask, np.zeros((0, 3)), ()), model)
+
+
+def compared_scenes(
+    judge: CachedEvaluator,
+    scene: SceneState,
+    look: ViewOptions,
+    session: Session,
+    deep: bool,
+    first: Mapping[int, Float] | None = None,
+) -> tuple[ComparedPose | None, ComparedPose | None]:
+    """A: the objects as they stand now, or at their ``first`` poses (4, 4) by instance_id. B: the answers so far."""
+    known = [o for o in scene.objects if o.T_cam_obj is not None and o.answer is not None]
+    if not known:
+        return None, None
+    now = np.array([first[o.instance_id] if first else o.T_cam_obj for o in known])
+    best = np.array([o.answer.T_cam_obj for o in known if o.answer is not None])
+    closed = scene.closes_pass
+    name = FIRST if first else f"pass {closed.number}" if closed else "now"
+    targets = [o.target for o in known]
+
+    def side(name: str, Ts: Float) -> ComparedPose:
+        score = together(judge, targets, Ts, session) if deep else None
+        pose = EvaluatedPose(name, Ts, score, None)
+        if not deep:
+            return ComparedPose(pose, None)
+        maps = judge.scene_maps(targets, Ts)
+        return ComparedPose(pose, maps, probe(maps, targets[0], *look.pixel) if look.pixel else None)
+
+    return side(name, now), side("best", best)
+
+
+FALLBACK_A = ("current", "initial", "best", "ground truth")
+FALLBACK_B = ("accepted", "best", "initial", "ground truth")
+"""What is shown instead of a stage that does not exist at the cursor."""
+
+
+def snapshot_of(debugger: Debugger, deep: bool = True) -> Snapshot:
+    """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
+    space = debugger.workspace
+    work, branch = space.work, space.branch
+    run, judge = branch.run, branch.judge
+    answer = is_answer(run, debugger.look)
+    look = debugger.comparing.look(answered(debugger.look) if answer else debugger.look)
+    target, shown = _focus(branch, look)
+    partial = is_partial(run, look)
+    # Stage by stage an iteration has no result yet: neither an answer nor, where it is the newest, a place in curves.
+    now = run.state_at(run.cursor - 1) if partial else branch.state
+    iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
+    state = state_of(now, target)
+    truth = _truth(judge, target)
+    alone = branch.settings.method.name in ALONE
+    stage = look.stage if partial else None
+    scene = scene_state(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
+    found = scene.object(target.instance.instance_id).answer if answer else None
+    arm = _arm(look, found if found is not None else shown, state)
+    told = _as_judged(shown, target, judge, branch)
+    poses = _poses(judge, target, told, state, arm, look, is_current=shown is run.iteration, truth=truth)
+    if found is not None:
+        poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
+        poses["best"] = EvaluatedPose("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
+    own = [i for i in iterations if i.instance_id == target.instance.instance_id]
+    if "best" in poses and is_of_best_scene(branch.settings.method.name, own, answer):
+        poses["best"] = replace(poses["best"], is_of_best_scene=True)
+    running, kept = debugger.running.goal is not None, space.session
+    errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
+    progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
+    if look.whole_scene and len(scene.objects) > 1:
+        map_target = scene_target(work.problem)
+        first = _first_poses(branch) if answer else None
+        a, b = compared_scenes(judge, scene, look, branch.settings, deep, first)
+    else:
+        map_target = target
+        one = _or_else(poses, look.a, FALLBACK_A)
+        other = _or_else(poses, look.b, (*_unlike(one, poses), *FALLBACK_B))
+        a, b = (_side(judge, target, pose, look, deep) for pose in (one, other))
+    return Snapshot(
+        session=branch.settings.model_copy(
+            update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
+        ),
+        session_path=space.path,
+        session_file=next(reversed(space.files), None),
+        frames=space.frames,
+        frame=space.frame,
+        demos=debugger.demos,
+        sessions=debugger.sessions,
+        batch=debugger.browsing.gallery,
+        entry=debugger.browsing.entry(target.instance.instance_id),
+        problem=work.problem,
+        exploration=branch.exploration_after(run.cursor),
+        doubts=branch.doubts(),
+        recording=branch.recording,
+        branches=tuple(_summary(b, branch) for b in work.branches),
+        branch=work.index,
+        cursor=run.cursor,
+        progress=progress,
+        iterations=iterations,
+        marks=tuple(m for m in branch.marks() if not (partial and m.iteration == run.cursor)),
+        is_answer=answer,
+        is_partial=partial,
+        shown=shown,
+        target=target,
+        state=state,
+        begun=state_of(run.state_scored_at(own[0].index), target) if own else state,
+        poses=poses,
+        arm=arm,
+        look=look,
+        a=a,
+        b=b,
+        plausible=_plausible(judge, target, poses, scene) if deep or look.edited is not None else {},
+        initial_errors=tuple(errors),
+        error_series=_error_series(judge, target, iterations),
+        truth=truth,
+        # Up to half a second for a pose that is nearly such a turn: a run does not wait for it.
+        undeclared=judge.undeclared_turn(target, poses["best"].T_cam_obj) if "best" in poses and not running else None,
+        scene=scene,
+        frame_score=frame_score(judge, scene, branch.settings),
+        map_target=map_target,
+        best_errors=_best_errors(judge, work.problem, iterations) if look.whole_scene else {},
+        physics=known_physics(scene, judge),
+        deep=deep,
+        message=debugger.message,
+        refused=debugger.refused,
+        offer=debugger.offer,
+        kept=debugger.kept,
+        sides=comparison_snapshot(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
+    )
+
+
+def state_of(state: Any, target: Target) -> Any:
+    """The method's state of one object; None where it has no hypothesis."""
+    ids = [t.instance.instance_id for t in state.problem.targets]
+    return state.objects[ids.index(target.instance.instance_id)]
+
+
+def _focus(branch: Branch, look: ViewOptions) -> tuple[Target, Iteration | None]:
+    """The object in focus and the latest iteration up to the cursor that worked on it."""
+    run = branch.run
+    targets = {t.instance.instance_id: t for t in run.problem.targets}
+    at_cursor = run.iteration
+    if look.focus is not None:
+        focus = look.focus
+    elif at_cursor is not None:
+        focus = at_cursor.instance_id
+    else:
+        focus = next((k for k, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
+    past = run.iterations[: run.cursor]
+    return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
+
+
+def _as_judged(shown: Iteration | None, target: Target, judge: CachedEvaluator, branch: Branch) -> Iteration | None:
+    """An iteration with scores of ``judge``: those of its own time are of other settings where they changed since."""
+    if shown is None or branch.judge_of(shown.index) is judge:
+        return shown
+    stages = tuple(s if s.score is None else replace(s, score=judge.score(target, s.T_cam_obj)) for s in shown.stages)
+    return replace(shown, stages=stages)
+
+
+def _arm(look: ViewOptions, shown: Iteration | Best | None, state: Any) -> int:
+    if look.arm is not None:
+        n = len(state.arms) if state is not None else 1
+        return min(look.arm, n - 1)
+    if shown is not None:
+        return shown.arm
+    return state.best.arm if state is not None else 0
+
+
+def _truth(judge: CachedEvaluator, target: Target) -> EvaluatedPose | None:
+    T = target.instance.T_cam_obj_gt
+    return None if T is None else EvaluatedPose("ground truth", T, judge.score(target, T), judge.errors(target, T))
+
+
+def _poses(
+    judge: CachedEvaluator,
+    target: Target,
+    shown: Iteration | None,
+    state: Any,
+    arm: int,
+    look: ViewOptions,
+    is_current: bool,
+    truth: EvaluatedPose | None,
+) -> dict[str, EvaluatedPose]:
+    found: dict[str, EvaluatedPose] = {}
+
+    def add(name: str, T_cam_obj: Float, score: PoseScore | None, ms: float = 0.0) -> None:
+        found[name] = EvaluatedPose(name, T_cam_obj, score, judge.errors(target, T_cam_obj), ms)
+
+    if state is not None:
+        first = state.arms[arm].entries[0]
+        add("initial", first.T_cam_obj, first.score)
+        if shown is None:
+            now = state.arms[arm].current
+            add("current", now.T_cam_obj, now.score)
+    if shown is not None:
+        told = revealed(shown, look.stage if is_current else None)
+        for stage in shown.stages:
+            if stage.name in told:
+                score = stage.score or judge.score(target, stage.T_cam_obj)
+                add(stage.name, stage.T_cam_obj, score, stage.ms)
+        if len(told) == len(shown.stages):
+            kept = shown.accepted_stage
+            add("accepted", kept.T_cam_obj, kept.score, kept.ms)
+    if state is not None:
+        add("best", state.best.T_cam_obj, state.best.score)
+    if look.T_cam_obj_edited is not None:
+        T = np.array(look.T_cam_obj_edited)
+        add("edited", T, judge.score(target, T))
+    if truth is not None:
+        found["ground truth"] = truth
+    return found
+
+
+def _plausible(
+    judge: CachedEvaluator, target: Target, poses: dict[str, EvaluatedPose], scene: SceneState
+) -> dict[str, Any]:
+    """Of the poses whose standing is shown; among other objects only what was worked out already, and of the pose under
+    the hand at once: whoever moves it waits for nothing else.
+    """
+    others = others_of(scene, target.instance.instance_id)
+    found = {}
+    for k in plausibility_stages(poses):
+        ask = judge.known_plausibility if others and k != "edited" else judge.plausibility
+        found[k] = ask(target, poses[k].T_cam_obj, others)
+    return {k: v for k, v in found.items() if v is not None}
+
+
+def plausibility_stages(poses: dict[str, EvaluatedPose]) -> tuple[str, ...]:
+    """Poses whose plausibility is told: before the simulation and what was kept, or the answer; then the edited one."""
+    told = tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
+    return (*told, *(k for k in ("edited",) if k in poses))
+
+
+def deferred_physics(view: Snapshot, judge: CachedEvaluator) -> Iterator[None]:
+    """What the scene's physics still lacks, one thing per turn."""
+    shown = [(view.target, view.poses[k].T_cam_obj) for k in plausibility_stages(view.poses)]
+    return work_out(view.scene, judge, shown if len(view.scene.objects) > 1 else ())
+
+
+def _or_else(poses: dict[str, EvaluatedPose], wanted: str, instead: tuple[str, ...]) -> EvaluatedPose | None:
+    return next((poses[name] for name in (wanted, *instead) if name in poses), None)
+
+
+def _unlike(one: EvaluatedPose | None, poses: dict[str, EvaluatedPose]) -> tuple[str, ...]:
+    """What says more beside ``one`` than the same pose once more: before the first iteration, the truth."""
+    if one is None:
+        return ()
+    return tuple(n for n in FALLBACK_B if n in poses and not np.array_equal(poses[n].T_cam_obj, one.T_cam_obj))
+
+
+def _side(
+    judge: CachedEvaluator, target: Target, pose: EvaluatedPose | None, look: ViewOptions, deep: bool
+) -> ComparedPose | None:
+    if pose is None:
+        return None
+    if not deep:
+        return ComparedPose(pose, None)
+    maps = judge.maps(target, pose.T_cam_obj)
+    return ComparedPose(pose, maps, probe(maps, target, *look.pixel) if look.pixel else None)
+
+
+def _summary(branch: Branch, shown: Branch) -> BranchSummary:
+    state = branch.run.final_state
+    other_scale = branch.final_judge.verifier.settings != shown.final_judge.verifier.settings
+    errors = [
+        branch.judge.errors(t, best.T_cam_obj) if best else None
+        for t, best in zip(state.problem.targets, state.best, strict=True)
+    ]
+    run = branch.run
+    return BranchSummary(branch.name, run.length, run.n_iterations, tuple(state.best), tuple(errors), other_scale)
+
+
+def _first_poses(branch: Branch) -> dict[int, Float]:
+    """By instance_id: the best pose before the first iteration."""
+    state = branch.run.state_at(0)
+    pairs = zip(state.problem.targets, state.best, strict=True)
+    return {t.instance.instance_id: best.T_cam_obj for t, best in pairs if best is not None}
+
+
+def _best_errors(
+    judge: CachedEvaluator, problem: Problem, iterations: Sequence[Iteration]
+) -> dict[int, PoseErrors | None]:
+    targets = {t.instance.instance_id: t for t in problem.targets}
+    return {i.index: judge.errors(targets[i.instance_id], i.best.T_cam_obj) for i in iterations}
+
+
+def _error_series(judge: CachedEvaluator, target: Target, iterations: tuple[Iteration, ...]) -> tuple[Any, ...]:
+    own = [i for i in iterations if i.instance_id == target.instance.instance_id]
+    return tuple(
+        (i, judge.errors(target, i.accepted_stage.T_cam_obj), judge.errors(target, i.best.T_cam_obj)) for i in own
+    )
