@@ -122,7 +122,7 @@ def classes(screen: Screen, before: Path) -> None:
     """In the colours of the pixel classes, the drill's cloud is mostly explained, and so green."""
     screen.key("c")
     screen.key("c")
-    screen.until(lambda: screen.app.debugger.look.cloud == "class")
+    screen.until(lambda: screen.app.debugger.options.cloud == "class")
     assert explained_px(screen.picture("real_classes")) > explained_px(before) + 150
 
 

@@ -132,7 +132,7 @@ def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
         app.send(command)
     app.wait_until_idle()
     again = Debugger(SESSION, None, FakeTools).carry_out(from_json(to_json(x)) for x in app.debugger.log)
-    assert again.look == app.debugger.look
+    assert again.options == app.debugger.options
     assert first_difference(again.workspace.run.iterations, app.debugger.workspace.run.iterations) is None
 
 

@@ -146,7 +146,7 @@ def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
         app.send(batch.opens(batch.entries[0]))
         until(app, lambda: cursor(app) == 1)
         assert app.debugger.workspace.frame == "0/1"
-        assert app.debugger.look.focus == 0
+        assert app.debugger.options.focus == 0
         app.send(c.SortBatch("frame"))
         app.wait_until_idle()
         assert content(app).index("0/1 ") < content(app).index("0/2 ")

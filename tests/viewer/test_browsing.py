@@ -16,7 +16,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.score_plot import plot_of
+from verefine_viz.viewer.drawing import score_plot
+from verefine_viz.viewer.snapshot.score_plot import plot_of
 from verefine_viz.viewer.state.gallery import ALL, RIGHT, WRONG, Gallery, read_gallery
 from verefine_viz.viewer.text.findings import batch_words, findings
 
@@ -55,7 +56,7 @@ def debugger(several: Gallery) -> Debugger:
 def open_now(debugger: Debugger) -> tuple[str, str, int | None, int]:
     """Method, frame, object in focus, iteration."""
     space = debugger.workspace
-    return space.tools.session.method.name, space.frame, debugger.look.focus, space.run.cursor
+    return space.tools.session.method.name, space.frame, debugger.options.focus, space.run.cursor
 
 
 def test_keys_go_through_wrong_answers_worst_first_each_where_it_went_wrong(debugger: Debugger) -> None:
@@ -73,7 +74,7 @@ def test_keys_go_through_wrong_answers_worst_first_each_where_it_went_wrong(debu
 def test_keys_heed_filters_which_stay_when_a_frame_is_opened(debugger: Debugger) -> None:
     debugger.carry_out([c.FilterBatch("method", "rir"), c.FilterBatch("result", RIGHT), c.OpenFailure(1)])
     assert open_now(debugger) == ("rir", "0/1", 0, 1)
-    assert debugger.look.batch_only == {"method": "rir", "result": RIGHT}
+    assert debugger.options.batch_only == {"method": "rir", "result": RIGHT}
     debugger.carry_out([c.FilterBatch("cause", "neighbour misplaced first")])
     with pytest.raises(InputError, match="choose other filters"):
         debugger.apply(c.OpenFailure(1))
@@ -91,9 +92,9 @@ def test_the_log_shows_what_was_shown_where_the_last_iteration_was_asked_for(
 ) -> None:
     total = 12
     debugger.carry_out([c.OpenAt("0/2", total, "rir", 1)])
-    assert debugger.look.stage is not None
+    assert debugger.options.stage is not None
     again = Debugger(several.session(several.worst.run), None, FakeTools, batch=several).carry_out(debugger.log)
-    assert again.look == debugger.look
+    assert again.options == debugger.options
     debugger.carry_out([c.Restart(), c.RunTo(total)])
     assert debugger.view().is_answer, "of this run no iteration was asked for"
 
@@ -152,9 +153,9 @@ def test_a_page_is_turned_to_the_answer_that_is_opened(tmp_path: Path) -> None:
     batch = Gallery([BatchIndex(tmp_path, SESSION, {}, tuple(rows))])
     debugger = Debugger(SESSION, None, FakeTools, batch=batch)
     debugger.carry_out([c.TurnPage(1), c.OpenAt("0/2", 0, instance=0)])
-    assert debugger.look.batch_page == 0
+    assert debugger.options.batch_page == 0
     debugger.carry_out([c.SortBatch("score"), c.TurnPage(2), c.FilterBatch("result", ALL)])
-    assert debugger.look.batch_page == 0
+    assert debugger.options.batch_page == 0
 
 
 def test_filters_and_orders_go_over_all_runs(several: Gallery) -> None:
@@ -180,11 +181,11 @@ def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, sever
 
 def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: Gallery) -> None:
     plot = plot_of(several, {})
-    assert "In 33% of pairs" in plot.words()  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
-    assert plot.svg(several.entries[0]).count("<circle") == 2
-    assert "<circle" not in plot.svg(None)
-    assert plot.svg(None).count("h0") == 4
-    assert "shows once" in plot_of(several, {"run": "sir"}).words()
+    assert "In 33% of pairs" in score_plot.words(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
+    assert score_plot.svg(plot, several.entries[0]).count("<circle") == 2
+    assert "<circle" not in score_plot.svg(plot, None)
+    assert score_plot.svg(plot, None).count("h0") == 4
+    assert "shows once" in score_plot.words(plot_of(several, {"run": "sir"}))
 
 
 def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:

@@ -154,14 +154,14 @@ def test_people_look_around_while_something_else_is_read(app: App) -> None:
     app.send(c.SelectArm(2))
     app.send(c.SeekStage(9, "refined"))  # There is no such iteration: told, and no reason to end what is read.
     app.send(c.ColorCloud("class"))
-    wait_for(lambda: app.debugger.look.cloud == "class")
+    wait_for(lambda: app.debugger.options.cloud == "class")
     assert cursor(app) == 1
-    assert app.debugger.look.arm == 2
+    assert app.debugger.options.arm == 2
     wait_for(lambda: app.page.layout.timeline.slider.value == 1)
     wait_for(lambda: "Reading for ever." in words(app) and "&quot;Cancel&quot;" in words(app))
     app.send(c.Cancel())
     app.wait_until_idle()
-    assert (cursor(app), app.debugger.look.cloud) == (1, "class")
+    assert (cursor(app), app.debugger.options.cloud) == (1, "class")
     assert app.debugger.message == CANCELLED
 
 

@@ -34,9 +34,9 @@ def test_b_is_computed_beside_the_open_run() -> None:
     d.apply(c.Step())
     d.apply(c.ColorCloud())
     d.apply(c.TurnPage(0))
-    assert d.comparing.is_running, "looking around does not disturb it"
+    assert d.comparison.is_running, "looking around does not disturb it"
     d.apply(s.PauseB())
-    assert not d.comparing.is_running
+    assert not d.comparison.is_running
     assert sides(d).effort_b.iterations == 1
     d.carry_out([s.RunB()])
     assert sides(d).effort_b.iterations == sides(d).effort_b.planned == 4

@@ -75,14 +75,14 @@ def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
 
 def test_stage_layers_are_put_away_and_come_back() -> None:
     d = debugger().carry_out([c.Step()])
-    before = d.view().look.layers
+    before = d.view().options.layers
     d.carry_out([s.CompareRun(SIR)])
-    assert not d.view().look.layers & {"simulated", "refined", "accepted", "hypotheses"}
-    assert {"cloud", "ground truth"} <= d.view().look.layers
+    assert not d.view().options.layers & {"simulated", "refined", "accepted", "hypotheses"}
+    assert {"cloud", "ground truth"} <= d.view().options.layers
     d.carry_out([c.ShowLayer("hypotheses")])
-    assert "hypotheses" in d.view().look.layers
+    assert "hypotheses" in d.view().options.layers
     d.carry_out([s.StopComparing()])
-    assert d.view().look.layers == before
+    assert d.view().options.layers == before
     assert d.view().sides is None
 
 

@@ -36,7 +36,7 @@ def numbers(app: App) -> Any:
 
 
 def edited(app: App) -> Float:
-    T = app.debugger.look.T_cam_obj_edited
+    T = app.debugger.options.T_cam_obj_edited
     assert T is not None
     return T
 

@@ -60,7 +60,7 @@ def test_a_pose_without_iterations_left_is_scored_and_not_gone_on_from_although_
     with pytest.raises(InputError, match=r"is left for box #0 at iteration 7, so .*; press “Cancel”, go back on the"):
         d.apply(c.ForkFromPose())
     assert not d.workspace.run.is_done
-    assert d.look.edited is not None
+    assert d.options.edited is not None
     assert len(d.workspace.work.branches) == 1
     d.carry_out([c.EditPose(on=False), c.Seek(1), c.EditPose(), DRAGGED, c.ForkFromPose()])
     assert d.message.startswith("Hypothesis ")
@@ -81,11 +81,11 @@ def test_a_pose_that_was_not_moved_is_not_gone_on_from(frame: str) -> None:
     for again in (False, True):
         with pytest.raises(InputError, match=r"the pose was not moved yet; drag .* or press “Cancel”"):
             d.apply(c.ForkFromPose())
-        assert d.look.edited is not None
+        assert d.options.edited is not None
         assert (len(d.workspace.work.branches), d.workspace.session.edits) == (1, ())
         if not again:  # Moved and put back: as if nobody had touched it.
-            assert d.look.edited_from is not None
-            d.carry_out([DRAGGED, c.DragPose(d.look.edited_from)])
+            assert d.options.edited_from is not None
+            d.carry_out([DRAGGED, c.DragPose(d.options.edited_from)])
     d.carry_out([DRAGGED, c.ForkFromPose()])
     assert (len(d.workspace.work.branches), len(d.workspace.session.edits)) == (2, 1)
 
@@ -119,7 +119,7 @@ def test_a_moved_pose_is_not_lost_before_a_person_says_so(command: c.Command) ->
     d = debugger().carry_out([c.Step(), c.EditPose(), DRAGGED])
     with pytest.raises(Unconfirmed, match=r"pose that you moved would be lost: .* “Cancel” in the Physics") as refused:
         d.apply(command)
-    assert (d.look.edited, d.workspace.frame, d.workspace.run.length) == (DRAGGED.T_cam_obj, "0/1", 1)
+    assert (d.options.edited, d.workspace.frame, d.workspace.run.length) == (DRAGGED.T_cam_obj, "0/1", 1)
     d.carry_out([refused.value.command])  # The link goes on from it.
     assert d.workspace.run.edits[0].T_cam_obj == DRAGGED.T_cam_obj
     d.carry_out([command])
@@ -127,7 +127,7 @@ def test_a_moved_pose_is_not_lost_before_a_person_says_so(command: c.Command) ->
 
 def test_a_pose_that_was_not_moved_or_is_let_go_keeps_nobody_from_stepping() -> None:
     d = debugger().carry_out([c.EditPose(), c.Step()])
-    assert d.look.edited is None
+    assert d.options.edited is None
     d.carry_out([c.EditPose(), DRAGGED, c.EditPose(on=False), c.Step()])
     assert (d.workspace.run.length, d.workspace.run.edits) == (2, ())
 

@@ -39,7 +39,7 @@ def debugger(tmp_path: Path) -> Debugger:
 
 def exported(debugger: Debugger) -> Path:
     debugger.carry_out([c.Export("recording")])
-    path = debugger.kept[0].path
+    path = debugger.written[0].path
     assert debugger.message == f"Written: {path}"
     assert path.is_absolute()
     recorded = read_recording(path)
@@ -50,7 +50,7 @@ def exported(debugger: Debugger) -> Path:
 
 def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
     debugger.carry_out([c.EditPose()])
-    T_cam_obj = debugger.look.T_cam_obj_edited
+    T_cam_obj = debugger.options.T_cam_obj_edited
     assert T_cam_obj is not None
     T_cam_obj = np.array(T_cam_obj)
     T_cam_obj[0, 3] += shift_m
@@ -67,7 +67,7 @@ def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path
         with pytest.raises(Cancelled):
             debugger.apply(c.Export("recording"))
         assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
-        assert debugger.kept == ()
+        assert debugger.written == ()
     countdown.left = None
     assert verify(exported(debugger)) is None
 

@@ -22,7 +22,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
     before = debugger().view()
     for name in ("current", "simulated", "mixed"):
         view = d.view()
-        assert view.look.stage == name
+        assert view.options.stage == name
         assert view.is_partial
         assert event_lines(view) == ""
         assert "kept" not in headline(view) + strip(view)
@@ -31,7 +31,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
         assert "refined" not in changes_table(view) + arm_history(view)
         d.carry_out([STAGE])
     view = d.view()
-    assert (view.look.stage, view.is_partial) == ("refined", False)
+    assert (view.options.stage, view.is_partial) == ("refined", False)
     assert len(view.iterations) == 1
     assert view.state.best.iteration == 1
     assert event_lines(view) != ""

@@ -94,7 +94,7 @@ def test_hostile_names_are_text(evil: App) -> None:
     evil.send(c.Step())
     evil.send(c.Export("scene"))
     evil.wait_until_idle()
-    html = evil.debugger.kept[0].path.read_text()
+    html = evil.debugger.written[0].path.read_text()
     assert html.count('id="legend"') == 1
     assert "&lt;img src=x onerror=alert(1)&gt;" in html
     assert "<img src=x" not in html

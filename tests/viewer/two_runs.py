@@ -30,7 +30,7 @@ def sides(d: Debugger) -> ComparisonSnapshot:
 
 
 def same(a: Debugger, b: Debugger) -> None:
-    assert a.look == b.look
+    assert a.options == b.options
     for one, other in zip(a.workspace.work.branches, b.workspace.work.branches, strict=True):
         assert (one.name, one.run.cursor) == (other.name, other.run.cursor)
         assert first_difference(one.run.iterations, other.run.iterations) is None

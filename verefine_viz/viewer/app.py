@@ -19,11 +19,11 @@ from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.handlers.editing import Unconfirmed
 from verefine_viz.viewer.page import Page
 from verefine_viz.viewer.panels.layout import set_theme
 from verefine_viz.viewer.state.branch import Tools
 from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.state import Unconfirmed
 from verefine_viz.viewer.web.page_notices import lost_style
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
@@ -187,8 +187,8 @@ class App:
         Without score maps where they, or what comes with them, are what could not be shown: or it would go on for ever.
         """
         self.page.leave_off()
-        self.debugger.running.pause()
-        self.debugger.comparing.pause()
+        self.debugger.pause()
+        self.debugger.pause_b()
         self.debugger.message, self.debugger.refused, self.debugger.offer = message, refused, offer
         self.page.show(with_picture=True, with_maps=with_maps)
         self._telling.shown()

@@ -8,54 +8,16 @@ from dataclasses import fields
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.viewer.commands import (
-    ORDER_COMMANDS,
-    Animate,
-    Back,
-    Cancel,
-    ColorCloud,
-    Command,
-    Compare,
-    DragPose,
-    EditPose,
-    Estimate,
-    Export,
-    FilterBatch,
-    Focus,
-    Fork,
-    ForkFromPose,
-    OpenAt,
-    OpenDemo,
-    OpenFailure,
-    OpenFrame,
-    OpenPoint,
-    OpenSession,
-    Pause,
-    PlayPath,
-    ProbePixel,
-    Restart,
-    RunTo,
-    RunUntil,
-    SaveSession,
-    ScoreGroundTruth,
-    ScrubPath,
-    Seek,
-    SeekEnd,
-    SeekEvent,
-    SeekStage,
-    SelectArm,
-    SetBreakpoints,
-    ShowBranch,
-    ShowLayer,
-    ShowMap,
-    ShowScene,
-    SortBatch,
-    Step,
-    StepStage,
-    TogglePause,
-    TurnPage,
-)
-from verefine_viz.viewer.comparison_commands import SIDE_COMMANDS
+from verefine_viz.viewer import commands, comparison_commands
+from verefine_viz.viewer.commands import Command
+
+COMMANDS: dict[str, type[Command]] = {
+    name: kind
+    for module in (commands, comparison_commands)
+    for name, kind in vars(module).items()
+    if isinstance(kind, type) and issubclass(kind, Command) and kind is not Command
+}
+"""Every command by its name."""
 
 
 def to_json(command: Command) -> str:
@@ -115,15 +77,3 @@ def _fits(value: Any, hint: Any) -> bool:
     if hint is int:
         return isinstance(value, int) and not isinstance(value, bool)
     return isinstance(value, hint)
-
-
-COMMANDS: dict[str, type[Command]] = {
-    c.__name__: c
-    for c in (
-        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, Cancel, TogglePause,
-        Restart, Estimate, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
-        Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
-        Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
-    )
-}  # fmt: skip

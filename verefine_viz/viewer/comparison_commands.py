@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from verefine_viz.viewer.commands import Changes, Command
 
@@ -18,16 +18,23 @@ class CompareRun(Command):
     ("preset", "published") among them sets all that the preset sets.
     """
 
+    runs_beside = is_long = keeps_edited_pose = True
+
     changes: Changes = ()
     more: str = ""
     """Further changes, as a person writes them: "score.tau_m = 0.01; physics.collider = hull"."""
     run: bool = True
     """Whether to compute it to its end at once."""
 
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return (replace(self, run=False),)
+
 
 @dataclass(frozen=True)
 class CompareBranch(Command):
     """B is another branch of this frame."""
+
+    runs_beside = keeps_edited_pose = True
 
     index: int
 
@@ -36,12 +43,16 @@ class CompareBranch(Command):
 class CompareRecording(Command):
     """B is a recording of this frame (.rrd)."""
 
+    runs_beside = is_long = keeps_edited_pose = True
+
     path: str
 
 
 @dataclass(frozen=True)
 class OpenRecording(Command):
     """A recording as the open run (.rrd), on the frame that it was made of."""
+
+    is_long = True
 
     path: str
 
@@ -50,17 +61,29 @@ class OpenRecording(Command):
 class RunB(Command):
     """Compute B on until it holds this many iterations; None = to its end. The open run is left alone."""
 
+    runs_beside = keeps_edited_pose = True
+
     length: int | None = None
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return ()  # How far B was computed is noted when it stops.
 
 
 @dataclass(frozen=True)
 class PauseB(Command):
     """Stop computing B after the iteration at hand."""
 
+    runs_beside = keeps_edited_pose = True
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return ()  # How far B was computed is noted when it stops.
+
 
 @dataclass(frozen=True)
 class StopComparing(Command):
     """Show the open run alone again; B stays as a branch."""
+
+    runs_beside = keeps_edited_pose = True
 
 
 @dataclass(frozen=True)
@@ -72,13 +95,15 @@ class SwapSides(Command):
 class SeekMoment(Command):
     """Both runs to a place on their common timeline; 0 = before the first."""
 
-    latest_wins: ClassVar[bool] = True
+    latest_wins = only_looks = keeps_b_running = True
     place: int
 
 
 @dataclass(frozen=True)
 class StepMoment(Command):
     """Both runs some places further on their common timeline, or back."""
+
+    keeps_b_running = True
 
     by: int
 
@@ -87,10 +112,14 @@ class StepMoment(Command):
 class SeekDifference(Command):
     """Both runs to where B first does something otherwise than A."""
 
+    keeps_b_running = True
+
 
 @dataclass(frozen=True)
 class ShowSide(Command):
     """The poses of A or of B in 3D on or off; None = the other way."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     side: Side
     visible: bool | None = None
@@ -100,10 +129,6 @@ class ShowSide(Command):
 class ShowSidePoses(Command):
     """Which poses of both are drawn: the best so far, or what the latest iteration kept."""
 
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
     which: SidePose
-
-
-SIDE_COMMANDS: tuple[type[Command], ...] = (
-    CompareRun, CompareBranch, CompareRecording, OpenRecording, RunB, PauseB, StopComparing, SwapSides, SeekMoment,
-    StepMoment, SeekDifference, ShowSide, ShowSidePoses,
-)  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import viser
 from PIL import Image as PilImage
@@ -21,12 +20,9 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.drawing.scene_page import scene_page
 from verefine_viz.viewer.drawing.score_maps import maps_sheet
-from verefine_viz.viewer.handlers.editing import Unconfirmed
+from verefine_viz.viewer.snapshot.build import snapshot_of
+from verefine_viz.viewer.state.state import State, Unconfirmed
 from verefine_viz.viewer.state.workspace import Saved, Workspace, WrittenFile, savable
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.debugger import Debugger
-
 
 # Hands exports to the browser that asked: through an ssh tunnel there is no other way to what lies on the server.
 
@@ -74,12 +70,12 @@ class Exporter:
     def __init__(self, server: viser.ViserServer, folder: Path, patience: Patience = ENDLESS) -> None:
         self._server, self._folder, self._patience = server, folder, patience
 
-    def __call__(self, debugger: Debugger, command: c.Command) -> WrittenFile:
+    def __call__(self, state: State, command: c.Command) -> WrittenFile:
         """Writes one file, says which, and hands an export to the browser that asked for it."""
         if isinstance(command, c.SaveSession):
-            return self._session(debugger.workspace, command)
+            return self._session(state.workspace, command)
         assert isinstance(command, c.Export)
-        path = self._export(debugger, command).resolve()
+        path = self._export(state, command).resolve()
         return WrittenFile(path, downloaded(self._server, command.client, path))
 
     def _session(self, space: Workspace, command: c.SaveSession) -> WrittenFile:
@@ -93,30 +89,30 @@ class Exporter:
         space.files[path.resolve()] = Saved(session, space.branch)
         return WrittenFile(path.resolve(), "; ".join(filter(None, (note, unused(command.waiting)))))
 
-    def _export(self, debugger: Debugger, command: c.Export) -> Path:
+    def _export(self, state: State, command: c.Export) -> Path:
         folder = self._folder / "runs" / "exports"
-        stem = stem_of(debugger)
+        stem = stem_of(state)
         match command.what:
             case "scene":
-                page = scene_page(self._server.scene.as_html(dark_mode=True), debugger.view())
+                page = scene_page(self._server.scene.as_html(dark_mode=True), snapshot_of(state))
                 return written(folder / f"{stem}.html", page)
             case "commands":
-                return written(folder / f"{stem}_commands.jsonl", "".join(f"{to_json(x)}\n" for x in debugger.log))
+                return written(folder / f"{stem}_commands.jsonl", "".join(f"{to_json(x)}\n" for x in state.log))
             case "maps":
                 path = free(folder / f"{stem}_maps.png")
-                sheet = maps_sheet(debugger.view())
+                sheet = maps_sheet(snapshot_of(state))
                 with atomic(path) as part:
                     PilImage.fromarray(sheet).save(part, format="PNG")
                 return path
             case "results":
-                return self._results(debugger, free(folder / f"{stem}.csv"))
+                return self._results(state, free(folder / f"{stem}.csv"))
             case "recording":
-                return self._recording(debugger, free(folder / f"{stem}.rrd"))
+                return self._recording(state, free(folder / f"{stem}.rrd"))
 
-    def _results(self, debugger: Debugger, path: Path) -> Path:
+    def _results(self, state: State, path: Path) -> Path:
         from verefine_viz.scenes.results import ResultRow, write_results
 
-        run = debugger.workspace.run
+        run = state.workspace.run
         problem = run.problem
         rows = [
             ResultRow(
@@ -134,10 +130,10 @@ class Exporter:
         write_results(path, rows)
         return path
 
-    def _recording(self, debugger: Debugger, path: Path) -> Path:
+    def _recording(self, state: State, path: Path) -> Path:
         from verefine_viz.recording.recorder import Recorder
 
-        space = debugger.workspace
+        space = state.workspace
         run = space.run
         path.parent.mkdir(parents=True, exist_ok=True)
         branch = space.branch
@@ -254,9 +250,9 @@ def lost(there: Session, saved: Saved | None, session: Session, space: Workspace
     return f"another branch, “{other.name}”" + (f", with {what}" if what else "")
 
 
-def stem_of(debugger: Debugger) -> str:
+def stem_of(state: State) -> str:
     """What exports of the open run are called."""
-    session, frame = debugger.workspace.branch.settings, debugger.workspace.frame
+    session, frame = state.workspace.branch.settings, state.workspace.frame
     title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
     return f"{title}_{frame.replace('/', '_')}_{session.method.name}"
 

@@ -87,7 +87,7 @@ class Page:
         view = self._view
         assert view is not None
         stepped = isinstance(command, c.Step) and view.cursor == before + 1
-        if stepped and view.look.animate and view.is_current:
+        if stepped and view.options.animate and view.is_current:
             self._animation = self.scene.animation(view)
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(view)

@@ -7,8 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.commands import Cancel, Command
 
 STOP = object()
@@ -93,10 +91,10 @@ class RequestQueue:
                 return STOP
             return self._queue.popleft() if self._queue else None
 
-    def take_one_of(self, kinds: tuple[type[Command], ...]) -> Command | None:
-        """The next command if it is of one of these kinds; does not wait for one."""
+    def take_looking(self) -> Command | None:
+        """The next command if it only looks; does not wait for one."""
         with self._wake:
-            return self._queue.popleft() if self._queue and isinstance(self._queue[0], kinds) else None
+            return self._queue.popleft() if self._queue and self._queue[0].only_looks else None
 
     def holds(self, kind: type[Command] = Command) -> bool:
         """Whether a command of that kind waits."""
@@ -124,25 +122,13 @@ class RequestQueue:
 
 # While something else is made ready, people may look around in what is open.
 
-LONG = (
-    c.OpenFrame, c.OpenAt, c.OpenDemo, c.OpenSession, c.OpenFailure, c.OpenPoint, c.Restart, c.Estimate,
-    c.Export, s.OpenRecording, s.CompareRun, s.CompareRecording,
-)  # fmt: skip
-"""What may take long, and changes nothing that is open before it is done."""
-LOOKING = (
-    c.Back, c.Seek, c.SeekStage, c.SeekEnd, c.SeekEvent, c.Focus, c.ShowScene, c.SelectArm, c.Compare, c.ShowMap,
-    c.ProbePixel, c.ColorCloud, c.ShowLayer, c.ScrubPath, c.SortBatch, c.FilterBatch, c.TurnPage, s.ShowSide,
-    s.ShowSidePoses, s.SeekMoment,
-)  # fmt: skip
-"""What neither computes anything of a run nor changes what is open."""
-
 
 class Cancellation:
     """What the worker does besides a command that takes long, each time it is asked whether that is still wanted.
 
     Args:
         requests: where people ask for things.
-        look_around: carries out one of ``LOOKING``, and shows it.
+        look_around: carries out a command that only looks, and shows it.
     """
 
     def __init__(self, requests: RequestQueue, look_around: Callable[[Command], None]) -> None:
@@ -152,8 +138,9 @@ class Cancellation:
 
     @contextmanager
     def cancellable(self, command: object) -> Iterator[None]:
-        """What the worker does inside may be left undone; if it is ``LONG``, people look around meanwhile."""
-        self._worker = threading.get_ident() if isinstance(command, LONG) else None
+        """What the worker does inside may be cancelled; where it is long, commands that only look go on meanwhile."""
+        is_long = isinstance(command, Command) and command.is_long
+        self._worker = threading.get_ident() if is_long else None
         try:
             with self._requests.cancellable():
                 yield
@@ -164,7 +151,7 @@ class Cancellation:
         """Whether what the worker is at is still wanted."""
         if self._worker == threading.get_ident():
             worker, self._worker = self._worker, None
-            while (command := self._requests.take_one_of(LOOKING)) is not None:
+            while (command := self._requests.take_looking()) is not None:
                 self._look_around(command)
             self._worker = worker
         return self._requests.are_wanted

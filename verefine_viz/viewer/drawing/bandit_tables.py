@@ -5,6 +5,7 @@ from __future__ import annotations
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.methods.bandit import Ucb, next_choice
+from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import Row, arms_legend, cut, number, swatch, table, text
 from verefine_viz.viewer.drawing.tables import other_scale_note
@@ -20,12 +21,6 @@ TIME_MEANS = (
     "computing time of all its plays so far, added up [ms]. The first play on an object also prepares it, once for all "
     "hypotheses and runs: the simulator gets its shape, the refiner its search structure. After a restart that is done."
 )
-WITH_UCB = ("rir", "vf_breadth", "vf_depth")
-"""Methods whose choice depends on c."""
-CHOOSING = (*WITH_UCB, "even", "expl")
-"""Methods that choose between hypotheses."""
-BEST_OF_ALL = ("rir", "vf_breadth", "even", "expl")
-"""Methods whose answer is the pose with the highest score of any hypothesis; vf_depth looks at the whole scene's."""
 
 
 def plays_text(plays: float) -> str:
@@ -35,12 +30,12 @@ def plays_text(plays: float) -> str:
 
 def what_n_counts(view: Snapshot) -> str:
     """A line below a table of plays, which are not the pulls of the curves; empty where nothing is chosen."""
-    if view.session.method.name not in CHOOSING:
+    if not method_of(view.session.method.name).chooses:
         return ""
     said = "n: 1 for the first pose, and 1 for each pull before this choice"
     if any(edit.instance == view.target.instance.instance_id for edit in view.edits):
         said += "; a pose moved by hand begins anew at 1"
-    if view.session.method.name == "vf_depth" and view.session.method.discount < 1:
+    if method_of(view.session.method.name).has_passes and view.session.method.discount < 1:
         said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
     return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
 
@@ -74,7 +69,7 @@ def what_the_mean_is_of(view: Snapshot) -> str:
 
 def _counts_scenes(view: Snapshot) -> bool:
     """Whether the scores of whole scenes reward the hypotheses of the object in focus."""
-    if view.session.method.name != "vf_depth":
+    if not method_of(view.session.method.name).has_passes:
         return False
     cluster = view.scene.object(view.target.instance.instance_id).cluster
     return sum(o.cluster == cluster and bool(o.target.instance.hypotheses) for o in view.scene.objects) > 1
@@ -161,7 +156,7 @@ def arms_table(view: Snapshot) -> str:
         return ""
     shown = view.shown
     choice = shown.choice if shown and shown.choice else None
-    if choice is None and shown is None and view.session.method.name in WITH_UCB:
+    if choice is None and shown is None and method_of(view.session.method.name).has_ucb:
         choice = next_choice(Ucb(view.exploration), state)
     taken = shown.arm if shown else (choice.arm if choice else None)
     rows = []
@@ -207,7 +202,7 @@ def scene_arms_table(view: Snapshot) -> str:
     """A row per object: the hypothesis of its latest iteration, and what each one has got."""
     rows = []
     past = view.iterations[: view.cursor]
-    chooses = view.session.method.name in CHOOSING
+    chooses = method_of(view.session.method.name).chooses
     for o in view.scene.objects:
         latest = next((i for i in reversed(past) if i.instance_id == o.instance_id), None)
         spent = [0] * len(o.target.instance.hypotheses)

@@ -55,7 +55,7 @@ def moment(view: Snapshot) -> str:
         return f"the answer after {view.progress.done} iteration{'s' if view.progress.done != 1 else ''}"
     if view.cursor == 0:
         return "before iteration 1"
-    told = f" up to its stage “{view.look.stage}”" if view.look.stage and view.is_partial else ""
+    told = f" up to its stage “{view.options.stage}”" if view.options.stage and view.is_partial else ""
     return f"iteration {view.cursor} of {view.progress.total}{told}"
 
 
@@ -83,12 +83,12 @@ def _stages(view: Snapshot) -> str:
     rows = ""
     for name, color in STAGE_COLORS.items():
         pose = view.poses.get(name)
-        if pose is None or (name not in view.look.layers and name != "edited"):
+        if pose is None or (name not in view.options.layers and name != "edited"):
             continue
         score = f"{pose.score.score:.2f}" if pose.score is not None else ""
         meaning = ANSWER if name == "best" and view.is_answer else HINTS[name].partition(" (")[0].partition(";")[0]
         rows += f"<tr><td>{swatch(color)}{text(pose.label)}</td><td>{score}</td><td>{text(meaning)}</td></tr>"
-    if "hypotheses" in view.look.layers and view.n_arms:
+    if "hypotheses" in view.options.layers and view.n_arms:
         rows += f'<tr><td colspan="3">hypotheses, faint: {arms_legend(view.target)}</td></tr>'
     whose = f" of {view.scene.object(view.target.instance.instance_id).label}"
     return f'<p class="dim">Poses{text(whose)}, with their scores:</p><table>{rows}</table>' if rows else ""
@@ -111,11 +111,11 @@ def _sides(view: Snapshot) -> str:
 
 def _surroundings(view: Snapshot) -> str:
     """The cloud's colours, and what is drawn of the ground."""
-    layers, said = view.look.layers, []
-    if "cloud" in layers and view.look.cloud == "class":
+    layers, said = view.options.layers, []
+    if "cloud" in layers and view.options.cloud == "class":
         classes = ", ".join(f"{swatch(c, CLASS_MEANING[k])}{text(k)}" for k, c in CLASS_COLORS.items())
         said.append(f"cloud: the observed depth; its pixels {classes}")
-    elif "cloud" in layers and view.look.cloud == "residual":
+    elif "cloud" in layers and view.options.cloud == "residual":
         said.append("cloud: the observed depth, coloured by its difference from the rendered one")
     elif "cloud" in layers:
         said.append("cloud: the observed depth, in the colours of the photo")

@@ -179,7 +179,7 @@ def contacts_table(view: Snapshot, most: int = 8) -> str:
     path = view.shown.path if view.shown else None
     if path is None or not path.contacts:
         return ""
-    k = view.look.path_pose if view.look.path_pose is not None else len(path.contacts)
+    k = view.options.path_pose if view.options.path_pose is not None else len(path.contacts)
     if k == 0:
         return '<p class="dim">Pose 0 is the start: contacts are known from step 1 on.</p>'
     contacts = path.contacts[min(k, len(path.contacts)) - 1]
@@ -224,7 +224,7 @@ def errors_table(view: Snapshot) -> str:
             NONE if is_truth else f"{e.relative:.0%}",
             number(pose.score.score if pose.score else None, 3),
         ]
-        rows.append(Row(cells, c.Compare(b=name), marked=name == view.look.b))
+        rows.append(Row(cells, c.Compare(b=name), marked=name == view.options.b))
     head = [
         ("stage", "click a row to compare it with stage A"),
         ("rot.", "angle to the nearest of the poses that look the same"),

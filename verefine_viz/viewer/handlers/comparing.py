@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,21 +11,15 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.places import at_home
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.session.alignment import Timeline, aligned
-from verefine_viz.session.comparison import Differences, differences
-from verefine_viz.session.engine import Run
-from verefine_viz.session.trace import Trace, trace_of
 from verefine_viz.session.variants import parsed, settings_between, variant
-from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
-from verefine_viz.viewer.commands import Changes, Command
-from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, FrameWork, Tools, nested
-from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.commands import Changes
+from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, Tools, nested
+from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.workspace import Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
-    from verefine_viz.viewer.debugger import Debugger
 
 
 # Where B of a comparison comes from: a run of the open frame with other settings, or a recording of it.
@@ -102,217 +96,130 @@ def _named(changes: Sequence[tuple[str, Any]]) -> str:
     return f"B: {what or 'same settings'}"
 
 
-_B_GOES_ON = (
-    c.Step | c.StepStage | c.Back | c.Seek | c.SeekStage | c.SeekEnd | c.SeekEvent | c.RunUntil | c.RunTo | c.Focus
-    | c.SelectArm | c.Compare | c.ShowMap | c.ProbePixel | c.ColorCloud | c.ShowLayer | c.ScrubPath | c.PlayPath
-    | c.Animate | c.SortBatch | c.FilterBatch | c.TurnPage | c.ScoreGroundTruth | c.SetBreakpoints | c.Export
-    | s.SeekMoment | s.StepMoment | s.SeekDifference | s.ShowSide | s.ShowSidePoses
-)  # fmt: skip
-"""What does not disturb B while it is computed."""
+# The commands
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
-    """Two runs, as far as they are computed."""
-
-    a: Trace
-    b: Trace
-    timeline: Timeline
-    differences: Differences
+def compare_run(state: State, command: s.CompareRun) -> None:
+    """B is a new run of the same frame with changed settings."""
+    _put_beside(state, branch_with(state.workspace, (*command.changes, *parsed(command.more))))
+    state.comparison.goal = (state.workspace.work.branches[-1], None) if command.run else None
 
 
-class Comparing:
-    """What the debugger does with two runs."""
-
-    def __init__(self, debugger: Debugger) -> None:
-        self._debugger = debugger
-        self._goal: tuple[Branch, int | None] | None = None
-        self._noted: tuple[Run, int] | None = None
-        self._known: tuple[Run, int, Run, int, Compared] | None = None
-
-    # Computing B
-
-    @property
-    def is_running(self) -> bool:
-        """Whether B is being computed."""
-        return self._goal is not None
-
-    def tick(self) -> None:
-        """One iteration of B."""
-        if self._goal is None:
-            return
-        branch, length = self._goal
-        run = branch.run
-        if not run.is_done and (length is None or run.length < length):
-            run.seek(run.length)
-            run.step()
-        if run.is_done or (length is not None and run.length >= length):
-            self.pause()
-
-    def pause(self) -> None:
-        """Stops computing B after the iteration at hand."""
-        if self._goal is not None:
-            self._debugger.log.extend(self.progress())
-            self._goal = None
-
-    def progress(self) -> tuple[Command, ...]:
-        """What the log has to say before the next command, since it may depend on how far B is."""
-        if self._goal is None:
-            return ()
-        run, noted = self._goal[0].run, self._noted
-        if run.length == 0 or (noted is not None and noted[0] is run and noted[1] == run.length):
-            return ()
-        self._noted = (run, run.length)
-        return (s.RunB(run.length),)
-
-    def before(self, command: Command) -> None:
-        """Notes how far B is, and stops it for what may take it away or turn it into A."""
-        self._debugger.log.extend(self.progress())
-        if not isinstance(command, _B_GOES_ON):
-            self.pause()
-
-    # What is compared
-
-    def look(self, look: ViewOptions) -> ViewOptions:
-        """``look`` without what would hide the two runs."""
-        return look if self.sides is None else replace(look, layers=look.layers - self.sides.hidden)
-
-    @property
-    def sides(self) -> ComparisonChoice | None:
-        return self._work.sides
-
-    def branch_b(self) -> Branch | None:
-        """The branch beside the open one."""
-        sides, branches = self.sides, self._work.branches
-        return branches[sides.b] if sides is not None and sides.b < len(branches) else None
-
-    def compared(self) -> Compared | None:
-        """Both runs against each other; None while only one is looked at."""
-        other = self.branch_b()
-        if other is None:
-            return None
-        a, b = self._work.branch.run, other.run
-        known = self._known
-        if known is not None and known[0] is a and known[2] is b and known[1] == a.length and known[3] == b.length:
-            return known[4]
-        one, two = trace_of(a), trace_of(b)
-        timeline = aligned(one, two)
-        found = Compared(one, two, timeline, differences(one, two, timeline))
-        self._known = (a, a.length, b, b.length, found)
-        return found
-
-    def place(self) -> int:
-        """Where both are on their timeline; 0 before the first moment."""
-        found, sides, cursor = self.compared(), self.sides, self._work.branch.run.cursor
-        assert found is not None
-        assert sides is not None
-        place = found.timeline.place(sides.moment)
-        if place is not None and found.timeline.a_at(place) == cursor:
-            return place
-        if cursor == len(found.a.iterations) and found.a.is_done:
-            return len(found.timeline)
-        return found.timeline.of_a(cursor)
-
-    # Commands
-
-    def do(self, command: Command) -> bool:
-        """Carries out a command about a comparison; False where it is about something else."""
-        match command:
-            case s.CompareRun(changes, more, run):
-                self._put_beside(branch_with(self._debugger.workspace, (*changes, *parsed(more))))
-                self._goal = (self._work.branches[-1], None) if run else None
-            case s.CompareBranch(index):
-                self._compare_branch(index)
-            case s.CompareRecording(path):
-                self._put_beside(branch_read(self._debugger.workspace, at_home(path)))
-            case s.RunB(length):
-                self._need()
-                branch = self.branch_b()
-                assert branch is not None
-                self._goal = (branch, length)
-            case s.PauseB():
-                self.pause()
-            case s.StopComparing():
-                self._need()
-                self._work.sides = None
-            case s.SwapSides():
-                self._swap()
-            case s.SeekMoment(place):
-                self._seek(place)
-            case s.StepMoment(by):
-                self._need()
-                self._seek(self.place() + by)
-            case s.SeekDifference():
-                self._seek_difference()
-            case s.ShowSide(side, visible):
-                sides = self._need()
-                on = side not in sides.shown if visible is None else visible
-                self._work.sides = replace(sides, shown=sides.shown | {side} if on else sides.shown - {side})
-            case s.ShowSidePoses(which):
-                self._work.sides = replace(self._need(), poses=which)
-            case c.ShowLayer(name, visible) if (
-                self.sides is not None and name in self.sides.hidden and visible is not False
-            ):
-                self._work.sides = replace(self.sides, hidden=self.sides.hidden - {name})
-                look = self._debugger.look
-                self._debugger.look = replace(look, layers=look.layers | {name})
-            case _:
-                return False
-        return True
-
-    @property
-    def _work(self) -> FrameWork:
-        return self._debugger.workspace.work
-
-    def _need(self) -> ComparisonChoice:
-        if self.sides is None:
-            raise InputError("nothing is compared yet; choose what B is in the A/B panel first")
-        return self.sides
-
-    def _put_beside(self, branch: Branch) -> None:
-        self._work.branches.append(branch)
-        self._compare_branch(len(self._work.branches) - 1)
-
-    def _compare_branch(self, index: int) -> None:
-        work = self._work
-        if not 0 <= index < len(work.branches):
-            raise InputError(f"there is no branch {index} to compare with; this frame has {len(work.branches)}")
-        work.sides = replace(work.sides or ComparisonChoice(index), b=index, moment=None)
-
-    def _swap(self) -> None:
-        sides, work = self._need(), self._work
-        found, place = self.compared(), self.place()
-        assert found is not None
-        key = found.timeline.moments[place - 1].key if place else None
-        work.sides, work.index = replace(sides, b=work.index), sides.b
-        swapped = self.compared()
-        assert swapped is not None
-        self._seek(swapped.timeline.place(key) or 0)
-
-    def _seek(self, place: int) -> None:
-        sides, found = self._need(), self.compared()
-        assert found is not None
-        place = min(max(place, 0), len(found.timeline))
-        run = self._work.branch.run
-        run.seek(found.timeline.a_at(place))
-        moment = found.timeline.moments[place - 1] if place else None
-        self._work.sides = replace(sides, moment=moment.key if moment else None)
-        self._debugger.look = self._debugger.look.moved()
-
-    def _seek_difference(self) -> None:
-        sides, found = self._need(), self.compared()
-        assert found is not None
-        first = found.differences.deed or found.differences.score
-        if first is None:
-            made = min(len(found.a.iterations), len(found.b.iterations))
-            self._debugger.message = f"No difference in the {made} iterations that both have made."
-            return
-        self._work.sides = replace(sides, poses="kept")
-        self._seek(first.place)
+def compare_branch(state: State, command: s.CompareBranch) -> None:
+    """B is another branch of the frame."""
+    work, index = state.workspace.work, command.index
+    if not 0 <= index < len(work.branches):
+        raise InputError(f"there is no branch {index} to compare with; this frame has {len(work.branches)}")
+    work.sides = replace(work.sides or ComparisonChoice(index), b=index, moment=None)
 
 
-def as_done(command: Command) -> tuple[Command, ...]:
-    """What the log says of a command: how far B was computed is noted when it stops."""
-    if isinstance(command, s.CompareRun):
-        return (replace(command, run=False),)
-    return () if isinstance(command, s.RunB | s.PauseB) else (command,)
+def compare_recording(state: State, command: s.CompareRecording) -> None:
+    """B is a recording of the frame."""
+    _put_beside(state, branch_read(state.workspace, at_home(command.path)))
+
+
+def run_b(state: State, command: s.RunB) -> None:
+    """Computes B on."""
+    _choice(state)
+    branch = state.comparison.branch_b()
+    assert branch is not None
+    state.comparison.goal = (branch, command.length)
+
+
+def stop_comparing(state: State, command: s.StopComparing) -> None:
+    """Shows the open run alone again."""
+    _choice(state)
+    state.workspace.work.sides = None
+
+
+def swap_sides(state: State, command: s.SwapSides) -> None:
+    """B becomes the open run, at the same moment."""
+    choice, work, comparison = _choice(state), state.workspace.work, state.comparison
+    compared, place = comparison.compared(), comparison.place()
+    assert compared is not None
+    key = compared.timeline.moments[place - 1].key if place else None
+    work.sides, work.index = replace(choice, b=work.index), choice.b
+    swapped = comparison.compared()
+    assert swapped is not None
+    _seek(state, swapped.timeline.place(key) or 0)
+
+
+def step_moment(state: State, command: s.StepMoment) -> None:
+    """Both runs some places further on their common timeline, or back."""
+    _choice(state)
+    _seek(state, state.comparison.place() + command.by)
+
+
+def seek_difference(state: State, command: s.SeekDifference) -> None:
+    """Both runs to where B first does something otherwise than A."""
+    choice, compared = _choice(state), state.comparison.compared()
+    assert compared is not None
+    first = compared.differences.deed or compared.differences.score
+    if first is None:
+        made = min(len(compared.a.iterations), len(compared.b.iterations))
+        state.message = f"No difference in the {made} iterations that both have made."
+        return
+    state.workspace.work.sides = replace(choice, poses="kept")
+    _seek(state, first.place)
+
+
+def show_side(state: State, command: s.ShowSide) -> None:
+    """The poses of A or of B in 3D on or off."""
+    choice, side = _choice(state), command.side
+    on = side not in choice.shown if command.visible is None else command.visible
+    state.workspace.work.sides = replace(choice, shown=choice.shown | {side} if on else choice.shown - {side})
+
+
+def show_side_poses(state: State, command: s.ShowSidePoses) -> None:
+    """Which poses of both are drawn."""
+    state.workspace.work.sides = replace(_choice(state), poses=command.which)
+
+
+def tick_b(state: State) -> None:
+    """One iteration of B."""
+    if state.comparison.goal is None:
+        return
+    branch, length = state.comparison.goal
+    run = branch.run
+    if not run.is_done and (length is None or run.length < length):
+        run.seek(run.length)
+        run.step()
+    if run.is_done or (length is not None and run.length >= length):
+        state.pause_b()
+
+
+def _choice(state: State) -> ComparisonChoice:
+    if state.comparison.choice is None:
+        raise InputError("nothing is compared yet; choose what B is in the A/B panel first")
+    return state.comparison.choice
+
+
+def _put_beside(state: State, branch: Branch) -> None:
+    state.workspace.work.branches.append(branch)
+    compare_branch(state, s.CompareBranch(len(state.workspace.work.branches) - 1))
+
+
+def _seek(state: State, place: int) -> None:
+    choice, compared = _choice(state), state.comparison.compared()
+    assert compared is not None
+    place = min(max(place, 0), len(compared.timeline))
+    state.run.seek(compared.timeline.a_at(place))
+    moment = compared.timeline.moments[place - 1] if place else None
+    state.workspace.work.sides = replace(choice, moment=moment.key if moment else None)
+    state.options = state.options.moved()
+
+
+HANDLERS = {
+    s.CompareRun: compare_run,
+    s.CompareBranch: compare_branch,
+    s.CompareRecording: compare_recording,
+    s.RunB: run_b,
+    s.PauseB: lambda state, command: state.pause_b(),
+    s.StopComparing: stop_comparing,
+    s.SwapSides: swap_sides,
+    s.SeekMoment: lambda state, command: _seek(state, command.place),
+    s.StepMoment: step_moment,
+    s.SeekDifference: seek_difference,
+    s.ShowSide: show_side,
+    s.ShowSidePoses: show_side_poses,
+}

@@ -2,189 +2,134 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
-from time import perf_counter
-from typing import TYPE_CHECKING
 
 from verefine_viz.core.records import Iteration
-from verefine_viz.session.breakpoints import hits
-from verefine_viz.session.engine import Run
+from verefine_viz.session.breakpoints import hits, with_changes
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.scene_state import labels_of
+from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.timeline_marks import jumps
 
-if TYPE_CHECKING:
-    from verefine_viz.viewer.debugger import Debugger
-
-
-# Computes the open run on, iteration after iteration, until a goal is reached.
-
 OVER = "The run is over. Restart it, or fork it with other settings."
-_TIMED = 20
-"""Iterations whose mean duration tells how long the others will take."""
 
 
-class Running:
-    """What the debugger's open run is computed on to."""
+def step(state: State, command: c.Command) -> None:
+    """To the end of the iteration that is shown stage by stage, else one iteration forward."""
+    if state.options.stage is not None:  # The rest of this iteration comes first.
+        state.options = replace(state.options, stage=None)
+    elif state.run.at_end:
+        state.message = OVER
+    else:
+        state.step()
 
-    def __init__(self, debugger: Debugger) -> None:
-        self._debugger = debugger
-        self.goal: c.Goal | int | None = None
-        """What is being run to; a number is a length of the timeline; None = nothing is computed."""
-        self._timed: Run | None = None
-        self._seconds: deque[float] = deque(maxlen=_TIMED)
 
-    def begin(self, command: c.RunUntil | c.RunTo | c.TogglePause) -> None:
-        """Goes to what a run in the history would stop at, or sets the goal."""
-        debugger, run = self._debugger, self._run
-        if isinstance(command, c.RunTo):
-            self.goal = command.length
+def step_stage(state: State, command: c.StepStage) -> None:
+    """One stage forward, then the next iteration."""
+    iteration, stage = state.run.iteration, state.options.stage
+    names = [s.name for s in iteration.stages] if iteration else []
+    if stage in names and stage != names[-1]:
+        state.options = replace(state.options, stage=names[names.index(stage) + 1])
+    elif stage is not None:
+        state.options = replace(state.options, stage=None)
+    elif state.run.at_end:
+        state.message = OVER
+    else:
+        state.step()
+        state.options = replace(state.options, stage="current")
+
+
+def seek_stage(state: State, command: c.SeekStage) -> None:
+    """To one stage of an iteration."""
+    state.seek(command.cursor)
+    state.options = replace(state.options, stage=command.stage)
+
+
+def seek_event(state: State, command: c.SeekEvent) -> None:
+    """To the next or previous mark of the timeline."""
+    cursor, is_forward = state.run.cursor, command.direction > 0
+    places = jumps(state.workspace.branch.marks(state.options.focus))
+    ahead = [k for k in places if (k > cursor if is_forward else k < cursor)]
+    if not ahead:
+        state.message = "No further mark there." if is_forward else "No earlier mark."
+        return
+    state.seek(min(ahead) if is_forward else max(ahead))
+
+
+# Running
+
+
+def run_until(state: State, command: c.RunUntil) -> None:
+    """Goes to what a run in the history would stop at, or sets the goal."""
+    run = state.run
+    if command.goal == "event":
+        ahead = [k for k in jumps(state.workspace.branch.marks()) if k > run.cursor]
+        if ahead:
+            state.seek(ahead[0])
+            state.log.append(c.Seek(ahead[0]))
             return
-        goal: c.Goal = command.goal if isinstance(command, c.RunUntil) else "end"
-        if goal == "event":
-            ahead = [k for k in jumps(debugger.workspace.branch.marks()) if k > run.cursor]
-            if ahead:
-                debugger.seek(ahead[0])
-                debugger.log.append(c.Seek(ahead[0]))
-                return
-        if run.is_done:
-            if run.at_end and debugger.look.stage is None:
-                debugger.message = OVER
-            debugger.seek(run.length)
-            debugger.log.append(c.SeekEnd())
-            return
-        self.goal = goal
-
-    def tick(self) -> Iteration | None:
-        """One iteration towards the goal, or None if the run came to its end."""
-        run = self._run
-        if run.is_done or (isinstance(self.goal, int) and run.length >= self.goal):
-            self.pause()
-            return None
-        run.seek(run.length)
-        iteration = self.step()
-        self._stop_if_reached(iteration)
-        return iteration
-
-    def step(self) -> Iteration:
-        """One iteration forward, through the history and past its end; what is computed is timed.
-
-        Raises:
-            InputError: the run is over.
-        """
-        run = self._run
-        length, began = run.length, perf_counter()
-        iteration = run.step()
-        if run.length > length:
-            if run is not self._timed:
-                self._timed = run
-                self._seconds.clear()
-            self._seconds.append(perf_counter() - began)
-        self._debugger.look = self._debugger.look.moved()
-        return iteration
-
-    def pause(self) -> None:
-        """Stops after the iteration at hand."""
-        if self.goal is not None:
-            self.goal = None
-            self._debugger.log.append(c.RunTo(self._run.length))
-
-    @property
-    def remaining_s(self) -> float | None:
-        """Estimated time to the end of the run [s]; None where nothing of it was timed yet."""
-        run = self._run
-        if run is not self._timed:
-            return None
-        return (run.n_iterations - run.length) * sum(self._seconds) / len(self._seconds)
-
-    @property
-    def _run(self) -> Run:
-        return self._debugger.workspace.run
-
-    def _stop_if_reached(self, iteration: Iteration) -> None:
-        debugger, run = self._debugger, self._run
-        if isinstance(self.goal, int):
-            if run.length >= self.goal:
-                stage = debugger.browsing.stage_asked_for(self.goal)
-                self.pause()
-                if stage is not None:
-                    debugger.look = replace(debugger.look, stage=stage)
-                    debugger.log.append(c.SeekStage(run.cursor, stage))
-            return
-        reasons = hits(debugger.workspace.breakpoints, run.problem, iteration)
-        if reasons:
-            names = labels_of(run.problem)
-            where = f"iteration {iteration.index}" + (f", {names[iteration.instance_id]}" if len(names) > 1 else "")
-            debugger.message = f"Breakpoint at {where}: {'; '.join(reasons)}"
-            self.pause()
-        elif self.goal == "event" and jumps(
-            [m for m in debugger.workspace.branch.marks() if m.iteration == iteration.index]
-        ):
-            self.pause()
+    if run.is_done:
+        if run.at_end and state.options.stage is None:
+            state.message = OVER
+        state.seek(run.length)
+        state.log.append(c.SeekEnd())
+        return
+    state.running.goal = command.goal
 
 
-class Moving:
-    """Where the debugger stands in its run."""
+def run_to(state: State, command: c.RunTo) -> None:
+    """Sets the length of the timeline to compute on to."""
+    state.running.goal = command.length
 
-    def __init__(self, debugger: Debugger) -> None:
-        self._debugger = debugger
 
-    def do(self, command: Command) -> bool:
-        """Carries out a command about the place in the run; False where it is about something else."""
-        debugger, run = self._debugger, self._run
-        match command:
-            case c.Step():
-                self._step()
-            case c.StepStage():
-                self._step_stage()
-            case c.Back():
-                debugger.seek(max(run.cursor - 1, 0))
-            case c.Seek(cursor):
-                debugger.seek(min(max(cursor, 0), run.length))
-            case c.SeekStage(cursor, stage):
-                debugger.seek(cursor)
-                debugger.look = replace(debugger.look, stage=stage)
-            case c.SeekEnd():
-                debugger.seek(run.length)
-            case c.SeekEvent(direction):
-                self._seek_event(direction)
-            case _:
-                return False
-        return True
+def tick(state: State) -> Iteration | None:
+    """One iteration towards the goal, or None if the run came to its end."""
+    run, goal = state.run, state.running.goal
+    if run.is_done or (isinstance(goal, int) and run.length >= goal):
+        state.pause()
+        return None
+    run.seek(run.length)
+    iteration = state.step()
+    _pause_if_reached(state, iteration)
+    return iteration
 
-    @property
-    def _run(self) -> Run:
-        return self._debugger.workspace.run
 
-    def _step(self) -> None:
-        if self._debugger.look.stage is not None:  # The rest of this iteration comes first.
-            self._debugger.look = replace(self._debugger.look, stage=None)
-        elif self._run.at_end:
-            self._debugger.message = OVER
-        else:
-            self._debugger.running.step()
+def _pause_if_reached(state: State, iteration: Iteration) -> None:
+    run, goal = state.run, state.running.goal
+    if isinstance(goal, int):
+        if run.length >= goal:
+            stage = state.browsing.stage_asked_for(goal)
+            state.pause()
+            if stage is not None:
+                state.options = replace(state.options, stage=stage)
+                state.log.append(c.SeekStage(run.cursor, stage))
+        return
+    reasons = hits(state.workspace.breakpoints, run.problem, iteration)
+    if reasons:
+        names = labels_of(run.problem)
+        where = f"iteration {iteration.index}" + (f", {names[iteration.instance_id]}" if len(names) > 1 else "")
+        state.message = f"Breakpoint at {where}: {'; '.join(reasons)}"
+        state.pause()
+    elif goal == "event" and jumps([m for m in state.workspace.branch.marks() if m.iteration == iteration.index]):
+        state.pause()
 
-    def _step_stage(self) -> None:
-        debugger, iteration = self._debugger, self._run.iteration
-        names = [s.name for s in iteration.stages] if iteration else []
-        if debugger.look.stage in names and debugger.look.stage != names[-1]:
-            following = names[names.index(debugger.look.stage) + 1]
-            debugger.look = replace(debugger.look, stage=following)
-        elif debugger.look.stage is not None:
-            debugger.look = replace(debugger.look, stage=None)
-        elif not self._run.at_end:
-            self._step()
-            debugger.look = replace(debugger.look, stage="current")
-        else:
-            self._step()
 
-    def _seek_event(self, direction: int) -> None:
-        debugger, cursor = self._debugger, self._run.cursor
-        places = jumps(debugger.workspace.branch.marks(debugger.look.focus))
-        ahead = [k for k in places if (k > cursor if direction > 0 else k < cursor)]
-        if not ahead:
-            debugger.message = "No further mark there." if direction > 0 else "No earlier mark."
-            return
-        debugger.seek(min(ahead) if direction > 0 else max(ahead))
+def set_breakpoints(state: State, command: c.SetBreakpoints) -> None:
+    """When a run stops."""
+    state.workspace.breakpoints = with_changes(state.workspace.breakpoints, command.changes)
+
+
+HANDLERS = {
+    c.Step: step,
+    c.StepStage: step_stage,
+    c.Back: lambda state, command: state.seek(max(state.run.cursor - 1, 0)),
+    c.Seek: lambda state, command: state.seek(min(max(command.cursor, 0), state.run.length)),
+    c.SeekStage: seek_stage,
+    c.SeekEnd: lambda state, command: state.seek(state.run.length),
+    c.SeekEvent: seek_event,
+    c.RunUntil: run_until,
+    c.RunTo: run_to,
+    c.Pause: lambda state, command: state.pause(),
+    c.Cancel: lambda state, command: state.pause(),
+    c.SetBreakpoints: set_breakpoints,
+}

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.places import at_home
@@ -13,14 +11,11 @@ from verefine_viz.core.settings import Session
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.comparison_commands import OpenRecording
+from verefine_viz.viewer.handlers.reordering import as_restart
 from verefine_viz.viewer.snapshot.scene_state import labels_of
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.debugger import Debugger
-    from verefine_viz.viewer.state.workspace import Workspace
-
+from verefine_viz.viewer.state.state import State
+from verefine_viz.viewer.state.workspace import Workspace
 
 # New first poses for one object of the open frame, and what the page says of them.
 
@@ -76,79 +71,104 @@ def source_of(space: Workspace, instance_id: int) -> str:
     return asked_estimators(h).get((space.frame, instance_id), h.source)
 
 
-class Opening:
-    """What the debugger can open.
+def restart(state: State, command: c.Restart) -> None:
+    """Back to before iteration 1, with changed settings if any are given."""
+    workspace = state.workspace
+    before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
+    workspace.restart(command.changes)
+    state.message = not_repeated(before, workspace.session, saved[-1] if saved else None)
+    state.options = state.options.afresh()
 
-    Args:
-        debugger: whose workspace it is opened in.
-        sessions: lists the session files at hand.
-    """
 
-    def __init__(self, debugger: Debugger, sessions: Callable[[], tuple[str, ...]]) -> None:
-        self._debugger, self._list_sessions = debugger, sessions
+def reorder(state: State, command: c.CutDependency | c.MoveInOrder | c.ResetOrder) -> None:
+    """Restarts with another order of the objects."""
+    settings = state.workspace.branch.tools.session.dependency
+    restart(state, as_restart(command, state.workspace.work.problem, settings))
 
-    def do(self, command: Command) -> bool:
-        """Carries out a command that opens something; False where it does not."""
-        debugger, workspace = self._debugger, self._debugger.workspace
-        match command:
-            case c.OpenAt(_, iteration):
-                debugger.browsing.enter(command)
-                run = workspace.run
-                run.seek(min(max(iteration, 0), run.length))
-                debugger.running.goal = iteration if iteration > run.length and not run.is_done else None
-                debugger.look = debugger.browsing.look(debugger.look.afresh(), command)
-                return True
-            case c.Restart(changes):
-                before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
-                workspace.restart(changes)
-                debugger.message = not_repeated(before, workspace.session, saved[-1] if saved else None)
-            case c.Estimate(instance_id, estimator):
-                debugger.message = estimated(workspace, instance_id, estimator)
-                debugger.look = replace(debugger.look.afresh(), focus=instance_id)
-                return True
-            case c.OpenFrame(frame):
-                workspace.open_frame(frame)
-            case c.OpenDemo(name):
-                self._open_demo(name)
-            case OpenRecording(path):
-                workspace.open_recording(at_home(path))
-            case c.OpenSession(path):
-                self._open_session(path)
-            case _:
-                return False
-        debugger.look = debugger.look.afresh()
-        return True
 
-    def _open_session(self, path: str) -> None:
-        if not path.strip():
-            raise InputError("no session file is named: type the path of one (.toml) beside “File”")
-        file = self._found(path)
-        self._debugger.workspace.open(load_session(file), file)
-        self._debugger.message = f"Opened {file}."
+def estimate(state: State, command: c.Estimate) -> None:
+    """New initial poses for one object, as a new branch."""
+    state.message = estimated(state.workspace, command.instance_id, command.estimator)
+    state.options = replace(state.options.afresh(), focus=command.instance_id)
 
-    def _found(self, typed: str) -> Path:
-        """The file of a path; where there is none, that of a listed session called so, with or without its ending."""
-        path = at_home(typed)
-        listed = () if path.exists() else map(Path, self._list_sessions())
-        return next((session for session in listed if typed in (session.name, session.stem)), path)
 
-    def _open_demo(self, name: str) -> None:
-        """A built-in scene: with the settings of the session file of its name, or else with the open ones."""
-        demos, workspace = self._debugger.demos, self._debugger.workspace
-        if name not in demos:
-            raise SettingsError(unknown("built-in scene", name, demos))
-        own = next((Path(p) for p in self._list_sessions() if Path(p).stem == name), None)
-        if own is not None:
-            session = load_session(own)
-            if (session.scene.source, session.scene.demo) == ("demo", name):
-                workspace.open(session, own)
-                self._debugger.message = f"Opened {own} with its settings."
-                return
+def open_frame(state: State, command: c.OpenFrame) -> None:
+    """Another frame of the session."""
+    state.workspace.open_frame(command.frame)
+    state.options = state.options.afresh()
+
+
+def open_recording(state: State, command: OpenRecording) -> None:
+    """A recording as the open run."""
+    state.workspace.open_recording(at_home(command.path))
+    state.options = state.options.afresh()
+
+
+def open_session(state: State, command: c.OpenSession) -> None:
+    """A session file: by its path, or where there is none, a listed one by its name with or without its ending."""
+    if not command.path.strip():
+        raise InputError("no session file is named: type the path of one (.toml) beside “File”")
+    file = at_home(command.path)
+    listed = () if file.exists() else map(Path, state.list_sessions())
+    file = next((session for session in listed if command.path in (session.name, session.stem)), file)
+    state.workspace.open(load_session(file), file)
+    state.message = f"Opened {file}."
+    state.options = state.options.afresh()
+
+
+def open_demo(state: State, command: c.OpenDemo) -> None:
+    """A built-in scene: with the settings of the session file of its name, or else with the open ones."""
+    name, workspace = command.name, state.workspace
+    if name not in state.demos:
+        raise SettingsError(unknown("built-in scene", name, state.demos))
+    own = next((Path(p) for p in state.list_sessions() if Path(p).stem == name), None)
+    session = load_session(own) if own is not None else None
+    if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
+        workspace.open(session, own)
+        state.message = f"Opened {own} with its settings."
+    else:
         old = workspace.tools.session
         scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
         hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
         update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
         workspace.open(old.model_copy(update=update), None)
+    state.options = state.options.afresh()
+
+
+# Branches
+
+
+def fork(state: State, command: c.Fork) -> None:
+    """A new branch from an iteration on, run to its end at once if that is asked for."""
+    at = state.run.cursor if command.cursor is None else command.cursor
+    state.workspace.fork(at, command.changes)
+    state.options = state.options.moved()
+    state.running.goal = "end" if command.run else None
+    if not command.run and not state.run.is_done:
+        state.message = f"A new branch from iteration {at}; Step or Run go on with it."
+
+
+def show_branch(state: State, command: c.ShowBranch) -> None:
+    """Another branch of the frame."""
+    work = state.workspace.work
+    if not 0 <= command.index < len(work.branches):
+        raise InputError(f"there is no branch {command.index}; this frame has {len(work.branches)}")
+    work.index = command.index
+    state.options = state.options.moved()
+
+
+def write(state: State, command: c.SaveSession | c.Export) -> None:
+    """Writes a session or an export, and says where it is."""
+    if state.keep is None:
+        raise InputError("nothing can be written here")
+    state.written = (state.keep(state, command), *state.written)[:4]
+    state.sessions = state.list_sessions()
+    state.message = f"Written: {state.written[0].words}"
+    if isinstance(command, c.SaveSession) and len(state.workspace.work.branches) > 1:
+        name = state.workspace.branch.name
+        state.message += f"; it holds the shown branch, “{name}”; others are saved one by one"
+    if isinstance(command, c.SaveSession) and state.options.is_moved:
+        state.message += "; not the edited pose: press “Continue from here”, then save again"
 
 
 def not_repeated(before: Session, after: Session, path: Path | None) -> str:
@@ -168,3 +188,20 @@ def not_repeated(before: Session, after: Session, path: Path | None) -> str:
     if said and path is not None:
         said.append(f"To repeat them open {path}.")
     return " ".join(said)
+
+
+HANDLERS = {
+    c.Restart: restart,
+    c.CutDependency: reorder,
+    c.MoveInOrder: reorder,
+    c.ResetOrder: reorder,
+    c.Estimate: estimate,
+    c.OpenFrame: open_frame,
+    c.OpenDemo: open_demo,
+    c.OpenSession: open_session,
+    OpenRecording: open_recording,
+    c.Fork: fork,
+    c.ShowBranch: show_branch,
+    c.SaveSession: write,
+    c.Export: write,
+}

@@ -14,8 +14,10 @@ from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 Clusters = tuple[tuple[int, ...], ...]
 
 
-def as_restart(command: c.Command, problem: Problem, settings: DependencySettings) -> c.Command:
-    """The restart that a command about the order stands for; any other command as it is.
+def as_restart(
+    command: CutDependency | MoveInOrder | ResetOrder, problem: Problem, settings: DependencySettings
+) -> c.Restart:
+    """The restart that a command about the order stands for.
 
     Raises:
         InputError: nothing is known to be between the two instances, an instance does not exist or stands at the end.
@@ -24,11 +26,9 @@ def as_restart(command: c.Command, problem: Problem, settings: DependencySetting
         case CutDependency(first, second, cut):
             return c.Restart((("dependency.cut", _cut(problem, settings, first, second, cut)),))
         case MoveInOrder(instance_id, by):
-            moved = _moved(problem, instance_id, by)
-            return c.Restart((("dependency.order", entries(problem, moved)),))
+            return c.Restart((("dependency.order", entries(problem, _moved(problem, instance_id, by))),))
         case ResetOrder():
             return c.Restart((("dependency.order", ()), ("dependency.order_file", "")))
-    return command
 
 
 def entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.bandit_tables import CHOOSING, WITH_UCB, arm_history, arms_table, scene_arms_table
+from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table
 from verefine_viz.viewer.drawing.markup import cut, link, sentence, swatch, text
 from verefine_viz.viewer.drawing.search_tree import tree_html
 from verefine_viz.viewer.drawing.tables import other_scale_sign
@@ -115,7 +116,7 @@ class BanditPanel:
 
     def show(self, view: Snapshot) -> None:
         """The numbers as they were when the bandit chose."""
-        cluster = None if view.look.focus is None else view.scene.object(view.look.focus).cluster - 1
+        cluster = None if view.options.focus is None else view.scene.object(view.options.focus).cluster - 1
         tree = tree_of(view.iterations[: view.cursor], cluster)
         if tree is not None:
             labels = {o.instance_id: o.label for o in view.scene.objects}
@@ -146,7 +147,7 @@ def tree_words(tree: Tree, n_clusters: int) -> str:
 
 def what_if(view: Snapshot) -> str:
     """Links that run the whole frame again with other exploration."""
-    if view.session.method.name not in WITH_UCB or view.n_arms < 2:
+    if not method_of(view.session.method.name).has_ucb or view.n_arms < 2:
         return ""
     now = view.session.method.exploration
     values = [0.0, max(2 * now, 0.05), max(4 * now, 0.1)]
@@ -197,7 +198,7 @@ class CurvesPanel:
         scored = "score by arm" if len(view.scene.objects) == 1 else "by arm"
         self._draw("Score", x, score_lines(view, n) if own else [], scored, view)
         self._draw("UCB", x[1:], ucb_lines(view, n), "mean + bonus by arm", view)
-        counted = "chosen (n adds the start)" if view.session.method.name in CHOOSING else "iterations, by arm"
+        counted = "chosen (n adds the start)" if method_of(view.session.method.name).chooses else "iterations, by arm"
         self._draw("Pulls", x, pull_lines(view, n) if own else [], counted, view)
         self._draw("Error", x, error_lines(view) if own else [], "ADD(-S) in mm", view)
 

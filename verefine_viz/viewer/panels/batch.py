@@ -71,14 +71,14 @@ class BatchPanel:
 
     def show(self, view: Snapshot) -> None:
         """One page of the answers that are asked for; the one that is open is marked."""
-        gallery, look = self._gallery, view.look
-        entries = gallery.shown(look.batch_order, look.batch_only)
-        page = min(look.batch_page, max(len(entries) - 1, 0) // PAGE)
+        gallery, options = self._gallery, view.options
+        entries = gallery.shown(options.batch_order, options.batch_only)
+        page = min(options.batch_page, max(len(entries) - 1, 0) // PAGE)
         with self._lock:
             self._shown, self._opened = entries[page * PAGE : (page + 1) * PAGE], view.entry
             doubt = warning(gallery.doubt, red=True) if gallery.doubt else ""
             self._words.show(doubt + sentence(summary(gallery, entries)))
-            self._choices.show(choices(gallery, look.batch_order, look.batch_only))
+            self._choices.show(choices(gallery, options.batch_order, options.batch_only))
             for k in range(PAGE):
                 self._show_card(k)
             self._pages.show(pages(page, len(entries)))

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import viser
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.commands import CutDependency, ResetOrder
 from verefine_viz.viewer.drawing.dependency_picture import TELLING, Node, full, picture
 from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
@@ -14,7 +15,6 @@ from verefine_viz.viewer.panels.widgets import Block, Send
 from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.names import method_name
-from verefine_viz.viewer.text.scene import ALONE
 
 RULES = {
     "recommended": "It follows from what touches, hides and carries what.",
@@ -68,7 +68,7 @@ def order_sentence(graph: DependencyGraph, names: Mapping[int, str], method: str
     groups = [", ".join(names[i] for i in cluster) for cluster in graph.clusters]
     ordered = f"in {len(groups)} groups, " * (len(groups) > 1) + f"in this order: {'; then '.join(groups)}."
     said = f"Solved {ordered}"
-    if method in ALONE:
+    if not method_of(method).knows_others:
         said = (
             f"{method_name(method)} solves each object alone, in the order of the frame: {', '.join(names.values())}. "
             f"VF_b, VF_d and PHYSIM-MCTS would solve them {ordered}"

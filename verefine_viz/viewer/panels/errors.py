@@ -5,10 +5,11 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.drawing import score_plot
 from verefine_viz.viewer.drawing.markup import sentence, text
-from verefine_viz.viewer.drawing.score_plot import ScorePlot, plot_of
 from verefine_viz.viewer.drawing.tables import errors_table, one_scale_note, starts_table
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.score_plot import ScorePlot, plot_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Entry
 from verefine_viz.viewer.text.sentences import truth
@@ -51,12 +52,12 @@ class ScoreErrorPanel:
         """Worked out again only if the filters changed, drawn again also if another object is open."""
         if view.batch is None:
             return
-        only = dict(view.look.batch_only)
+        only = dict(view.options.batch_only)
         if self._plot is None or self._drawn is None or self._drawn[0] != only:
             self._plot = plot_of(view.batch, only)
-            words = text(self._plot.words())
+            words = text(score_plot.words(self._plot))
             self._said = f'<p style="font-size:11px;line-height:1.25;margin-bottom:2px">{words}</p>'
         elif self._drawn[1] is view.entry:
             return
         self._drawn = only, view.entry
-        self._block.show(self._said + self._plot.svg(view.entry))
+        self._block.show(self._said + score_plot.svg(self._plot, view.entry))

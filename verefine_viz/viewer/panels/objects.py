@@ -53,7 +53,7 @@ def filter_line(view: Snapshot) -> str:
     follow = link("follow the run", c.Focus(None), "always show the object that is worked on")
     if view.is_whole_scene:
         return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
-    if view.look.focus is not None:
+    if view.options.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
         return f"<p>Filtered to <b>{cut(name, 125)}</b> · {follow}</p>"
     return '<p class="dim">Panels follow the run; a click filters them.</p>'
@@ -105,7 +105,7 @@ def _scene_error(view: Snapshot) -> str:
 
 
 def _object_row(view: Snapshot, o: ObjectState, grouped: bool, first_of_cluster: bool) -> Row:
-    pinned = view.look.focus is not None and not view.is_whole_scene
+    pinned = view.options.focus is not None and not view.is_whole_scene
     in_focus = not view.is_whole_scene and o.instance_id == view.target.instance.instance_id
     order = o.order
     if grouped:

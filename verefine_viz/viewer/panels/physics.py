@@ -50,13 +50,13 @@ class PoseNumbers:
 
     def show(self, view: Snapshot) -> None:
         """The pose under the hand; nothing where none is."""
-        look = view.look
+        options = view.options
         for widget in (self.axes, self.shift, self.turn):
-            widget.visible = look.edited is not None
-        self._from, self._to = look.T_cam_obj_edited_from, look.T_cam_obj_edited
-        if look.edited is None:
+            widget.visible = options.edited is not None
+        self._from, self._to = options.T_cam_obj_edited_from, options.T_cam_obj_edited
+        if options.edited is None:
             self._sent.clear()
-        elif self._sent.is_news(look.edited):
+        elif self._sent.is_news(options.edited):
             self._show_numbers()
 
     @property
@@ -124,7 +124,7 @@ class PhysicsPanel:
 
     def show(self, view: Snapshot) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
-        self.go_on.visible = view.look.edited is not None
+        self.go_on.visible = view.options.edited is not None
         self.edit.visible = not self.go_on.visible
         # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
         self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
@@ -135,7 +135,7 @@ class PhysicsPanel:
         self.path.visible = self.play.visible = path is not None
         if path is not None:
             self.path.max = len(path.Ts_cam_obj) - 1
-            pose = view.look.path_pose
+            pose = view.options.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(view) if path is not None else "")
         self.numbers.show(view)

@@ -48,15 +48,15 @@ class ScorePanel:
     def show(self, view: Snapshot) -> None:
         """Numbers of both stages and of the probed pixel."""
         self.a.visible = self.b.visible = not view.is_whole_scene
-        self.a.value, self.b.value = view.look.a, view.look.b
-        self.map.value = LABELS[view.look.map][0]
+        self.a.value, self.b.value = view.options.a, view.options.b
+        self.map.value = LABELS[view.options.map][0]
         if view.is_whole_scene and not view.deep:
             return  # A scene is scored when there is time to draw it.
         self._words.show(hinted(scene_sentence(view) if view.is_whole_scene else compared(view), TERMS))
         a, b = (side.pose if side else None for side in (view.a, view.b))
         s = view.session.score
         cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
-        probed = view.look.pixel is not None
+        probed = view.options.pixel is not None
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
         below = "" if probed else f'<p class="dim">{text(cut)}</p>{_HINT}'
         passes = passes_table(view) if view.is_whole_scene else ""
@@ -89,7 +89,7 @@ def maps_html(view: Snapshot) -> str:
     """The strip as HTML with the pictures inside."""
     sides = [s for s in (view.a, view.b) if s is not None and s.maps is not None]
     if not sides:
-        missing = view.look.a if view.a is None else view.look.b
+        missing = view.options.a if view.a is None else view.options.b
         return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
     crop = shared_crop(view)
     o = view.scene.object(view.target.instance.instance_id)
@@ -114,10 +114,12 @@ def _row(view: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:
 def _picture(view: Snapshot, side: ComparedPose, name: MapName, crop: Crop) -> str:
     assert side.maps is not None
     shades, palette = map_shades(name, side.maps, view.map_target, view.session.score.tau_m, crop)
-    if view.look.pixel is None:
+    if view.options.pixel is None:
         picture = indexed_png(shades, palette)
     else:
-        picture = png(_with_cross(rgb(shades, palette), view.look.pixel[0] - crop.u0, view.look.pixel[1] - crop.v0))
+        picture = png(
+            _with_cross(rgb(shades, palette), view.options.pixel[0] - crop.u0, view.options.pixel[1] - crop.v0)
+        )
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     return (
         f'<img src="{data_uri(picture)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '

@@ -66,7 +66,7 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = options[0]
-        self._kept.show("".join(written(kept, view.refused) for kept in view.kept))
+        self._kept.show("".join(written(kept, view.refused) for kept in view.written))
 
 
 def open_now(view: Snapshot) -> str:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import viser
 
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
@@ -111,7 +111,7 @@ class SettingsPanel:
         self._tell()
         self._focus = view.target.instance.instance_id
         self._label_estimate()
-        self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
+        self._fields["method.discount"].visible = method_of(view.session.method.name).has_passes
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["dependency.rule"].visible = len(view.problem.instances) > 1

@@ -38,7 +38,7 @@ def _what(view: Snapshot) -> str:
     if view.cursor == 0:
         return "the start" if view.progress.done else "nothing has run yet"
     if view.is_current and view.shown is not None:
-        place, stage = place_in_run(view.scene, view.shown), view.look.stage
+        place, stage = place_in_run(view.scene, view.shown), view.options.stage
         said = f"{view.name}, hypothesis {view.shown.arm + 1} of {view.n_arms}"
         return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
     if view.cursor > len(view.iterations):
@@ -143,7 +143,7 @@ def legend(marks: Sequence[Mark]) -> str:
 
 def is_shown(view: Snapshot, iteration: Iteration) -> bool:
     """Whether an iteration is about what the page is filtered to."""
-    return view.look.focus is None or view.is_whole_scene or iteration.instance_id == view.look.focus
+    return view.options.focus is None or view.is_whole_scene or iteration.instance_id == view.options.focus
 
 
 def _color(view: Snapshot, iteration: Iteration) -> RGB:

@@ -44,9 +44,9 @@ class ViewPanel:
     def show(self, view: Snapshot) -> None:
         """Boxes as the look has them."""
         self._words.show(sentence(view_words(view, WITH_BOX)))
-        self.cloud.value = view.look.cloud
+        self.cloud.value = view.options.cloud
         for name, box in self.boxes.items():
-            box.value = name in view.look.layers
+            box.value = name in view.options.layers
 
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:

@@ -54,16 +54,16 @@ class CameraNodes:
 
     def show(self, view: Snapshot) -> None:
         """Shows or hides it."""
-        self._image.visible = self._frustum.visible = "camera image" in view.look.layers
+        self._image.visible = self._frustum.visible = "camera image" in view.options.layers
 
     def show_map(self, view: Snapshot) -> None:
         """Lays the score map that is looked at over the image."""
         side = view.b or view.a
         if not self._image.visible or side is None or side.maps is None:
             return
-        image = map_over(self._darkened, view.look.map, side.maps, view.map_target, view.session.score.tau_m)
-        if view.look.pixel is not None:
-            u, v = view.look.pixel
+        image = map_over(self._darkened, view.options.map, side.maps, view.map_target, view.session.score.tau_m)
+        if view.options.pixel is not None:
+            u, v = view.options.pixel
             image[max(v - 4, 0) : v + 5, u] = image[v, max(u - 4, 0) : u + 5] = (255, 255, 255)
         if not np.array_equal(image, self._shown):
             self._image.image = image
@@ -211,6 +211,6 @@ class GroundNodes:
 
     def show(self, view: Snapshot) -> None:
         """Shows or hides it; where no support is known there is nothing to show."""
-        layers, is_known = view.look.layers, view.problem.observation.support is not None
+        layers, is_known = view.options.layers, view.problem.observation.support is not None
         self._grid.visible = "plane" in layers and is_known
         self._gravity.visible = "gravity" in layers and is_known

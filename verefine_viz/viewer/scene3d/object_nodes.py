@@ -80,7 +80,7 @@ class ObjectNodes:
 
     def show(self, view: Snapshot) -> None:
         """Poses and looks at the cursor."""
-        drawn = "others" in view.look.layers
+        drawn = "others" in view.options.layers
         for o in view.scene.objects:
             nodes = self._nodes.get(o.instance_id)
             if nodes is None:
@@ -125,7 +125,7 @@ class ObjectNodes:
 
     def show_overlaps(self, view: Snapshot) -> None:
         """Red points where objects are partly in the same place."""
-        found = view.physics.overlaps if "overlaps" in view.look.layers else ()
+        found = view.physics.overlaps if "overlaps" in view.options.layers else ()
         if len(found) == len(self._overlap_shown) and all(
             a is b for a, b in zip(found, self._overlap_shown, strict=True)
         ):

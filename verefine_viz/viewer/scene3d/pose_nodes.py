@@ -90,7 +90,7 @@ class PoseNodes:
 
     def show(self, view: Snapshot) -> None:
         """Poses and visibility of all stages, ghosts and the simulated path."""
-        layers = view.look.layers
+        layers = view.options.layers
         for name, node in self._nodes.items():
             pose = view.poses.get(name)
             if pose is not None:
@@ -112,7 +112,7 @@ class PoseNodes:
         """The answer of a finished run; among several objects it is drawn in their own colour, as the others are."""
         best = view.poses.get("best")
         alone = len(view.scene.objects) == 1
-        self._mover.visible = view.is_answer and alone and best is not None and "best" in view.look.layers
+        self._mover.visible = view.is_answer and alone and best is not None and "best" in view.options.layers
         if self._mover.visible and best is not None:
             place(self._mover, best.T_cam_obj)
             self._mover.color = STAGE_COLORS["best"]
@@ -125,13 +125,13 @@ class PoseNodes:
         self._ghosts.batched_positions = np.array([T[:3, 3] for T in Ts], np.float32)
         self._ghosts.batched_wxyzs = np.array([quat_wxyz(T[:3, :3]) for T in Ts], np.float32)
         opacity = np.full(len(Ts), 1.0, np.float32)
-        opacity[view.arm] = 2.0 if view.look.arm is not None else 1.0
+        opacity[view.arm] = 2.0 if view.options.arm is not None else 1.0
         self._ghosts.batched_opacities = opacity
-        self._ghosts.visible = "hypotheses" in view.look.layers
+        self._ghosts.visible = "hypotheses" in view.options.layers
 
     def _show_path(self, view: Snapshot) -> None:
         path = view.shown.path if view.shown else None
-        k = view.look.path_pose
+        k = view.options.path_pose
         if path is not None and k is not None:
             place(self._path, path.Ts_cam_obj[min(k, len(path.Ts_cam_obj) - 1)])
         self._path.visible = path is not None and k is not None

@@ -102,7 +102,7 @@ class SceneView:
 
     def show_deep(self, view: Snapshot) -> None:
         """What needs score maps or plausibility; the rest is left as it is, be it an animation."""
-        self._points.visible = "cloud" in view.look.layers
+        self._points.visible = "cloud" in view.options.layers
         self._camera.show(view)
         if view.deep:
             self._show_cloud(view)
@@ -180,25 +180,25 @@ class SceneView:
 
     def _show_cloud(self, view: Snapshot) -> None:
         maps = view.b.maps if view.b else view.a.maps if view.a else None
-        colors = cloud_colors(self._cloud, view.look.cloud, maps, view.session.score.tau_m)
+        colors = cloud_colors(self._cloud, view.options.cloud, maps, view.session.score.tau_m)
         if colors is not self._colors:
             self._points.colors = colors
             self._colors = colors
 
     def _show_contacts(self, view: Snapshot) -> None:
         path = view.shown.path if view.shown and not view.is_answer else None
-        if path is None or not path.contacts or "contacts" not in view.look.layers:
+        if path is None or not path.contacts or "contacts" not in view.options.layers:
             if self._contacts is not None:
                 self._contacts.visible = False
             return
-        k = view.look.path_pose
+        k = view.options.path_pose
         self._draw_contacts(view, len(path.contacts) if k is None else k)
 
     def _draw_contacts(self, view: Snapshot, pose: int) -> None:
         """Arrows onto the object where it touches something, at one pose of the path."""
         path = view.shown.path if view.shown else None
         contacts = path.contacts[min(pose, len(path.contacts)) - 1] if path and path.contacts and pose else None
-        if contacts is None or len(contacts.depths_m) == 0 or "contacts" not in view.look.layers:
+        if contacts is None or len(contacts.depths_m) == 0 or "contacts" not in view.options.layers:
             if self._contacts is not None:
                 self._contacts.visible = False
             return
@@ -219,7 +219,7 @@ class SceneView:
         """The support polygon on the plane, and a line down from the centre of mass."""
         name = drawn_stage(view)
         found = view.plausible[name] if name else None
-        self._balance.visible = found is not None and "contacts" in view.look.layers
+        self._balance.visible = found is not None and "contacts" in view.options.layers
         if found is None:
             return
         corners = found.polygon_cam
@@ -233,14 +233,14 @@ class SceneView:
         self._balance.colors = colors
 
     def _show_gizmo(self, view: Snapshot) -> None:
-        T = view.look.T_cam_obj_edited
-        if T is None or view.look.edited is None:
+        T = view.options.T_cam_obj_edited
+        if T is None or view.options.edited is None:
             if self._gizmo is not None:
                 self._gizmo.remove()
                 self._gizmo = None
                 self._dragged.clear()
             return
-        is_news = self._dragged.is_news(view.look.edited)
+        is_news = self._dragged.is_news(view.options.edited)
         if self._gizmo is None:
             self._gizmo = self._make_gizmo(view, T)
         elif is_news:  # Numbers were typed.
@@ -271,7 +271,7 @@ class SceneView:
         T_cam_world = inverse(self._T_world_cam)
         origin = apply(T_cam_world, np.array([event.ray_origin]))[0]
         direction = T_cam_world[:3, :3] @ np.array(event.ray_direction)
-        plane = IMAGE_PLANE_M if "camera image" in view.look.layers else None
+        plane = IMAGE_PLANE_M if "camera image" in view.options.layers else None
         pixel = clicked_pixel(view.problem.observation, origin, direction, plane)
         if pixel is not None:
             self._send(ProbePixel(*pixel))

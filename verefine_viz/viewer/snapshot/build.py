@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison import comparison_snapshot
 from verefine_viz.viewer.snapshot.deferred_physics import known_physics, others_of, work_out
 from verefine_viz.viewer.snapshot.partial_iteration import (
@@ -29,12 +30,8 @@ from verefine_viz.viewer.snapshot.scene_state import SceneState, scene_state
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
+from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
-from verefine_viz.viewer.text.scene import ALONE
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.debugger import Debugger
-
 
 # The two combinations of poses that are compared where the whole scene is shown, scored as a scene.
 
@@ -61,7 +58,7 @@ def scene_target(problem: Problem) -> Target:
 def compared_scenes(
     judge: CachedEvaluator,
     scene: SceneState,
-    look: ViewOptions,
+    options: ViewOptions,
     session: Session,
     deep: bool,
     first: Mapping[int, Float] | None = None,
@@ -82,7 +79,7 @@ def compared_scenes(
         if not deep:
             return ComparedPose(pose, None)
         maps = judge.scene_maps(targets, Ts)
-        return ComparedPose(pose, maps, probe(maps, targets[0], *look.pixel) if look.pixel else None)
+        return ComparedPose(pose, maps, probe(maps, targets[0], *options.pixel) if options.pixel else None)
 
     return side(name, now), side("best", best)
 
@@ -92,57 +89,57 @@ FALLBACK_B = ("accepted", "best", "initial", "ground truth")
 """What is shown instead of a stage that does not exist at the cursor."""
 
 
-def snapshot_of(debugger: Debugger, deep: bool = True) -> Snapshot:
+def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
-    space = debugger.workspace
+    space = state.workspace
     work, branch = space.work, space.branch
     run, judge = branch.run, branch.judge
-    answer = is_answer(run, debugger.look)
-    look = debugger.comparing.look(answered(debugger.look) if answer else debugger.look)
-    target, shown = _focus(branch, look)
-    partial = is_partial(run, look)
+    answer = is_answer(run, state.options)
+    options = state.comparison.visible(answered(state.options) if answer else state.options)
+    target, shown = _focus(branch, options)
+    partial = is_partial(run, options)
     # Stage by stage an iteration has no result yet: neither an answer nor, where it is the newest, a place in curves.
     now = run.state_at(run.cursor - 1) if partial else branch.state
     iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
-    state = state_of(now, target)
+    own_state = state_of(now, target)
     truth = _truth(judge, target)
-    alone = branch.settings.method.name in ALONE
-    stage = look.stage if partial else None
+    alone = not method_of(branch.settings.method.name).knows_others
+    stage = options.stage if partial else None
     scene = scene_state(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
     found = scene.object(target.instance.instance_id).answer if answer else None
-    arm = _arm(look, found if found is not None else shown, state)
+    arm = _arm(options, found if found is not None else shown, own_state)
     told = _as_judged(shown, target, judge, branch)
-    poses = _poses(judge, target, told, state, arm, look, is_current=shown is run.iteration, truth=truth)
+    poses = _poses(judge, target, told, own_state, arm, options, is_current=shown is run.iteration, truth=truth)
     if found is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = EvaluatedPose("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     if "best" in poses and is_of_best_scene(branch.settings.method.name, own, answer):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
-    running, kept = debugger.running.goal is not None, space.session
+    running, session = state.running.goal is not None, space.session
     errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
-    progress = Progress(run.length, run.n_iterations, running, debugger.running.remaining_s)
-    if look.whole_scene and len(scene.objects) > 1:
+    progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
+    if options.whole_scene and len(scene.objects) > 1:
         map_target = scene_target(work.problem)
         first = _first_poses(branch) if answer else None
-        a, b = compared_scenes(judge, scene, look, branch.settings, deep, first)
+        a, b = compared_scenes(judge, scene, options, branch.settings, deep, first)
     else:
         map_target = target
-        one = _or_else(poses, look.a, FALLBACK_A)
-        other = _or_else(poses, look.b, (*_unlike(one, poses), *FALLBACK_B))
-        a, b = (_side(judge, target, pose, look, deep) for pose in (one, other))
+        one = _or_else(poses, options.a, FALLBACK_A)
+        other = _or_else(poses, options.b, (*_unlike(one, poses), *FALLBACK_B))
+        a, b = (_side(judge, target, pose, options, deep) for pose in (one, other))
     return Snapshot(
         session=branch.settings.model_copy(
-            update={"breakpoints": space.breakpoints, "edits": kept.edits, "changes": kept.changes}
+            update={"breakpoints": space.breakpoints, "edits": session.edits, "changes": session.changes}
         ),
         session_path=space.path,
         session_file=next(reversed(space.files), None),
         frames=space.frames,
         frame=space.frame,
-        demos=debugger.demos,
-        sessions=debugger.sessions,
-        batch=debugger.browsing.gallery,
-        entry=debugger.browsing.entry(target.instance.instance_id),
+        demos=state.demos,
+        sessions=state.sessions,
+        batch=state.browsing.gallery,
+        entry=state.browsing.entry(target.instance.instance_id),
         problem=work.problem,
         exploration=branch.exploration_after(run.cursor),
         doubts=branch.doubts(),
@@ -157,14 +154,14 @@ def snapshot_of(debugger: Debugger, deep: bool = True) -> Snapshot:
         is_partial=partial,
         shown=shown,
         target=target,
-        state=state,
-        begun=state_of(run.state_scored_at(own[0].index), target) if own else state,
+        state=own_state,
+        begun=state_of(run.state_scored_at(own[0].index), target) if own else own_state,
         poses=poses,
         arm=arm,
-        look=look,
+        options=options,
         a=a,
         b=b,
-        plausible=_plausible(judge, target, poses, scene) if deep or look.edited is not None else {},
+        plausible=_plausible(judge, target, poses, scene) if deep or options.edited is not None else {},
         initial_errors=tuple(errors),
         error_series=_error_series(judge, target, iterations),
         truth=truth,
@@ -173,14 +170,14 @@ def snapshot_of(debugger: Debugger, deep: bool = True) -> Snapshot:
         scene=scene,
         frame_score=frame_score(judge, scene, branch.settings),
         map_target=map_target,
-        best_errors=_best_errors(judge, work.problem, iterations) if look.whole_scene else {},
+        best_errors=_best_errors(judge, work.problem, iterations) if options.whole_scene else {},
         physics=known_physics(scene, judge),
         deep=deep,
-        message=debugger.message,
-        refused=debugger.refused,
-        offer=debugger.offer,
-        kept=debugger.kept,
-        sides=comparison_snapshot(debugger.comparing, branch, target, look.focus is not None, look.whole_scene),
+        message=state.message,
+        refused=state.refused,
+        offer=state.offer,
+        written=state.written,
+        sides=comparison_snapshot(state.comparison, branch, target, options.focus is not None, options.whole_scene),
     )
 
 
@@ -190,13 +187,13 @@ def state_of(state: Any, target: Target) -> Any:
     return state.objects[ids.index(target.instance.instance_id)]
 
 
-def _focus(branch: Branch, look: ViewOptions) -> tuple[Target, Iteration | None]:
+def _focus(branch: Branch, options: ViewOptions) -> tuple[Target, Iteration | None]:
     """The object in focus and the latest iteration up to the cursor that worked on it."""
     run = branch.run
     targets = {t.instance.instance_id: t for t in run.problem.targets}
     at_cursor = run.iteration
-    if look.focus is not None:
-        focus = look.focus
+    if options.focus is not None:
+        focus = options.focus
     elif at_cursor is not None:
         focus = at_cursor.instance_id
     else:
@@ -213,10 +210,10 @@ def _as_judged(shown: Iteration | None, target: Target, judge: CachedEvaluator, 
     return replace(shown, stages=stages)
 
 
-def _arm(look: ViewOptions, shown: Iteration | Best | None, state: Any) -> int:
-    if look.arm is not None:
+def _arm(options: ViewOptions, shown: Iteration | Best | None, state: Any) -> int:
+    if options.arm is not None:
         n = len(state.arms) if state is not None else 1
-        return min(look.arm, n - 1)
+        return min(options.arm, n - 1)
     if shown is not None:
         return shown.arm
     return state.best.arm if state is not None else 0
@@ -233,7 +230,7 @@ def _poses(
     shown: Iteration | None,
     state: Any,
     arm: int,
-    look: ViewOptions,
+    options: ViewOptions,
     is_current: bool,
     truth: EvaluatedPose | None,
 ) -> dict[str, EvaluatedPose]:
@@ -249,7 +246,7 @@ def _poses(
             now = state.arms[arm].current
             add("current", now.T_cam_obj, now.score)
     if shown is not None:
-        told = revealed(shown, look.stage if is_current else None)
+        told = revealed(shown, options.stage if is_current else None)
         for stage in shown.stages:
             if stage.name in told:
                 score = stage.score or judge.score(target, stage.T_cam_obj)
@@ -259,8 +256,8 @@ def _poses(
             add("accepted", kept.T_cam_obj, kept.score, kept.ms)
     if state is not None:
         add("best", state.best.T_cam_obj, state.best.score)
-    if look.T_cam_obj_edited is not None:
-        T = np.array(look.T_cam_obj_edited)
+    if options.T_cam_obj_edited is not None:
+        T = np.array(options.T_cam_obj_edited)
         add("edited", T, judge.score(target, T))
     if truth is not None:
         found["ground truth"] = truth
@@ -305,14 +302,14 @@ def _unlike(one: EvaluatedPose | None, poses: dict[str, EvaluatedPose]) -> tuple
 
 
 def _side(
-    judge: CachedEvaluator, target: Target, pose: EvaluatedPose | None, look: ViewOptions, deep: bool
+    judge: CachedEvaluator, target: Target, pose: EvaluatedPose | None, options: ViewOptions, deep: bool
 ) -> ComparedPose | None:
     if pose is None:
         return None
     if not deep:
         return ComparedPose(pose, None)
     maps = judge.maps(target, pose.T_cam_obj)
-    return ComparedPose(pose, maps, probe(maps, target, *look.pixel) if look.pixel else None)
+    return ComparedPose(pose, maps, probe(maps, target, *options.pixel) if options.pixel else None)
 
 
 def _summary(branch: Branch, shown: Branch) -> BranchSummary:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from verefine_viz.session.variants import scores_alike, settings_between
 from verefine_viz.viewer.comparison_commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.handlers.comparing import Compared, Comparing
+from verefine_viz.viewer.state.comparison import Compared, Comparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,21 +95,21 @@ class ComparisonSnapshot:
 
 
 def comparison_snapshot(
-    comparing: Comparing, a: Branch, focus: Target, chosen: bool, whole_scene: bool
+    comparison: Comparison, a: Branch, focus: Target, chosen: bool, whole_scene: bool
 ) -> ComparisonSnapshot | None:
     """The comparison at this moment; None while one run is looked at alone.
 
     Args:
-        comparing: which runs.
+        comparison: which runs.
         a: the open one.
         focus: the object that the page is about.
         chosen: whether a person chose it; else it is the one of the moment.
         whole_scene: whether curves are of all objects together.
     """
-    found, b, sides = comparing.compared(), comparing.branch_b(), comparing.sides
+    found, b, sides = comparison.compared(), comparison.branch_b(), comparison.choice
     if found is None or b is None or sides is None:
         return None
-    place = comparing.place()
+    place = comparison.place()
     moment = found.timeline.moments[place - 1] if place else None
     if moment is not None and not chosen and moment.instance_id in found.a.instance_ids:
         focus = found.a.problem.target(moment.instance_id)
@@ -168,7 +166,7 @@ def comparison_snapshot(
         poses,
         sides.poses,
         sides.shown,
-        comparing.is_running,
+        comparison.is_running,
     )
 
 

@@ -35,7 +35,7 @@ class EvaluatedPose:
     """One pose with everything known about it."""
 
     name: str
-    """One of ``look.STAGES``, or what a scene is called."""
+    """One of ``view_options.STAGES``, or what a scene is called."""
     T_cam_obj: Float
     """(4, 4); of a scene (m, 4, 4)."""
     score: PoseScore | None
@@ -134,7 +134,7 @@ class Snapshot:
     """By stage, those that exist (and are revealed) at the cursor."""
     arm: int
     """The hypothesis in focus."""
-    look: ViewOptions
+    options: ViewOptions
     a: ComparedPose | None
     b: ComparedPose | None
     plausible: dict[str, Any]
@@ -168,7 +168,7 @@ class Snapshot:
     """Whether the message says what went wrong."""
     offer: tuple[str, Command] | None = None
     """Words and command of the link behind a message that refuses."""
-    kept: tuple[WrittenFile, ...] = ()
+    written: tuple[WrittenFile, ...] = ()
     """Files written lately."""
     sides: ComparisonSnapshot | None = None
     """The comparison with another run; None = this one is looked at alone."""
@@ -185,12 +185,12 @@ class Snapshot:
     @property
     def is_whole_scene(self) -> bool:
         """Whether panels show the scene instead of one object."""
-        return self.look.whole_scene and len(self.scene.objects) > 1
+        return self.options.whole_scene and len(self.scene.objects) > 1
 
     @property
     def has_judged_standing(self) -> bool:
         """Whether ``plausible`` is up to date."""
-        return self.deep or self.look.edited is not None
+        return self.deep or self.options.edited is not None
 
     @property
     def n_arms(self) -> int:
@@ -279,4 +279,4 @@ def is_revealed(view: Snapshot, stage: str) -> bool:
     """Whether the iteration that is shown is told up to this stage."""
     if view.shown is None:
         return False
-    return stage in revealed(view.shown, view.look.stage if view.is_current else None)
+    return stage in revealed(view.shown, view.options.stage if view.is_current else None)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.batch.doubts import doubts_in_words
 from verefine_viz.batch.folder import SESSION_FILE
@@ -17,6 +17,10 @@ from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.commands import OpenAt
+
+if TYPE_CHECKING:
+    from verefine_viz.session.engine import Run
+    from verefine_viz.viewer.state.workspace import Workspace
 
 ALL = "all"
 WRONG = "wrong or no answer"
@@ -177,6 +181,44 @@ class Gallery:
         """The command that opens an answer where it went wrong."""
         run = entry.run if self.has_several_runs else ""
         return OpenAt(entry.row.frame, entry.iteration, run, entry.row.instance_id)
+
+
+class Browsing:
+    """The gallery and the place in it.
+
+    Args:
+        gallery: None = no batch was opened.
+        workspace: where frames are opened.
+    """
+
+    def __init__(self, gallery: Gallery | None, workspace: Workspace) -> None:
+        self.gallery, self._workspace = gallery, workspace
+        self.run = gallery.worst.run if gallery is not None else ""
+        """The batch run whose session is open."""
+        self.last: Entry | None = None
+        """The answer that was opened last."""
+        self.asked: tuple[Run, int] | None = None
+        """The run and iteration at which that was opened."""
+
+    def stage_asked_for(self, iteration: int) -> str | None:
+        """What shows the iteration that was asked for itself where the end of the run would show its answer."""
+        run = self._workspace.run
+        if self.asked != (run, iteration) or not run.at_end or run.iteration is None:
+            return None
+        return run.iteration.stages[-1].name
+
+    def entry(self, instance_id: int) -> Entry | None:
+        """What the batch says about an object of the open frame; None where something else is open."""
+        gallery = self.gallery
+        if gallery is None or not self._is_open(gallery.session(self.run)):
+            return None
+        return gallery.entry(self.run, self._workspace.frame, instance_id)
+
+    def _is_open(self, session: Session) -> bool:
+        """Whether the page shows frames of this session, be it with another method by now."""
+        now = self._workspace.tools.session
+        there, here = (s.scene.model_copy(update={"frames": ()}) for s in (session, now))
+        return there == here and session.hypotheses == now.hypotheses
 
 
 _FILTERS = ("cause", "object", "method", "run")

@@ -12,7 +12,7 @@ from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.core.settings import Edit
 from verefine_viz.evaluation.errors import add_s_mm
-from verefine_viz.viewer.drawing.bandit_tables import BEST_OF_ALL
+from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.timeline_marks import FALL
 from verefine_viz.viewer.text.names import TERMS, arm_name, method_name, refiner_name
@@ -37,7 +37,7 @@ def score_margin(view: Snapshot, best: Best) -> str:
     The latter where ground truth is known, of a lead below ``NEAR_TIE``, measured as ADD(-S) of the two poses. Empty
     where no other hypothesis could have been the answer.
     """
-    if view.state is None or view.session.method.name not in BEST_OF_ALL:
+    if view.state is None or not method_of(view.session.method.name).answers_best_of_all:
         return ""
     highest = {
         j: max(arm.entries, key=lambda e: e.score.score) for j, arm in enumerate(view.state.arms) if j != best.arm
@@ -126,8 +126,8 @@ def headline(view: Snapshot) -> str:
     if view.shown is None:
         return f"{view.name} has had no iteration yet."
     # At the end of a run the last iteration is asked for by its last stage.
-    whole = view.progress.done == view.progress.total and view.look.stage == view.shown.stages[-1].name
-    if view.look.stage is not None and view.is_current and not whole:
+    whole = view.progress.done == view.progress.total and view.options.stage == view.shown.stages[-1].name
+    if view.options.stage is not None and view.is_current and not whole:
         return _stage_sentence(view, view.shown)
     if view.shown.tree is not None:
         said = tree_sentence(view.problem, view.shown, view.shown.tree)
@@ -219,7 +219,7 @@ def _digits(iteration: Iteration) -> int:
 
 def _stage_sentence(view: Snapshot, iteration: Iteration) -> str:
     names = [s.name for s in iteration.stages]
-    k = names.index(view.look.stage) if view.look.stage in names else len(names) - 1
+    k = names.index(view.options.stage) if view.options.stage in names else len(names) - 1
     stage = iteration.stages[k]
     head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
     if k == 0:
@@ -236,7 +236,7 @@ def _outcome(view: Snapshot) -> str:
     if len(view.scene.objects) == 1:
         return f"Run finished: {_answer(view)}"
     said = scene_outcome(view.scene) + found_by(view)
-    if view.look.focus is None:
+    if view.options.focus is None:
         return said
     return f"{said} {view.name[:1].upper()}{view.name[1:]}: {_answer(view)}"
 

@@ -10,6 +10,7 @@ from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.methods.registry import method_of
 
 if TYPE_CHECKING:
     pass
@@ -64,12 +65,9 @@ def _parted(name: str) -> tuple[str, str]:
     return (stem, f"#{number}") if sign else (name, "")
 
 
-SHOWN_NAMES = {"vf_breadth": "VF_b", "vf_depth": "VF_d", "physim_mcts": "PHYSIM-MCTS"}
-
-
 def method_name(name: str) -> str:
     """As people write it: RIR, VF_b."""
-    return SHOWN_NAMES.get(name, name.upper())
+    return method_of(name).label
 
 
 def refiner_name(name: str) -> str:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.methods.registry import method_of
 from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
 from verefine_viz.viewer.text.names import method_name
-from verefine_viz.viewer.text.scene import ALONE
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -40,8 +40,8 @@ def unsupported_stacking(view: Snapshot) -> tuple[UnsupportedStacking, ...]:
 
     Nothing while the data are in doubt: how high objects stand above the table is measured in them.
     """
-    method = view.session.method.name
-    if method not in ALONE or method == "refine" or not view.session.physics.enabled or view.data_doubts:
+    method = method_of(view.session.method.name)
+    if method.knows_others or not method.simulates or not view.session.physics.enabled or view.data_doubts:
         return ()
     return _unsupported_stacking(view.problem)
 

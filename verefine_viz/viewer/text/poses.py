@@ -104,7 +104,7 @@ def edited_error(view: Snapshot) -> str:
 def edited_beside(view: Snapshot) -> str:
     """That neither stage that is compared is the pose under the hand; "" where one of them is, or none is edited."""
     edited = view.poses.get("edited")
-    if edited is None or edited.score is None or "edited" in (view.look.a, view.look.b):
+    if edited is None or edited.score is None or "edited" in (view.options.a, view.options.b):
         return ""
     return f" The pose that you edit scores {edited.score.score:.3f}; choose “edited” as A or B to compare it."
 
@@ -178,8 +178,10 @@ def compared(view: Snapshot) -> str:
     label = view.scene.object(view.target.instance.instance_id).label
     if a is None or b is None:
         return f"{label} has no pose to judge; give it a hypothesis."
-    pairs = [(wanted, side.pose) for wanted, side in ((view.look.a, a), (view.look.b, b)) if side.pose.name != wanted]
-    missing = [wanted for wanted, _ in pairs]
+    pairs = [
+        (wanted, side.pose) for wanted, side in ((view.options.a, a), (view.options.b, b)) if side.pose.name != wanted
+    ]
+    missing = [name for name, _ in pairs]
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
     lead = f"{label}: " if len(view.scene.objects) > 1 else ""
     # An iteration that is told to its end will not make it any more.

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 
-ALONE = frozenset({"refine", "phys_before", "phys_after", "even", "expl", "pir", "sir", "rir"})
-"""Methods in which no object knows of the others."""
-
-
 def scene_outcome(scene: SceneState) -> str:
     """How a finished run came out, over all objects."""
     answered = [o for o in scene.objects if o.answer is not None]

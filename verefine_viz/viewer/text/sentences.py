@@ -11,10 +11,9 @@ from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.session.breakpoints import UNITS
 from verefine_viz.session.files import AT_ITS_START, changed, resolve
-from verefine_viz.viewer.drawing.bandit_tables import CHOOSING, WITH_UCB
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.branch import current_values, nested
 from verefine_viz.viewer.state.view_options import STAGES
@@ -43,11 +42,11 @@ def chosen(view: Snapshot) -> str:
 def _to_choose(view: Snapshot) -> str:
     """What will be chosen first, where that is known."""
     name = view.session.method.name
-    if name == SEARCH:
+    if method_of(name).has_tree:
         return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
-    if name not in CHOOSING:
+    if not method_of(name).chooses:
         return f"{name} does not choose between hypotheses."
-    if name not in WITH_UCB:
+    if not method_of(name).has_ucb:
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
     first = next_choice(Ucb(view.exploration), view.state)
     return f"Nothing was chosen yet, and each first pose counts as a play. First comes {first.reason}."
@@ -166,7 +165,7 @@ def view_words(view: Snapshot, switches: Iterable[str]) -> str:
         view: what is on the screen.
         switches: the layers that can be switched, in the order to name them.
     """
-    layers, names = view.look.layers, tuple(switches)
+    layers, names = view.options.layers, tuple(switches)
     if view.sides is not None:
         drawn = "Drawn: the poses of A, solid, and of B, as an outline."
     else:
@@ -186,14 +185,14 @@ def view_words(view: Snapshot, switches: Iterable[str]) -> str:
 
 def _others(view: Snapshot) -> str:
     n = sum(o.T_cam_obj is not None for o in view.scene.objects) - 1
-    return f"; {n} other object{'s' if n > 1 else ''}" if n > 0 and "others" in view.look.layers else ""
+    return f"; {n} other object{'s' if n > 1 else ''}" if n > 0 and "others" in view.options.layers else ""
 
 
 def _cloud(view: Snapshot) -> list[str]:
-    if "cloud" not in view.look.layers or view.look.cloud == "colour":
+    if "cloud" not in view.options.layers or view.options.cloud == "colour":
         return []
     of = view.b.pose.label if view.b is not None else "B"
-    meant = "observed − rendered depth" if view.look.cloud == "residual" else "class of each pixel"
+    meant = "observed − rendered depth" if view.options.cloud == "residual" else "class of each pixel"
     return [f"Cloud: {meant} for {of}."]
 
 
