@@ -12,7 +12,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.web.page_notices import lost_words
+from verefine_viz.viewer.web.viser_internals import lost_words
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"

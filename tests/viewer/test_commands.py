@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -41,8 +42,8 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
 @st.composite
 def any_command(draw: st.DrawFn) -> c.Command:
     cls = draw(st.sampled_from(list(COMMANDS.values())))
-    hints = {k: h for k, h in get_type_hints(cls).items() if k != "latest_wins"}
-    return cls(**{name: draw(values(hint)) for name, hint in hints.items()})
+    hints = get_type_hints(cls)
+    return cls(**{field.name: draw(values(hints[field.name])) for field in fields(cls)})
 
 
 @given(any_command())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from verefine_viz.viewer.web.page_notices import lost_style, lost_words
+from verefine_viz.viewer.web.viser_internals import lost_style, lost_words
 
 
 def test_it_says_how_to_get_a_program_that_this_page_finds() -> None:

@@ -141,12 +141,12 @@ def test_a_moved_pose_that_nothing_can_go_on_from_is_let_go_by_a_link() -> None:
     assert d.workspace.run.cursor == d.workspace.run.length - 1
 
 
-def test_saving_says_that_a_pose_under_the_hand_is_not_in_the_file(tmp_path: Path) -> None:
+def test_saving_says_that_the_edited_pose_is_not_in_the_file(tmp_path: Path) -> None:
     keeping = Exporter(None, tmp_path)  # pyright: ignore[reportArgumentType]
     d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([c.EditPose(), c.SaveSession("a")])
     assert d.message.endswith("a.toml")
     d.carry_out([DRAGGED, c.SaveSession("b")])
-    assert d.message.endswith("; not the pose under the hand: press “Continue from here”, then save again")
+    assert d.message.endswith("; not the edited pose: press “Continue from here”, then save again")
 
 
 class TwoBoxes(FakeTools):

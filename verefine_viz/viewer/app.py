@@ -24,8 +24,8 @@ from verefine_viz.viewer.panels.layout import set_theme
 from verefine_viz.viewer.state.branch import Tools
 from verefine_viz.viewer.state.gallery import Gallery
 from verefine_viz.viewer.state.state import Unconfirmed
-from verefine_viz.viewer.web.page_notices import lost_style
 from verefine_viz.viewer.web.server import Server
+from verefine_viz.viewer.web.viser_internals import lost_style
 from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
 
 # What the page needs of simulator, renderer and refiners; imported late, since it is heavy.

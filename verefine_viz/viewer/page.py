@@ -10,7 +10,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.layout import Layout
 from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
-from verefine_viz.viewer.scene3d.scene_view import SceneView
+from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
 from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
@@ -38,7 +38,7 @@ class Page:
         self._server, self._debugger, self._requests = server, debugger, requests
         self.scene = SceneView(server, requests.send)
         self.sides = ComparisonNodes(server)
-        self.layout = Layout(server, requests.send, batch)
+        self.layout = Layout(server, requests.send, lambda client: look_again(server, client), batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
         self._view: Snapshot | None = None

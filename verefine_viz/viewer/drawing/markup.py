@@ -14,6 +14,7 @@ from itertools import groupby
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
+from verefine_viz.viewer.assets import script_line
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.text.names import _parted, arm_color, have_names, source_of, told_apart
@@ -21,18 +22,7 @@ from verefine_viz.viewer.text.names import _parted, arm_color, have_names, sourc
 LINK_LABEL = "page link"
 """Label of the hidden text field."""
 
-_ON_CLICK = (
-    "const t=event.target.closest('[data-cmd]');if(t){const c=JSON.parse(t.dataset.cmd);"
-    "if(t.dataset.crop){const k=JSON.parse(t.dataset.crop),b=t.getBoundingClientRect();"
-    "c.u=k[0]+Math.floor((event.clientX-b.left)/b.width*k[2]);"
-    "c.v=k[1]+Math.floor((event.clientY-b.top)/b.height*k[3]);}"
-    "if(t.dataset.cells){const b=t.getBoundingClientRect(),n=+t.dataset.cells;"
-    "c.cursor=Math.min(n,1+Math.floor((event.clientX-b.left)/b.width*n));}"
-    f"const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='{LINK_LABEL}');"
-    "const i=l&&l.closest('.mantine-Flex-root').querySelector('input');"
-    "if(i){Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,"
-    "JSON.stringify(c)+' '+Date.now());i.dispatchEvent(new Event('input',{bubbles:true}));}}"
-)
+_ON_CLICK = script_line("click.js").replace("LINK_LABEL", LINK_LABEL)
 
 
 def text(value: object) -> str:
@@ -113,87 +103,6 @@ def warning(content: str, extra: str = "", red: bool = False, folded: bool = Fal
         unfolds = f'title="{text(content)}" onclick="this.classList.toggle(\'folded\')"'
         return f'<p class="{name} fold folded" {unfolds}>{text(content)} {extra}</p>'
     return f'<p class="{name}">{text(content)} {extra}</p>'
-
-
-# About the docked panels: the library slides a column to its place when the window gets wider, and leaves it beside the
-# screen; it gives both rows the same height, until a person moves the border; and its scrollbars lie on the content.
-STYLE = """<style>
-.vz{font-size:12.5px;line-height:1.38;padding:0 10px 6px 10px;color:inherit}
-.vz.tight{padding-bottom:0}
-.vz p{margin:0 0 6px 0}
-.vz p.say{font-size:13px}
-.vz.brief p.say{font-size:11.5px;line-height:1.3;margin-bottom:4px}
-.vz p.warn,.vz p.bad,.vz p.note{padding:4px 7px;border-radius:4px;border-left:3px solid #d98e04;
- background:rgba(217,142,4,.12);overflow-wrap:anywhere}
-.vz p.bad{border-color:#dc322f;background:rgba(220,50,47,.12)}
-.vz p.fold{cursor:pointer}
-.vz p.fold::before{content:'▾ '}
-.vz p.folded{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
-.vz p.folded::before{content:'▸ '}
-.vz .top>p.bad{max-height:calc(7.6em + 8px);overflow-y:auto}
-.vz .top>p.fold~p.bad:not(.fold){max-height:calc(4.6em + 8px)}
-.vz .top>p.folded{overflow:hidden}
-.vz p.note{border-color:#1c7ed6;background:rgba(28,126,214,.12)}
-.vz code{overflow-wrap:anywhere}
-.vz p.dim,.vz .dim{opacity:.65}
-.vz .term{text-decoration:underline dotted;text-underline-offset:3px;cursor:help}
-.vz a{color:#1c7ed6;cursor:pointer;text-decoration:underline;text-underline-offset:2px}
-.vz table{border-collapse:collapse;width:100%;font-size:12px;font-variant-numeric:tabular-nums;margin:0 0 6px 0}
-.vz th{font-weight:600;text-align:right;padding:1px 4px;border-bottom:1px solid rgba(128,128,128,.5);cursor:help;
- white-space:nowrap}
-.vz td{text-align:right;padding:0 4px;line-height:1.3;border-bottom:1px solid rgba(128,128,128,.15);white-space:nowrap}
-.vz th:first-child,.vz td:first-child{text-align:left}
-.vz tr[data-cmd]{cursor:pointer}
-.vz tr[data-cmd]:hover{background:rgba(28,126,214,.12)}
-.vz tr.marked{background:rgba(40,200,80,.18)}
-.vz .sw{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:5px;
- border:1px solid rgba(0,0,0,.35);vertical-align:-1px}
-.vz.names td:first-child,.vz.names th:first-child,
-.vz.objects td:nth-child(2){max-width:0;width:99%;overflow:hidden;text-overflow:ellipsis}
-.vz.objects td,.vz.objects th,.vz.errors td,.vz.errors th{padding-inline:3px}
-.vz.objects td:nth-child(2),.vz.objects th:nth-child(2){text-align:left}
-.vz tr.parted td{border-top:1.5px solid rgba(200,200,200,.65)}
-.vz .sinks{color:#d98e04;cursor:help}
-.vz p.legend{font-size:11px;margin:0 0 2px 0}
-.vz .light{display:inline-block;width:10px;height:10px;border-radius:5px;vertical-align:-1px}
-.vz .bar{display:inline-block;height:8px;vertical-align:0;margin-right:1px}
-.vz img{image-rendering:pixelated;display:block;width:100%}
-.vz img[data-cmd]{cursor:crosshair}
-.vz .cut{display:inline-block;max-width:104px;overflow:hidden;text-overflow:ellipsis;vertical-align:bottom}
-.vz .numbered{display:inline-flex}
-.vz .numbered>span{min-width:0;overflow:hidden;text-overflow:ellipsis}
-.vz .numbered>.sw{flex:none;align-self:center}
-.vz .numbered>b{flex:none;margin-right:4px}
-.vz td>.numbered{max-width:100%}
-.vz .cb{height:7px;border-radius:2px;margin-top:3px}
-.vz .ticks{display:flex;justify-content:space-between;font-size:10px;opacity:.8;line-height:1.2}
-.vz.strip table{table-layout:fixed;margin:0}
-.vz.strip td,.vz.strip th{padding:1px 2px;border:0;text-align:center}
-.vz.strip td:first-child,.vz.strip th:first-child{width:72px;text-align:left;white-space:normal;font-size:11.5px}
-.vz.strip th.whose{white-space:nowrap}
-.vz .curves{display:flex;gap:6px;font-size:11px;margin-bottom:-8px;white-space:nowrap}
-.vz .curves>span{overflow:hidden;text-overflow:ellipsis;min-width:0}
-.vz .curves>.what{flex-shrink:1000000}
-.vz .curves .sw{margin-right:3px}
-.vz .curves.many{flex-wrap:wrap;row-gap:0}
-.vz .curves.many>.who{flex:0 0 100%;display:flex;flex-wrap:wrap;column-gap:4px;justify-content:space-between}
-.vz .curves.many .cut{max-width:170px!important}
-.vz .curves.many .sw{width:8px;height:8px;margin-right:2px;vertical-align:0}
-.vz.line svg{display:block;width:100%}
-.vz.line [data-cmd]{cursor:pointer}
-.vz.line .head{font-size:12px;white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
-.vz.line .colors{display:flex;gap:12px;justify-content:space-between;font-size:11px;white-space:nowrap}
-.vz.line .legend{display:flex;gap:7px;cursor:help}
-.vz.line .blocks{display:flex;gap:6px;min-width:0;overflow:hidden}
-.vz.line .blocks>span{flex:0 1 auto;min-width:26px;overflow:hidden;text-overflow:ellipsis}
-.vz.line .blocks .cut{display:inline}
-[data-dock-tab]{padding:0 7px!important}
-[data-dock-region=right] .mantine-ScrollArea-content{padding-right:4px}
-[data-dock-column]{transform:none!important}
-[data-dock-region=right] div[style*="flex: 0.5 1"]{flex-grow:.43!important}
-[data-dock-region=right] div[style*="flex: 0.5 1"]:has([data-dock-tab]){flex-grow:.57!important}
-#webgl-software-rendering{display:none}
-</style>"""
 
 
 NONE = "–"

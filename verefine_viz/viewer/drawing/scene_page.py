@@ -6,6 +6,7 @@ Whoever opens the file next week has no panels beside it. All text from data is 
 from __future__ import annotations
 
 from verefine_viz.core.palette import CLASS_COLORS, SIDE_COLORS, STAGE_COLORS
+from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import arms_legend, swatch, text
 from verefine_viz.viewer.drawing.tables import CLASS_MEANING
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
@@ -14,19 +15,6 @@ from verefine_viz.viewer.text.names import method_name, verdict_mark
 from verefine_viz.viewer.text.sentences import HINTS
 
 ANSWER = "what the run hands on, solid"
-_STYLE = """<style>
-#legend{position:fixed;left:12px;top:12px;z-index:1000;max-width:min(420px,45vw);max-height:calc(100vh - 24px);
- overflow:auto;box-sizing:border-box;padding:8px 12px;border-radius:6px;background:rgba(24,26,30,.88);color:#e8e8e8;
- font:13px/1.45 sans-serif;overflow-wrap:anywhere}
-#legend summary{font-weight:600;cursor:pointer}
-#legend p{margin:4px 0}
-#legend table{border-collapse:collapse;margin:4px 0}
-#legend td{padding:0 12px 0 0;vertical-align:top}
-#legend .sw{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:5px;
- border:1px solid rgba(255,255,255,.45);vertical-align:-1px}
-#legend .dim{opacity:.7}
-#webgl-software-rendering{display:none}
-</style>"""
 
 
 def scene_page(page: str, view: Snapshot) -> str:
@@ -39,7 +27,7 @@ def scene_page(page: str, view: Snapshot) -> str:
     name = view.session.title or view.session.scene.demo or "3D scene"
     titled = page.replace("<title>Viser</title>", f"<title>{text(f'{name}, frame {view.frame}')}</title>", 1)
     head, end, rest = titled.rpartition("</body>")
-    return f"{head}{_STYLE}{legend(view, name)}{end}{rest}"
+    return f"{head}<style>{asset('scene_page.css')}</style>{legend(view, name)}{end}{rest}"
 
 
 def legend(view: Snapshot, name: str) -> str:

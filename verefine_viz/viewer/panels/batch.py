@@ -19,30 +19,6 @@ from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import ALL, PAGE, Entry, Gallery
 
-STYLE = """<style>
-.vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px;margin-bottom:6px}
-.vz.batch{padding-bottom:0}
-.vz.batch p.bad{max-height:8em;overflow-y:auto}
-.vz.batch .card{margin-bottom:-5px}
-.vz select{display:block;width:100%;font:inherit;font-size:12px;color:inherit;background:#2e2e2e;
- border:1px solid #424242;border-radius:4px;padding:1px 2px;color-scheme:dark}
-.vz button.card{display:flex;gap:8px;width:100%;padding:3px;margin:0;text-align:left;font:inherit;font-size:12px;
- line-height:1.36;color:inherit;background:none;border:1px solid transparent;border-radius:5px;cursor:pointer}
-.vz button.card:hover{background:rgba(28,126,214,.12)}
-.vz button.card:focus-visible{outline:2px solid #1c7ed6}
-.vz button.card.marked{background:rgba(40,200,80,.18);border-color:rgba(40,200,80,.55);animation:opened 1ms}
-@keyframes opened{from{opacity:.9}}
-.vz button.card[disabled]{cursor:not-allowed}
-.vz .card .pic{flex:none;width:88px;height:66px;border-radius:3px;background:#333;overflow:hidden}
-.vz .card img{image-rendering:auto;width:88px;height:66px}
-.vz .card .txt{flex:1;min-width:0}
-.vz .card .txt>span{display:flex;justify-content:space-between;gap:6px;white-space:nowrap}
-.vz .card .name{overflow:hidden;text-overflow:ellipsis}
-.vz .card .txt>.why{display:-webkit-box;-webkit-box-orient:vertical;-webkit-line-clamp:2;overflow:hidden;
- white-space:normal}
-.vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
-.vz .pages{display:flex;justify-content:space-between}
-</style>"""
 # The animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
 _INTO_SIGHT = "this.scrollIntoView({block:'nearest'})"
 TITLES: dict[BatchFilter, str] = {
@@ -54,7 +30,6 @@ class BatchPanel:
     """Filters, and a card per answer with its picture."""
 
     def __init__(self, gui: viser.GuiApi, gallery: Gallery) -> None:
-        gui.add_html(STYLE)
         self._words = Block(gui, "batch")
         self._choices = Block(gui, "batch")
         self._cards = [Block(gui, "batch") for _ in range(PAGE)]

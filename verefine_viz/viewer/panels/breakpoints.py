@@ -10,9 +10,10 @@ import viser
 from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact, unlabelled
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.sentences import breakpoint_words
+from verefine_viz.viewer.web.viser_internals import beside_the_box, compact
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,8 @@ class BreakpointsPanel:
             box.on_update(by_person(lambda on, name=name: self._set(name, on)))
             self.boxes[name] = box
         rows = "".join(compact(row, ROW_PX) for row in (*self.boxes.values(), *self.numbers.values()))
-        gui.add_html(f"<style>{rows}{''.join(map(_beside_the_box, self.numbers.values()))}</style>")
+        rows += "".join(beside_the_box(number, ROW_PX, NUMBER_FROM_PX) for number in self.numbers.values())
+        gui.add_html(f"<style>{rows}</style>")
 
     def show(self, view: Snapshot) -> None:
         """Boxes and numbers as the breakpoints are set."""
@@ -129,9 +131,3 @@ class BreakpointsPanel:
 
 def _in_words(name: str) -> str:
     return f", in {UNITS[name].strip()}" if UNITS[name] else ""
-
-
-def _beside_the_box(number: viser.GuiNumberHandle[float]) -> str:
-    """A style that moves a number up into the row of the box before it."""
-    row = f'div:has(> .mantine-Flex-root label[for="{number._impl.uuid}"])'
-    return f"{unlabelled(number)}{row}{{margin:-{ROW_PX}px 0 0 {NUMBER_FROM_PX}px}}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import viser
 
@@ -26,10 +27,9 @@ from verefine_viz.viewer.panels.settings import SettingsPanel
 from verefine_viz.viewer.panels.timeline import TimelinePanel
 from verefine_viz.viewer.panels.view import ViewPanel
 from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
-from verefine_viz.viewer.scene3d.scene_view import look_again
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
-from verefine_viz.viewer.web.page_notices import small_window
+from verefine_viz.viewer.web.viser_internals import NARROW_TABS, hidden, small_window
 
 _LOG = logging.getLogger(__name__)
 RIGHT_PX = 372
@@ -88,15 +88,21 @@ def set_theme(gui: viser.GuiApi) -> None:
 class Layout:
     """All panels, placed. One per server; every browser shows the same."""
 
-    def __init__(self, server: viser.ViserServer, send: Send, batch: Gallery | None = None) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        send: Send,
+        reset_camera: Callable[[viser.ClientHandle], None],
+        batch: Gallery | None = None,
+    ) -> None:
         gui = server.gui
         set_theme(gui)
         gui.add_html(small_window(RIGHT_PX))
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
-        self._hide(gui, self.link)
+        gui.add_html(f"<style>{hidden(self.link)}</style>")
         if batch is not None:  # One tab more, and still one row of them.
-            gui.add_html("<style>[data-dock-tab][data-dock-tab]{padding:0 3px!important}</style>")
+            gui.add_html(f"<style>{NARROW_TABS}</style>")
         main = gui.main_panel
         main.dock_right()
         main.set_width(RIGHT_PX)
@@ -156,7 +162,7 @@ class Layout:
         @self.reset_view.on_trigger
         def reset(event: viser.CommandEvent) -> None:
             if event.client is not None:
-                look_again(server, event.client)
+                reset_camera(event.client)
 
     def on_link(self, handler: Send) -> None:
         """Calls ``handler`` with the command of every link that is clicked."""
@@ -213,9 +219,3 @@ class Layout:
             self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
         if n > 1:
             self.objects.show(view)
-
-    def _hide(self, gui: viser.GuiApi, handle: viser.GuiTextHandle) -> None:
-        row = f'div:has(> .mantine-Flex-root label[for="{handle._impl.uuid}"])'
-        gui.add_html(
-            f"<style>{row}{{position:absolute;width:1px;height:1px;overflow:hidden;visibility:hidden}}</style>"
-        )

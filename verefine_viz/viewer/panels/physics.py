@@ -12,12 +12,13 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence, warning
 from verefine_viz.viewer.drawing.plausibility import plausibility_html
 from verefine_viz.viewer.drawing.tables import changes_table, contacts_table
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, unlabelled
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
 from verefine_viz.viewer.text.plausibility import plane_doubt
 from verefine_viz.viewer.text.poses import edited_score
 from verefine_viz.viewer.text.sentences import physics
+from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 
 # The pose under the hand as numbers: how far it was moved and turned, to read and to type.
 
@@ -43,7 +44,7 @@ class PoseNumbers:
         for field in (self.shift, self.turn):
             field.precision = DIGITS
             field.on_update(by_person(lambda _: self._typed()))
-        gui.add_html(f"<style>{_lettered(self.shift)}{_lettered(self.turn)}</style>")
+        gui.add_html(f"<style>{lettered(self.shift)}{lettered(self.turn)}</style>")
         self._sent = SentPoses()
         self._from: Float | None = None
         self._to: Float | None = None
@@ -83,16 +84,6 @@ class PoseNumbers:
         pose = tuple(float(x) for x in T.ravel())
         self._sent.add(pose)
         self._send(c.DragPose(pose))
-
-
-def _lettered(handle: Any) -> str:
-    """A style that writes x, y and z into the three boxes of a widget."""
-    boxes = f'.mantine-Flex-root:has(label[for="{handle._impl.uuid}"]) .mantine-NumberInput-root'
-    letters = "".join(f'{boxes}:nth-child({k})::before{{content:"{axis}"}}' for k, axis in enumerate("xyz", 1))
-    return (
-        f"{boxes}{{position:relative}}{boxes} input{{padding-left:14px!important}}"
-        f"{boxes}::before{{position:absolute;z-index:1;left:5px;top:3px;font-size:11px;opacity:.65}}{letters}"
-    )
 
 
 def _rounded(numbers: Any) -> tuple[float, float, float]:

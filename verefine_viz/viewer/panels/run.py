@@ -8,14 +8,15 @@ import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
+from verefine_viz.viewer.assets import asset
+from verefine_viz.viewer.drawing.markup import hinted, link, note, sentence, swatch, text, warning
 from verefine_viz.viewer.drawing.tables import branches_table, event_lines
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.findings import Finding, findings
 from verefine_viz.viewer.text.headline import HINTS, headline
 from verefine_viz.viewer.text.sentences import remaining
-from verefine_viz.viewer.web.page_keys import CANCEL_CLASS
+from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),
@@ -48,7 +49,7 @@ class RunPanel:
     """The choice of frame and the buttons first, where they never move; then headline, findings, branches and notes."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        gui.add_html(STYLE)
+        gui.add_html(f"<style>{asset('page.css')}</style>")
         # Above the words, so that they can push it off the screen no more than the buttons.
         self.frame = gui.add_dropdown("Frame", [""], visible=False)
         self.frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))

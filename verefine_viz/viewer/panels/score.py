@@ -17,12 +17,13 @@ from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import carries, cut, hinted, swatch, text
 from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, map_shades, png, scale_of, shared_crop
 from verefine_viz.viewer.drawing.tables import CLASS_MEANING, probe_table, score_table
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.names import TERMS
 from verefine_viz.viewer.text.poses import compared, score_digits
 from verefine_viz.viewer.text.scene import scene_sentence
+from verefine_viz.viewer.web.viser_internals import compact
 
 ROW_PX = 26
 """So that both stages in numbers fit into the panel."""

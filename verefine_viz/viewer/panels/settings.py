@@ -10,11 +10,12 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
 from verefine_viz.viewer.text.names import shortened
 from verefine_viz.viewer.text.sentences import settings_words, waiting
+from verefine_viz.viewer.web.viser_internals import compact, side_by_side, unlabelled
 
 ROW_PX = 18
 """So that all settings fit into the panel."""

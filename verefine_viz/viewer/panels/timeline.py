@@ -10,12 +10,13 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import arms_legend, carries, link, text
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, Mark
 from verefine_viz.viewer.text.names import arm_color, shortened
 from verefine_viz.viewer.text.scene import place_in_run
 from verefine_viz.viewer.text.sentences import the_answer
+from verefine_viz.viewer.web.viser_internals import compact
 
 # The sentence above the timeline: where the cursor is, what was worked on there, and where trouble is marked.
 

@@ -7,10 +7,11 @@ import viser
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person, compact, side_by_side
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGES
 from verefine_viz.viewer.text.sentences import HINTS, LABELS, view_words
+from verefine_viz.viewer.web.viser_internals import compact, label_of, side_by_side
 
 WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited"))
 ROWS = tuple(
@@ -51,6 +52,5 @@ class ViewPanel:
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
-    label = f'label[for="{box._impl.uuid}"]'
     shown = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
-    return f"{label}{{{shown}}}{compact(box, ROW_PX)}"
+    return f"{label_of(box)}{{{shown}}}{compact(box, ROW_PX)}"

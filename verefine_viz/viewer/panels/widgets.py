@@ -40,32 +40,6 @@ def by_person(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]],
     return on_update
 
 
-def compact(handle: Any, row_px: int) -> str:
-    """A style that takes the space around a widget with a label away, and makes its row so high [px]."""
-    label = f'label[for="{handle._impl.uuid}"]'
-    row = f".mantine-Flex-root:has({label})"
-    return (
-        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}{{height:{row_px}px}}"
-        f"{row} input:not([type=checkbox]){{height:{row_px - 1}px!important;min-height:0!important}}"
-    )
-
-
-def side_by_side(left: Any, right: Any, row_px: int, right_from_px: int, label_px: int) -> str:
-    """A style that puts two widgets that are compact into one row, with labels of that width [px]."""
-    left_label, right_label = (f'label[for="{handle._impl.uuid}"]' for handle in (left, right))
-    return (
-        f".mantine-Flex-root:has({left_label})>div:first-child,.mantine-Flex-root:has({right_label})>div:first-child"
-        f"{{width:{label_px}px!important}}"
-        f"div:has(> .mantine-Flex-root {left_label}){{width:{right_from_px}px}}"
-        f"div:has(> .mantine-Flex-root {right_label}){{margin:-{row_px}px 0 0 {right_from_px}px}}"
-    )
-
-
-def unlabelled(handle: Any) -> str:
-    """A style that gives the place of a widget's label to the widget."""
-    return f'.mantine-Flex-root>div:has(label[for="{handle._impl.uuid}"]){{display:none}}'
-
-
 @dataclass(frozen=True, eq=False)
 class Line:
     """One curve."""

@@ -17,6 +17,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 from verefine_viz.viewer.drawing.score_maps import map_over
+from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.pose_nodes import place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
@@ -36,7 +37,7 @@ class CameraNodes:
         corners = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]]) * IMAGE_PLANE_M
         edges = [(np.zeros(3), corner) for corner in corners] + [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
         self._frustum = scene.add_line_segments(
-            "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
+            names.FRUSTUM, np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
         )
         photo = view.problem.observation.rgb
         self._darkened = np.full((*camera.shape, 3), 60, np.uint8) if photo is None else (photo * 0.55).astype(np.uint8)
@@ -47,7 +48,7 @@ class CameraNodes:
             IMAGE_PLANE_M,
         )
         self._image = scene.add_image(
-            "/cam/image", image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
+            names.IMAGE, image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
             receive_shadow=False,
         )  # fmt: skip
         self._shown = image
@@ -190,7 +191,7 @@ class GroundNodes:
         T = transform(R_world_plane, foot)
         side = 0.8
         self._grid = scene.add_grid(
-            "/world/grid", side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
+            names.GRID, side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
             section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
             plane_color=(120, 150, 190), plane_opacity=0.22,
         )  # fmt: skip
@@ -206,7 +207,7 @@ class GroundNodes:
         barbs = tip + back
         strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
         self._gravity = scene.add_line_segments(
-            "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"
+            names.GRAVITY, strokes, (250, 220, 90), thickness=3, thickness_units="screen"
         )
 
     def show(self, view: Snapshot) -> None:

@@ -14,6 +14,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB, SIDE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.commands import Command, Focus
+from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.pose_nodes import coarse_mesh, display_mesh, edges, place
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -65,16 +66,18 @@ class ObjectNodes:
                 self._nodes[o.instance_id] = self._make(o.target, o.label, o.color, send)
 
     def _make(self, target: Target, label: str, color: RGB, send: Callable[[Command], None]) -> _Nodes:
-        name = f"/cam/objects/{target.instance.instance_id}"
+        key = target.instance.instance_id
         vertices, faces = display_mesh(target.model)
         mesh = self._scene.add_mesh_simple(
-            name, vertices, faces, color=color, opacity=OPACITY["waiting"], flat_shading=True, side="double",
-            visible=False, cast_shadow=False, receive_shadow=False,
+            names.scene_object(key), vertices, faces, color=color, opacity=OPACITY["waiting"], flat_shading=True,
+            side="double", visible=False, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         mesh.on_click(lambda _: send(Focus(target.instance.instance_id)))
-        marker = self._scene.add_icosphere(f"{name}_marker", MARKER_M, color, visible=False, cast_shadow=False)
+        marker = self._scene.add_icosphere(
+            names.scene_object(key, "marker"), MARKER_M, color, visible=False, cast_shadow=False
+        )
         text = self._scene.add_label(
-            f"{name}_name", label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
+            names.scene_object(key, "name"), label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
         )
         return _Nodes(mesh, marker, text, target.model.points[::4])
 
@@ -139,7 +142,7 @@ class ObjectNodes:
             colors = np.tile(np.array(OVERLAP_COLOR, np.uint8), (len(together), 1))
             size = float(np.median(together[:, 2])) / view.problem.observation.camera.fx * OVERLAP_PX
             self._overlap = self._scene.add_point_cloud(
-                "/cam/overlaps", together, colors, precision="float32", point_size=size, point_shape="circle",
+                names.OVERLAPS, together, colors, precision="float32", point_size=size, point_shape="circle",
                 point_shading="flat",
             )  # fmt: skip
 
@@ -196,11 +199,11 @@ class ComparisonNodes:
         scene, model = self._server.scene, problem.target(instance_id).model
         vertices, faces = display_mesh(model)
         solid = scene.add_mesh_simple(
-            f"/cam/sides/a_{instance_id}", vertices, faces, color=SIDE_COLORS["A"], opacity=COMPARED_OPACITY,
+            names.compared_object("a", instance_id), vertices, faces, color=SIDE_COLORS["A"], opacity=COMPARED_OPACITY,
             flat_shading=True, side="double", visible=False, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         outline = scene.add_line_segments(
-            f"/cam/sides/b_{instance_id}", edges(*coarse_mesh(vertices, faces)), SIDE_COLORS["B"],
+            names.compared_object("b", instance_id), edges(*coarse_mesh(vertices, faces)), SIDE_COLORS["B"],
             thickness=OUTLINE_PX, thickness_units="screen", visible=False,
         )  # fmt: skip
         return _Pair(solid, outline)

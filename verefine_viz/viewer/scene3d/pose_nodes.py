@@ -18,6 +18,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.viewer.commands import Command, SelectArm
+from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.names import arm_color
@@ -50,7 +51,7 @@ class PoseNodes:
         self.n_arms = n_arms
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
-            color, node = STAGE_COLORS[name], f"/cam/stages/{key}/{name.replace(' ', '_')}"
+            color, node = STAGE_COLORS[name], names.stage(key, name)
             if name in OUTLINED:
                 self._nodes[name] = scene.add_line_segments(
                     node, outline, color, thickness=1.4, thickness_units="screen", visible=False
@@ -61,7 +62,7 @@ class PoseNodes:
                     visible=False, cast_shadow=False, receive_shadow=False,
                 )  # fmt: skip
         self._mover = scene.add_mesh_simple(
-            f"/cam/stages/{key}/moving",
+            names.stage(key, "moving"),
             vertices,
             faces,
             flat_shading=True,
@@ -70,7 +71,7 @@ class PoseNodes:
             cast_shadow=False,
         )
         self._path = scene.add_mesh_simple(
-            f"/cam/stages/{key}/path", vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True,
+            names.stage(key, "path"), vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True,
             side="double", visible=False, cast_shadow=False,
         )  # fmt: skip
         self._ghosts = None
@@ -78,7 +79,7 @@ class PoseNodes:
             colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
             # Front faces alone: transparent ones of both sides are drawn in two passes, which software renderers feel.
             self._ghosts = scene.add_batched_meshes_simple(
-                f"/cam/hypotheses/{key}", vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
+                names.hypotheses(key), vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
                 batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.25, lod="off", side="front",
                 cast_shadow=False, receive_shadow=False, visible=False,
             )  # fmt: skip

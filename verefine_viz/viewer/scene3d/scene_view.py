@@ -14,6 +14,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.simulated import Contacts
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.drawing.plausibility import LIGHTS, drawn_stage
+from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.frame_nodes import (
     IMAGE_PLANE_M,
     CameraNodes,
@@ -147,19 +148,19 @@ class SceneView:
 
     def _load_frame(self, view: Snapshot) -> None:
         scene, observation = self._server.scene, view.problem.observation
-        for name in ("/cam", "/world"):
+        for name in (names.CAMERA_FRAME, names.WORLD_FRAME):
             scene.remove_by_name(name)
         self._gizmo = self._nodes = None
         self._all_nodes = {}
         support = observation.support
         T_world_cam = support.T_world_cam if support else _UP_FROM_CAMERA
         self._T_world_cam = T_world_cam
-        cam = scene.add_frame("/cam", show_axes=False)
+        cam = scene.add_frame(names.CAMERA_FRAME, show_axes=False)
         place(cam, T_world_cam)
         self._cloud: Cloud = cloud_of(observation)
         z = float(np.median(self._cloud.points_cam[:, 2])) if len(self._cloud.points_cam) else 1.0
         self._points = scene.add_point_cloud(
-            "/cam/cloud", self._cloud.points_cam, self._cloud.natural, precision="float32",
+            names.CLOUD, self._cloud.points_cam, self._cloud.natural, precision="float32",
             point_size=(1.1 + 0.5 * self._cloud.spacing_px) * z / observation.camera.fx,
             point_shape="square", point_shading="flat",
         )  # fmt: skip
@@ -169,7 +170,7 @@ class SceneView:
         self._contacts = None
         self._contacts_shown: Contacts | None = None
         self._balance = scene.add_line_segments(
-            "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
+            names.BALANCE, np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
         up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         self._others = ObjectNodes(self._server, view, up_cam, self._send)
@@ -211,7 +212,7 @@ class SceneView:
         deep = contacts.depths_m > 0.001
         colors = np.where(deep[:, None], (220, 50, 47), (255, 140, 0)).astype(np.uint8)
         self._contacts = self._server.scene.add_arrows(
-            "/cam/contacts", ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
+            names.CONTACTS, ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
             head_length=0.12 * length,
         )  # fmt: skip
 
@@ -248,10 +249,10 @@ class SceneView:
 
     def _make_gizmo(self, view: Snapshot, T_cam_obj: Float) -> viser.TransformControlsHandle:
         scene, model = self._server.scene, view.target.model
-        gizmo = scene.add_transform_controls("/cam/gizmo", scale=0.9 * model.diameter_m, depth_test=False)
+        gizmo = scene.add_transform_controls(names.GIZMO, scale=0.9 * model.diameter_m, depth_test=False)
         place(gizmo, T_cam_obj)
         scene.add_mesh_simple(
-            "/cam/gizmo/mesh", *display_mesh(model), color=STAGE_COLORS["edited"], opacity=0.7, flat_shading=True,
+            names.GIZMO_MESH, *display_mesh(model), color=STAGE_COLORS["edited"], opacity=0.7, flat_shading=True,
             side="double", cast_shadow=False,
         )  # fmt: skip
 
