@@ -177,7 +177,7 @@ def test_settings_restart(look: Look) -> None:
 
 
 def at_rest(screen: Screen) -> bool:
-    """Whether the pose under the hand stays where it is: the page sends the last steps of a drag after its end."""
+    """Whether the edited pose stays where it is: the page sends the last steps of a drag after its end."""
     pose = screen.app.debugger.options.edited
     screen.page.wait_for_timeout(1500)
     return screen.app.debugger.options.edited == pose

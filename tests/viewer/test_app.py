@@ -193,7 +193,7 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path,
     app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
     try:
         app.wait_until_idle()
-        assert any(f"Reading the scene: models, pictures, first poses. {COMPILING}" in words for words in said)
+        assert any(f"Reading the scene: models, pictures, initial poses. {COMPILING}" in words for words in said)
         said.clear()
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()

@@ -28,7 +28,7 @@ SLOW = "0/2"
 
 
 class Slow(FakeTools):
-    """Reads its second frame, and what has other first poses, until nobody waits any more or it is enough."""
+    """Reads its second frame, and what has other initial poses, until nobody waits any more or it is enough."""
 
     patience: Patience
     reading: threading.Event
@@ -87,7 +87,7 @@ def opening(app: App) -> c.Command:
 
 LONG = {
     "another frame": lambda app: c.OpenFrame(SLOW),
-    "new first poses": restarting,
+    "new initial poses": restarting,
     "another session": opening,
     "B of a comparison": lambda app: s.CompareRun((("hypotheses.seed", 1),)),
 }
@@ -193,7 +193,7 @@ def test_what_is_read_to_its_end_is_open_though_people_looked_around(app: App, w
     assert "bug" not in app.debugger.message
     opened = {
         "another frame": space.frame == SLOW,
-        "new first poses": space.session.title == "test" and space.session.hypotheses.seed == 1,
+        "new initial poses": space.session.title == "test" and space.session.hypotheses.seed == 1,
         "another session": space.session.title == "other",
         "B of a comparison": space.work.sides is not None,
     }

@@ -76,7 +76,7 @@ def test_a_branch_can_be_b_and_is_refused_when_there_is_none() -> None:
 
 
 class FewerStarts(FakeTools):
-    """As many first poses as the session says, in the order of the session."""
+    """As many initial poses as the session says, in the order of the session."""
 
     def problem(self, frame: str) -> Problem:
         problem = super().problem(frame)

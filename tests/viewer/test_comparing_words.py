@@ -42,7 +42,7 @@ def test_the_first_difference_is_reached_and_said() -> None:
     said = summary(v)
     assert said.startswith(
         "A (exploration = 0.7) and B (exploration = 5) do the same for 1 iteration. Then in iteration 2 B works on "
-        "hypothesis 3 of box instead of 1. At the end A is nearer to the truth: A is 0.2 mm off and scores 0.99, B "
+        "hypothesis 3 of box instead of 1. At the end A is nearer to ground truth: A is 0.2 mm off and scores 0.99, B "
     )
 
 
@@ -60,13 +60,13 @@ def test_scores_by_other_settings_are_not_compared() -> None:
     said = "Scores of A and B are not comparable: score.tau_m is 0.02 in A, 0.01 in B. "
     assert f"{said}Errors against ground truth are." in scores_note(v)
     assert "score ⚠" in outcome_table(v)
-    assert "is nearer to the truth on 2 of 2 objects" in summary(v)
+    assert "is nearer to ground truth on 2 of 2 objects" in summary(v)
     blind = without_truth(v)
     assert f"{said}Without ground truth nothing here says which is better" in scores_note(blind)
     assert "At the end nothing says which is better." in summary(blind)
     assert [better(blind, o) for o in blind.outcomes] == [None, None]
     one = replace(v, outcomes=v.outcomes[:1])
-    assert "A is nearer to the truth" in summary(one)
+    assert "A is nearer to ground truth" in summary(one)
     assert "scores" not in summary(one)
 
 
@@ -109,7 +109,7 @@ def test_settings_changed_on_the_way_count() -> None:
 
 
 def without_truth(v: ComparisonSnapshot) -> ComparisonSnapshot:
-    """The same, where nobody knows who is nearer."""
+    """The same, where it is unknown who is nearer."""
     blind = [replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes]
     return replace(v, outcomes=tuple(blind))
 
@@ -124,7 +124,7 @@ def test_settings_without_room_are_in_a_tooltip() -> None:
 
 def test_without_ground_truth_nobody_is_called_nearer() -> None:
     v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
-    assert "is nearer to the truth on 2 of 2 objects, B on 0." in summary(v)
+    assert "is nearer to ground truth on 2 of 2 objects, B on 0." in summary(v)
     means = [sum(o.errors.add_s_mm for o in side) / 2 for side in zip(*((o.a, o.b) for o in v.outcomes), strict=True)]
     assert f">{means[0]:.1f} → {means[1]:.1f}</span>" in outcome_table(v)
     assert "A scores higher on 2 of 2 objects" in summary(without_truth(v))

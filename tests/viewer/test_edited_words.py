@@ -1,4 +1,4 @@
-"""What panels say of the pose under the hand, as soon as it moves."""
+"""What panels say of the edited pose, as soon as it moves."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from verefine_viz.viewer.text.headline import HINTS, UNJUDGED, headline
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
     said = headline(after())
     assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
-    assert "is nearest, 4.0° and 3.0 mm from the truth." in said
+    assert "is nearest, 4.0° and 3.0 mm from ground truth." in said
     assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
 
 
@@ -31,7 +31,7 @@ def test_an_iteration_is_told_in_the_order_it_happened() -> None:
         "Simulation ",
         "and scored ",
         "; then ICP ",
-        " kept.",
+        " accepted.",
     ]
     places = [said.index(p) for p in parts]
     assert places == sorted(places)
@@ -63,7 +63,7 @@ def test_scores_are_told_with_the_digits_it_takes(
 
 def test_what_nobody_judged_is_called_so() -> None:
     said = headline(after(c.Step(), name="pir"))
-    assert said.endswith(f"Refined kept: PIR keeps it {UNJUDGED}.")
+    assert said.endswith(f"Refined accepted: PIR accepts it {UNJUDGED}.")
     assert UNJUDGED not in headline(after(c.Step(), name="sir"))
     assert UNJUDGED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
 
@@ -71,7 +71,7 @@ def test_what_nobody_judged_is_called_so() -> None:
 def test_the_end_names_the_answer_and_its_error() -> None:
     said = headline(after(c.RunUntil("end")))
     assert "Run finished: best " in said
-    assert said.endswith("mm from the truth.")
+    assert said.endswith("mm from ground truth.")
 
 
 def with_best_scores(view: Snapshot, scores: list[float]) -> Snapshot:
@@ -120,11 +120,11 @@ def with_poses(view: Snapshot, best_mm: float, rival_mm: float) -> Snapshot:
 @pytest.mark.parametrize(
     ("runner_up", "rival_mm", "said"),
     [
-        (0.947, 3.2, "0.003 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
-        (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.947, 3.2, "0.003 ahead of hypothesis 3, which is 4.1 mm nearer to ground truth; "),
+        (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer to ground truth; "),
         (0.947, 6.5, "0.003 ahead of hypothesis 3; "),
         (0.947, 12.0, "0.003 ahead of hypothesis 3; "),
-        (0.93, 3.2, "0.020 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.93, 3.2, "0.020 ahead of hypothesis 3, which is 4.1 mm nearer to ground truth; "),
         (0.91, 3.2, "0.04 ahead of hypothesis 3; "),
     ],
 )

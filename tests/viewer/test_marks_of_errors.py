@@ -1,4 +1,4 @@
-"""What is right, what is wrong and what nobody knows are told apart where objects are listed."""
+"""What is right, what is wrong and what it is unknown are told apart where objects are listed."""
 
 from __future__ import annotations
 

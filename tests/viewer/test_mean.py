@@ -22,9 +22,9 @@ def table(*commands: c.Command, frame: str = "0/2", **method: Any) -> str:
 
 def test_of_scenes_it_says_whose_score_counts() -> None:
     html = table(c.RunUntil("end"))
-    assert f"{OF_SCENE} as “best” is; first play: together with this first pose." in html
+    assert f"{OF_SCENE} as “best” is; first play: together with this initial pose." in html
     assert "Each pass counts for the hypotheses it chose: the score of all objects together at its poses." in html
-    assert "The first play counts that score with this first pose and the best first poses of the others." in html
+    assert "The first play counts that score with this initial pose and the best initial poses of the others." in html
 
 
 @pytest.mark.parametrize(
@@ -32,8 +32,8 @@ def test_of_scenes_it_says_whose_score_counts() -> None:
     [
         (
             {"scene_prior": "object"},
-            "; first play: this first pose alone.",
-            "the score of the object&#x27;s first pose",
+            "; first play: this initial pose alone.",
+            "the score of the object&#x27;s initial pose",
         ),
         ({"scene_reward": "best_known"}, OF_SCENE, "together at the best pose of each object so far."),
     ],
@@ -53,5 +53,5 @@ def test_a_method_that_took_over_says_what_was_counted_before() -> None:
 @pytest.mark.parametrize(("name", "frame"), [("rir", "0/2"), ("vf_depth", "0/1")])
 def test_of_one_object_it_is_of_its_own_scores(name: str, frame: str) -> None:
     html = table(c.RunUntil("end"), name=name, frame=frame)
-    assert "μ_j, mean over the plays: the score of the first pose" in html
+    assert "μ_j, mean over the plays: the score of the initial pose" in html
     assert "μ: mean" not in html

@@ -39,7 +39,7 @@ STRICTER = (("score.tau_m", 0.005),)
 
 
 def scored_anew(view: Snapshot) -> tuple[float, float]:
-    """What the record says of the kept pose, and what the page finds for the same pose."""
+    """What the record says of the accepted pose, and what the page finds for the same pose."""
     shown = view.shown
     assert shown is not None
     kept = shown.accepted_stage
@@ -115,7 +115,7 @@ def test_other_settings_leave_the_scale_as_it_is() -> None:
 
 
 def scales_of(view: Snapshot) -> set[bool]:
-    """Whether what is told in one place scores as little as the stricter settings allow: poses, first poses, truth."""
+    """Whether what is shown in one place scores as little as the stricter settings allow: poses, initial poses."""
     assert view.truth is not None
     assert view.state is not None
     scores = [pose.score for pose in (*view.poses.values(), view.truth)]

@@ -83,7 +83,7 @@ def test_a_preset_is_no_difference(tmp_path: Path) -> None:
 )
 def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fork: str) -> None:
     said = settings_words(Session(), LABELS, HELD | {"method.exploration": 0.4}, cursor)
-    assert said == f"Not in use yet: c 0.7 → 0.4. Restart begins anew with it; Fork {fork}."
+    assert said == f"Not in use yet: c 0.7 → 0.4. Restart starts again with it; Fork {fork}."
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_several_objects_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("method", "said"),
     [
-        ("rir", "Nothing was chosen yet, and each first pose counts as a play. First comes hypothesis "),
+        ("rir", "Nothing was chosen yet, and each initial pose counts as a play. First comes hypothesis "),
         ("even", "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."),
         ("pir", "pir does not choose between hypotheses."),
     ],

@@ -1,4 +1,4 @@
-"""The pose under the hand: numbers, arrows in 3D and what is edited stay in step."""
+"""The edited pose: numbers, arrows in 3D and what is edited stay in step."""
 
 from __future__ import annotations
 

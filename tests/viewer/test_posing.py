@@ -34,7 +34,7 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
     view = d.carry_out([c.Step()]).view()
     assert chosen(view) == "Iteration 2 took hypothesis 3: it was moved by hand and is played first."
     assert "hypothesis 3 of 3 (it was moved by hand and is played first)" in headline(view)
-    assert "a pose moved by hand begins anew at 1" in what_n_counts(view)
+    assert "a pose moved by hand starts again at 1" in what_n_counts(view)
 
 
 def test_before_the_first_iteration_the_table_marks_the_moved_hypothesis_as_the_next() -> None:
@@ -97,7 +97,7 @@ def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
     drag = c.DragPose(tuple(float(x) for x in put.ravel()))
     d.carry_out([c.EditPose(), drag, c.ForkFromPose()])
     shift = shift_mm(first, put, d.view().target.model.points)
-    where = f"{shift:.1f} mm and 20.0° from its first pose."
+    where = f"{shift:.1f} mm and 20.0° from its initial pose."
     early = d.workspace.session
     assert f"Hypothesis 3 of box #1 was moved by hand before iteration 1, {where}" in headline(opened(early).view())
     late = early.model_copy(update={"edits": (early.edits[0].model_copy(update={"after_iteration": 2}),)})

@@ -25,7 +25,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
         assert view.options.stage == name
         assert view.is_partial
         assert event_lines(view) == ""
-        assert "kept" not in headline(view) + strip(view)
+        assert " accepted" not in headline(view) + strip(view)
         assert view.iterations == view.marks == view.own_iterations == view.error_series == ()
         assert (view.state.best.iteration, view.state.best.score.score) == (0, before.state.best.score.score)
         assert "refined" not in changes_table(view) + arm_history(view)
@@ -79,7 +79,7 @@ def test_the_end_says_of_which_iteration_the_answer_is() -> None:
     d = debugger().carry_out([c.RunUntil("end")])
     view, best, last = d.view(), d.workspace.run.state.best[0], d.workspace.run.iterations[-1]
     assert best.iteration != last.index, "else nothing contradicts"
-    told = f"The answer is of iteration {best.iteration}; told here is iteration {last.index}, the last one on it. "
+    told = f"The answer is of iteration {best.iteration}; shown here is iteration {last.index}, the last one on it. "
     assert beside_answer(view) == told
     assert chosen(view).startswith(told)
     assert physics(view).startswith(told)

@@ -24,7 +24,7 @@ from verefine_viz.viewer.text.sentences import chosen
 
 
 def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> Snapshot:
-    """Iteration 0 of a run that goes on from hypothesis ``arm`` put that far from the truth."""
+    """Iteration 0 of a run that goes on from hypothesis ``arm`` put that far from ground truth."""
     d = debugger().carry_out([*first, c.SelectArm(arm), c.EditPose()])
     T_gt = d.view().target.instance.T_cam_obj_gt
     assert T_gt is not None
@@ -36,28 +36,30 @@ def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> Snapshot:
 def test_the_nearest_is_named_where_another_scores_best() -> None:
     view = after()
     view = replace(view, initial_errors=(off(12, 9, 0.2), off(11, 7, 0.1), off(13, 8, 0.3)))
-    said = "hypothesis 1 scores best with 0.83, hypothesis 2 is nearest, 11.0° and 7.0 mm from the truth."
+    said = "hypothesis 1 scores best with 0.83, hypothesis 2 is nearest, 11.0° and 7.0 mm from ground truth."
     assert said in headline(view)
 
 
 def test_a_hypothesis_moved_to_where_it_is_best_is_named_with_the_error_that_it_has_there() -> None:
     said = headline(moved(2, 1.0, 1.0))
     assert "hypothesis 3 scores best with 0.9" in said
-    assert "and is nearest, 1.0° and 1.0 mm from the truth. Hypothesis 3 was moved by hand before iteration 1" in said
+    assert (
+        "and is nearest, 1.0° and 1.0 mm from ground truth. Hypothesis 3 was moved by hand before iteration 1" in said
+    )
 
 
 def test_a_hypothesis_moved_away_no_longer_scores_best_but_its_first_pose_may() -> None:
     said = headline(moved(0, 60.0, 80.0))
-    assert "the first pose of hypothesis 1 scores best with 0.83, hypothesis 3 is nearest, 12.0° and " in said
+    assert "the initial pose of hypothesis 1 scores best with 0.83, hypothesis 3 is nearest, 12.0° and " in said
 
 
 def test_what_is_moved_later_is_no_start() -> None:
     said = headline(moved(2, 1.0, 1.0, c.Step()))
-    assert "hypothesis 1 scores best with 0.83 and is nearest, 4.0° and 3.0 mm from the truth." in said
+    assert "hypothesis 1 scores best with 0.83 and is nearest, 4.0° and 3.0 mm from ground truth." in said
 
 
 class FarStarts(FakeTools):
-    """A box whose first poses are all upside down."""
+    """A box whose initial poses are all upside down."""
 
     def problem(self, frame: str) -> Problem:
         (instance,) = box_problem(seed=3).instances
@@ -75,7 +77,7 @@ def test_headline_and_finding_name_the_same_start_as_the_nearest() -> None:
     T: Float = T_gt @ transform(np.eye(3), [0.06, 0, 0])
     view = d.carry_out([c.DragPose(tuple(float(x) for x in T.ravel())), c.ForkFromPose()]).view()
     assert "hypothesis 2 scores best with " in headline(view)
-    assert "and is nearest, 0.0° and 60.0 mm from the truth." in headline(view)
+    assert "and is nearest, 0.0° and 60.0 mm from ground truth." in headline(view)
     (said,) = (one.text for one in findings(view) if one.text.startswith("The nearest start"))
     assert said.startswith("The nearest start is off by 0° and 60 mm (hypothesis 2)")
 

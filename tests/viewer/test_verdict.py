@@ -65,7 +65,7 @@ def test_both_lists_name_what_a_pose_sinks_into(debugger: Debugger) -> None:
 def test_what_sinks_into_a_waiting_object_is_not_called_impossible(debugger: Debugger) -> None:
     view = seen(debugger.carry_out([c.Step()]))
     shown = plausibility_html(view)
-    assert "Sinks 9.0 mm into box #1, which still waits at its first pose: nothing can be said yet." in shown
+    assert "Sinks 9.0 mm into box #1, which still waits at its initial pose: nothing can be said yet." in shown
     assert f"rgb{LIGHTS['red']}" not in shown
     assert f"rgb{LIGHTS['grey']}" in shown
     assert "not yet: Sinks 9.0 mm into box #1" in objects_html(view)

@@ -158,7 +158,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
 
 
 def test_errors_say_that_the_best_pose_is_a_first_pose_which_iterations_left_as_it_is() -> None:
-    said = "10 %. It is a first pose: no iteration has improved upon it."
+    said = "10 %. It is a initial pose: no iteration has improved upon it."
     view = after(c.RunUntil("end"))
     assert said not in words.truth(view)
     first = after(c.Step()).state.arms[0].entries[0]
@@ -218,7 +218,7 @@ def test_n_is_told_from_the_pulls() -> None:
     at_choice = [1 + n - (j == view.shown.arm) for j, n in enumerate(pulled)]
     assert at_choice == view.shown.choice.plays.tolist(), "what the line says is what is counted"
     html = arms_table(view)
-    assert "n: 1 for the first pose, and 1 for each pull before this choice." in html
+    assert "n: 1 for the initial pose, and 1 for each pull before this choice." in html
     fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
     assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
 

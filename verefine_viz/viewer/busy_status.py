@@ -30,7 +30,7 @@ class BusyStatus:
         self._doing = ""
         """What is being done; "" = it is shown."""
         self._share: float | None = None
-        """How much of it is done [0 to 1]; None = nobody knows."""
+        """How much of it is done [0 to 1]; None = it is unknown."""
         self._told_at = 0.0
         self.has_compiled = False
         """Whether kernels were not there yet."""

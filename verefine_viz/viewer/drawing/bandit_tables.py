@@ -14,7 +14,7 @@ from verefine_viz.viewer.text.names import TERMS, arm_color, have_names
 from verefine_viz.viewer.text.poses import shift_mm, turn
 
 N_MEANS = (
-    "n_j, the plays that the bandit counted when it chose: the first pose is one of them, and its score part of the "
+    "n_j, the plays that the bandit counted when it chose: the initial pose is one of them, and its score part of the "
     "mean μ_j. The Pulls curves count choices only, up to and with this iteration."
 )
 TIME_MEANS = (
@@ -32,9 +32,9 @@ def what_n_counts(view: Snapshot) -> str:
     """A line below a table of plays, which are not the pulls of the curves; empty where nothing is chosen."""
     if not method_of(view.session.method.name).chooses:
         return ""
-    said = "n: 1 for the first pose, and 1 for each pull before this choice"
+    said = "n: 1 for the initial pose, and 1 for each pull before this choice"
     if any(edit.instance == view.target.instance.instance_id for edit in view.edits):
-        said += "; a pose moved by hand begins anew at 1"
+        said += "; a pose moved by hand starts again at 1"
     if method_of(view.session.method.name).has_passes and view.session.method.discount < 1:
         said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
     return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
@@ -43,7 +43,7 @@ def what_n_counts(view: Snapshot) -> str:
 def mean_of(view: Snapshot) -> str:
     """What μ is the mean of, for a tooltip."""
     if not _counts_scenes(view):
-        return "μ_j, mean over the plays: the score of the first pose, and of each play the highest of its poses"
+        return "μ_j, mean over the plays: the score of the initial pose, and of each play the highest of its poses"
     method = view.session.method
     at = "its poses" if method.scene_reward == "current_pass" else "the best pose of each object so far"
     said = (
@@ -52,8 +52,8 @@ def mean_of(view: Snapshot) -> str:
     if _took_over(view):
         return f"{said}. Plays before vf_depth took over count the object's own score."
     if method.scene_prior == "object":
-        return f"{said}. The first play counts the score of the object's first pose alone."
-    return f"{said}. The first play counts that score with this first pose and the best first poses of the others."
+        return f"{said}. The first play counts the score of the object's initial pose alone."
+    return f"{said}. The first play counts that score with this initial pose and the best initial poses of the others."
 
 
 def what_the_mean_is_of(view: Snapshot) -> str:
@@ -63,7 +63,7 @@ def what_the_mean_is_of(view: Snapshot) -> str:
     said = f"μ: mean score of {_whole(view)}, not of this object alone as “best” is"
     if not _took_over(view):
         alone = view.session.method.scene_prior == "object"
-        said += f"; first play: {'this first pose alone' if alone else 'together with this first pose'}"
+        said += f"; first play: {'this initial pose alone' if alone else 'together with this initial pose'}"
     return f'<p class="legend dim" title="{text(mean_of(view))}">{text(said)}.</p>'
 
 
@@ -137,7 +137,8 @@ def arm_history(view: Snapshot, most: int = 12) -> str:
     ]  # fmt: skip
     rows.append(Row(start, c.Seek(0)))
     head = [
-        ("it.", "iteration; click to go there"), ("kept", "stage that was kept"), ("score", "of the kept pose"),
+        ("it.", "iteration; click to go there"), ("accepted", "stage that was accepted"),
+        ("score", "of the accepted pose"),
         ("turn", "how far it turned"), ("mm", "how far it moved"), ("ADD(-S)", "error against ground truth [mm]"),
     ]  # fmt: skip
     named = f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>"
@@ -188,7 +189,7 @@ def arms_table(view: Snapshot) -> str:
         ("bonus", "exploration term c·√(ln Σn / n_j)"),
         ("UCB", "mean + bonus; the largest is chosen"),
         ("best", "best score of any of its poses so far"),
-        ("start", "rotation error of its first pose against ground truth"),
+        ("start", "rotation error of its initial pose against ground truth"),
         ("Σ ms", TIME_MEANS),
     ]
     names = f'<p class="legend">{arms_legend(view.target)}</p>' if have_names(view.target) else ""

@@ -143,15 +143,21 @@ def _ending(v: ComparisonSnapshot) -> str:
         if o.a.errors is None or o.b.errors is None:
             higher = {"A": "A scores higher", "B": "B scores higher", "even": "they score the same"}
             return f"{when} {higher[o.winner or 'even']}: A {o.a.score:.2f}, B {o.b.score:.2f}."
-        nearer = {"A": "A is nearer to the truth", "B": "B is nearer to the truth", "even": "they are equally near"}
+        nearer = {
+            "A": "A is nearer to ground truth",
+            "B": "B is nearer to ground truth",
+            "even": "they are equally near",
+        }
         said, off_a, off_b = f"{when} {nearer[o.winner or 'even']}", o.a.errors.add_s_mm, o.b.errors.add_s_mm
         if not v.scores_alike:
             return f"{said}: A is {off_a:.1f} mm off, B {off_b:.1f} mm."
         return f"{said}: A is {off_a:.1f} mm off and scores {o.a.score:.2f}, B {off_b:.1f} mm and {o.b.score:.2f}."
     wins = tally(known)
-    # Without ground truth nobody knows who is nearer.
+    # Without ground truth it is unknown who is nearer.
     blind = all(o.a is not None and o.a.errors is None for o in known)
-    said = f"{when} A {'scores higher' if blind else 'is nearer to the truth'} on {wins['A']} of {len(known)} objects, "
+    said = (
+        f"{when} A {'scores higher' if blind else 'is nearer to ground truth'} on {wins['A']} of {len(known)} objects, "
+    )
     said += f"B on {wins['B']}" + (f", {wins['even']} are even" if wins["even"] else "")
     return f"{said}."
 
@@ -191,7 +197,7 @@ def now_table(v: ComparisonSnapshot) -> str:
     what = "kept" if v.which == "kept" else "best so far"
     head = [
         (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here; ■ = no more of it comes"),
-        ("it.", "iteration that made this pose; 0 = a first pose"),
+        ("it.", "iteration that made this pose; 0 = a initial pose"),
         ("hyp.", "hypothesis that it belongs to"), ("stage", "what it was in that iteration"),
         ("score", f"of the {what} pose, by the settings of its own run"),
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),

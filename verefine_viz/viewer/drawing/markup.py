@@ -1,8 +1,8 @@
 """HTML for the panels: escaped text, tables, and links that carry a command.
 
 The GUI library shows HTML as it is, so everything that comes from data goes through :func:`text` first. A link holds a
-command as JSON; one handler per block puts it into a hidden text field, which is how it reaches Python. Only commands
-of :mod:`verefine_viz.viewer.commands` get through there.
+command as JSON; ``assets/page.js`` puts it into a hidden text field, which is how it reaches Python. Only commands of
+:mod:`verefine_viz.viewer.commands` get through there.
 """
 
 from __future__ import annotations
@@ -14,15 +14,9 @@ from itertools import groupby
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
-from verefine_viz.viewer.assets import script_line
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.text.names import _parted, arm_color, have_names, source_of, told_apart
-
-LINK_LABEL = "page link"
-"""Label of the hidden text field."""
-
-_ON_CLICK = script_line("click.js").replace("LINK_LABEL", LINK_LABEL)
+from verefine_viz.viewer.text.names import arm_color, have_names, source_of, stem_and_number, told_apart
 
 
 def text(value: object) -> str:
@@ -31,8 +25,8 @@ def text(value: object) -> str:
 
 
 def block(content: str, css_class: str = "") -> str:
-    """The whole content of one HTML widget; links inside work."""
-    return f'<div class="vz {css_class}" onclick="{text(_ON_CLICK)}">{content}</div>'
+    """The whole content of one HTML widget."""
+    return f'<div class="vz {css_class}">{content}</div>'
 
 
 def carries(command: Command) -> str:
@@ -100,8 +94,7 @@ def warning(content: str, extra: str = "", red: bool = False, folded: bool = Fal
     """A box with something to act on; ``extra`` is ready HTML, such as a link. ``folded``: one line until a click."""
     name = "bad" if red else "warn"
     if folded:
-        unfolds = f'title="{text(content)}" onclick="this.classList.toggle(\'folded\')"'
-        return f'<p class="{name} fold folded" {unfolds}>{text(content)} {extra}</p>'
+        return f'<p class="{name} fold folded" title="{text(content)}">{text(content)} {extra}</p>'
     return f'<p class="{name}">{text(content)} {extra}</p>'
 
 
@@ -119,14 +112,14 @@ def number(value: float | None, digits: int, unit: str = "") -> str:
 
 def cut(name: str, most_px: int = 104) -> str:
     """At most so wide [px] on the screen."""
-    stem, number = _parted(name)
+    stem, number = stem_and_number(name)
     classes = "cut numbered" if number else "cut"
     return f'<span class="{classes}" style="max-width:{most_px}px" title="{text(name)}">{_html(stem, number)}</span>'
 
 
 def fitted(name: str, before: str = "") -> str:
     """As wide as its place; ``before`` is ready HTML in front of it."""
-    stem, number = _parted(name)
+    stem, number = stem_and_number(name)
     if not number:
         return f'{before}<span title="{text(name)}">{text(name)}</span>'
     return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
@@ -158,9 +151,6 @@ def arms_legend(target: Target, brief: bool = False) -> str:
 
 # A list of commands to choose from, small enough to stand three in a row.
 
-# A chosen command is handed to the block's handler of clicks, and taken away again: a plain click sends nothing.
-_ON_CHANGE = "this.dataset.cmd=this.value;this.click();delete this.dataset.cmd"
-
 
 def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> str:
     """A drop-down list of (label, command); ``title`` is said to those who ask, ``now`` is what holds."""
@@ -169,4 +159,4 @@ def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> 
         for label, command in options
     )
     name = text(title)
-    return f'<select aria-label="{name}" title="{name}" onchange="{_ON_CHANGE}">{items}</select>'
+    return f'<select aria-label="{name}" title="{name}">{items}</select>'

@@ -60,7 +60,7 @@ def plausibility_html(view: Snapshot) -> str:
     return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div>{note}'
 
 
-_WHEN = {"current": "Before", "accepted": "Kept", "best": "Answer", "edited": "Edited"}
+_WHEN = {"current": "Before", "accepted": "Accepted", "best": "Answer", "edited": "Edited"}
 _FACTS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("gap mm", "distance to the nearest surface", lambda p: f"{p.gap_mm:.1f}"),
     ("overlap mm", "deepest penetration, and into what", lambda p: _overlap(p)),

@@ -93,7 +93,7 @@ def _sides(view: Snapshot) -> str:
         for side, name, how in drawn
         if side in sides.shown
     )
-    which = "best pose so far" if sides.which == "best" else "pose kept last"
+    which = "best pose so far" if sides.which == "best" else "pose accepted last"
     return f'<p class="dim">Two runs, the {which} of each:</p><table>{rows}</table>'
 
 

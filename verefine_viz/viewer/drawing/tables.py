@@ -244,7 +244,7 @@ def _angle(degrees: float) -> str:
 
 
 def starts_table(view: Snapshot) -> str:
-    """Errors of the first poses."""
+    """Errors of the initial poses."""
     rows = []
     for j, (h, e) in enumerate(zip(view.target.instance.hypotheses, view.initial_errors, strict=True)):
         if e is None:
@@ -257,9 +257,9 @@ def starts_table(view: Snapshot) -> str:
         rows.append(Row(cells, c.SelectArm(j)))
     head = [
         ("arm", "hypothesis"), ("from", "where it comes from"), ("rot.", "rotation error"),
-        ("mm", "translation error"), ("ADD(-S)", "[mm]"), ("score", "of the first pose"),
+        ("mm", "translation error"), ("ADD(-S)", "[mm]"), ("score", "of the initial pose"),
     ]  # fmt: skip
-    return "<p><b>First poses</b></p>" + table(head, rows)
+    return "<p><b>Initial poses</b></p>" + table(head, rows)
 
 
 def branches_table(view: Snapshot) -> str:

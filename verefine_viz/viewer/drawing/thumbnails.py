@@ -119,7 +119,7 @@ class Painter:
         return self._problems[(place, entry.row.frame)]
 
     def _source(self, place: str, entry: Entry) -> SceneSource:
-        """Runs on the same data share it: first poses, in which they may differ, are not drawn."""
+        """Runs on the same data share it: initial poses, in which they may differ, are not drawn."""
         if place not in self._sources:
             index = self._gallery.runs[entry.run]
             hypotheses = index.session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})

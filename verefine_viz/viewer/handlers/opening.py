@@ -17,19 +17,19 @@ from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.workspace import Workspace
 
-# New first poses for one object of the open frame, and what the page says of them.
+# New initial poses for one object of the open frame, and what the page says of them.
 
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
-"""What the page calls where first poses come from; estimators have their names."""
+"""What the page calls where initial poses come from; estimators have their names."""
 
 
 def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
-    """Opens a branch whose first poses of one object come from ``estimator``, and says in words what that changes.
+    """Opens a branch whose initial poses of one object come from ``estimator``, and says in words what that changes.
 
     Args:
         space: what is open.
         instance_id: of the object.
-        estimator: its name; "session" = back to where the session's other first poses come from.
+        estimator: its name; "session" = back to where the session's other initial poses come from.
 
     Raises:
         VerefineError: the frame has no such instance, it has the session's poses already, or it cannot be read again;
@@ -45,15 +45,15 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     now = h.source if estimator == "session" else estimator
     if estimator == "session" and (space.frame, instance_id) not in asked_estimators(h):
         raise InputError(
-            f"{label} in frame {space.frame} already has the session's first poses, {_of(now)}; to estimate others, "
+            f"{label} in frame {space.frame} already has the session's initial poses, {_of(now)}; to estimate others, "
             "choose ppf or pcs"
         )
     space.estimate(instance_id, estimator, f"{label} from {SOURCES.get(now, now)}")
     n = next(len(i.hypotheses) for i in space.work.problem.instances if i.instance_id == instance_id)
-    said = f"{label} in frame {space.frame} now has {n} first pose{'s' if n != 1 else ''} {_of(now)}"
+    said = f"{label} in frame {space.frame} now has {n} initial pose{'s' if n != 1 else ''} {_of(now)}"
     if source != now and had:
         said += f", instead of those {_of(source)}"
-    anew = ", but their runs begin anew" if others else ""
+    anew = ", but their runs start again" if others else ""
     return (
         f"{said}. Other objects and frames keep theirs{anew}. "
         f"The way back: the run before is still there as the branch “{before}”, in the table below."
@@ -66,7 +66,7 @@ def _of(source: str) -> str:
 
 
 def source_of(space: Workspace, instance_id: int) -> str:
-    """Where the first poses of an object of the open branch come from."""
+    """Where the initial poses of an object of the open branch come from."""
     h = space.branch.tools.session.hypotheses
     return asked_estimators(h).get((space.frame, instance_id), h.source)
 

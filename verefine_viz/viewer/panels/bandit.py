@@ -171,7 +171,7 @@ IN_ONE_ROW = 6
 """Names beside the caption; more get a row of their own below it."""
 BEST_PX = 5.0
 """Width of the line of the best pose, which others are drawn over."""
-KEPT_COLOR = (225, 225, 225)
+ACCEPTED_COLOR = (225, 225, 225)
 SCORES = ("Score", "UCB")
 """Curves of which the score is a part."""
 
@@ -237,7 +237,7 @@ def whose(view: Snapshot) -> str:
 
 
 def score_lines(view: Snapshot, n_arms: int) -> list[Line]:
-    """Score of each hypothesis's kept pose, and of the best so far."""
+    """Score of each hypothesis's accepted pose, and of the best so far."""
     best = max(view.begun.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
     # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
     of_scene = any(i.tree is not None or i.scene_pass is not None for i in view.own_iterations)
@@ -276,11 +276,11 @@ def pull_lines(view: Snapshot, n_arms: int) -> list[Line]:
 
 
 def error_lines(view: Snapshot) -> list[Line]:
-    """ADD(-S) [mm] of the kept and of the best pose; none without ground truth."""
+    """ADD(-S) [mm] of the accepted and of the best pose; none without ground truth."""
     if any(kept is None or best is None for _, kept, best in view.error_series) or not view.error_series:
         return []
     first = [e.add_s_mm for e in view.initial_errors if e is not None]
     start = first[view.own_iterations[0].arm] if first else 0.0
-    kept = [start, *(e.add_s_mm for _, e, _ in view.error_series if e is not None)]
+    accepted = [start, *(e.add_s_mm for _, e, _ in view.error_series if e is not None)]
     best = [start, *(e.add_s_mm for _, _, e in view.error_series if e is not None)]
-    return [Line("best", STAGE_COLORS["best"], best, width=BEST_PX), Line("kept", KEPT_COLOR, kept)]
+    return [Line("best", STAGE_COLORS["best"], best, width=BEST_PX), Line("accepted", ACCEPTED_COLOR, accepted)]

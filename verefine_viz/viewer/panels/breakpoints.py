@@ -28,17 +28,17 @@ class Threshold:
 
 
 THRESHOLDS = {
-    "score_falls_by": Threshold(0.02, 0.01, "the kept pose scores lower than the one before by more than"),
-    "jump_mm": Threshold(10.0, 1.0, "the kept pose lies further from the one before than"),
-    "jump_deg": Threshold(10.0, 1.0, "the kept pose is turned against the one before by more than"),
+    "score_falls_by": Threshold(0.02, 0.01, "the accepted pose scores lower than the one before by more than"),
+    "jump_mm": Threshold(10.0, 1.0, "the accepted pose lies further from the one before than"),
+    "jump_deg": Threshold(10.0, 1.0, "the accepted pose is turned against the one before by more than"),
     "error_grows_by_mm": Threshold(2.0, 1.0, "ADD(-S) against ground truth grew by more than"),
 }
 FLAGS = {
     "simulated_rejected": (
         "sim. rejected",
-        "the refined pose was kept instead of the simulated one, by however little: the usual case; see physics worse",
+        "the refined pose was accepted, not the simulated one, by however little: the usual case; see physics worse",
     ),
-    "refined_rejected": ("ref. rejected", "the simulated pose was kept instead of the refined one"),
+    "refined_rejected": ("ref. rejected", "the simulated pose was accepted instead of the refined one"),
     "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
     "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
     "physics_worse": (

@@ -32,7 +32,7 @@ MOVES: dict[str, s.Command] = {
     "First difference": s.SeekDifference(),
     "Swap": s.SwapSides(),
 }
-POSES: dict[str, s.SidePose] = {"best so far": "best", "kept now": "kept"}
+POSES: dict[str, s.SidePose] = {"best so far": "best", "accepted now": "kept"}
 AS_A = "as A"
 ROW_PX = 25
 """So that the answers of six objects fit into the panel."""

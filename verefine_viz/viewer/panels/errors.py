@@ -16,7 +16,7 @@ from verefine_viz.viewer.text.sentences import truth
 
 
 class ErrorsPanel:
-    """Errors per stage and of the first poses; over time they are in the curves."""
+    """Errors per stage and of the initial poses; over time they are in the curves."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)

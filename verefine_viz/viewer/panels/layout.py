@@ -11,7 +11,6 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.command_json import from_json
-from verefine_viz.viewer.drawing.markup import LINK_LABEL
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
 from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
@@ -29,7 +28,7 @@ from verefine_viz.viewer.panels.view import ViewPanel
 from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
-from verefine_viz.viewer.web.viser_internals import NARROW_TABS, hidden, small_window
+from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
 
 _LOG = logging.getLogger(__name__)
 RIGHT_PX = 372

@@ -129,7 +129,7 @@ def _winner(o: ObjectState) -> str:
     """Which hypothesis became the answer, and when."""
     assert o.answer is not None
     arm, found = o.answer.arm, o.answer.iteration
-    when = f"iteration {found}, {o.answer.stage}" if found else "its first pose"
+    when = f"iteration {found}, {o.answer.stage}" if found else "its initial pose"
     return f'<span title="{text(f"{arm_name(o.target, arm)}, {when}")}">{swatch(arm_color(arm))}{arm + 1}</span>'
 
 

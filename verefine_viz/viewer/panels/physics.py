@@ -20,7 +20,7 @@ from verefine_viz.viewer.text.poses import edited_score
 from verefine_viz.viewer.text.sentences import physics
 from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 
-# The pose under the hand as numbers: how far it was moved and turned, to read and to type.
+# The edited pose as numbers: how far it was moved and turned, to read and to type.
 
 DIGITS = 2
 """Decimals that are shown; what is not typed keeps all of its own."""
@@ -50,7 +50,7 @@ class PoseNumbers:
         self._to: Float | None = None
 
     def show(self, view: Snapshot) -> None:
-        """The pose under the hand; nothing where none is."""
+        """The edited pose; nothing where none is."""
         options = view.options
         for widget in (self.axes, self.shift, self.turn):
             widget.visible = options.edited is not None

@@ -64,15 +64,15 @@ class SettingsPanel:
                 hint="the rule that the order of the objects follows, where none is given; needs a restart",
             ),
             "hypotheses.seed": gui.add_number(
-                "Seed", 0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
+                "Seed", 0, step=1, hint="of the initial poses, disturbed ground truth; needs a restart"
             ),
         }
         self.estimator = gui.add_dropdown(
             "Estimator", tuple(ESTIMATORS),
-            hint="point pair features, congruent point sets (Super4PCS), or back to the first poses of the session",
+            hint="point pair features, congruent point sets (Super4PCS), or back to the initial poses of the session",
         )  # fmt: skip
         self.estimate = gui.add_button(
-            "Estimate here", hint="new first poses for this object in this frame, as a new branch"
+            "Estimate here", hint="new initial poses for this object in this frame, as a new branch"
         )
         rows = (*self._fields.values(), self.estimator)
         pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)

@@ -43,7 +43,7 @@ def _what(view: Snapshot) -> str:
         said = f"{view.name}, hypothesis {view.shown.arm + 1} of {view.n_arms}"
         return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
     if view.cursor > len(view.iterations):
-        return "told stage by stage"
+        return "shown stage by stage"
     worked_on = view.at(view.cursor)
     return f"it worked on {view.scene.object(worked_on.instance_id).label}, hypothesis {worked_on.arm + 1}"
 
@@ -161,7 +161,7 @@ def _cells(view: Snapshot, cell: float) -> list[str]:
         x, width = (iteration.index - 1) * cell, max(cell - 1, 0.8)
         title = f"iteration {iteration.index}: "
         title += f"{view.scene.object(iteration.instance_id).label}, " if several else ""
-        title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} kept"
+        title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} accepted"
         score = iteration.accepted_stage.score
         if score is not None:
             title += f", score {score.score:.3f}"

@@ -121,7 +121,7 @@ class SceneView:
         """The nodes of the object in focus: kept once made, since a run may go from object to object all the time."""
         key = view.target.instance.instance_id
         nodes = self._all_nodes.get(key)
-        if nodes is not None and nodes.n_arms != view.n_arms:  # Another branch may have other first poses.
+        if nodes is not None and nodes.n_arms != view.n_arms:  # Another branch may have other initial poses.
             nodes.hide()
             nodes = None
         if nodes is None:

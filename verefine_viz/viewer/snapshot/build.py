@@ -35,7 +35,7 @@ from verefine_viz.viewer.state.view_options import ViewOptions
 
 # The two combinations of poses that are compared where the whole scene is shown, scored as a scene.
 
-FIRST = "first poses"
+FIRST = "initial poses"
 """What the scene before the run is called."""
 
 

@@ -64,7 +64,7 @@ class ClosedPass:
     """From 1."""
     record: SceneRecord
     best_pass: int
-    """Of this cluster, up to here, in which the incumbent was found; 0 = the first poses."""
+    """Of this cluster, up to here, in which the incumbent was found; 0 = the initial poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ def closed_passes(iterations: Sequence[Iteration], clusters: Sequence[Sequence[i
 
 
 def _before(record: SceneRecord) -> float:
-    """The incumbent's score before the first pass, as far as its record tells: the first poses, if nothing beat it."""
+    """The incumbent's score before the first pass, as far as its record says: the initial poses, or better."""
     seen = max(record.score.score, record.best_known.score)
     return float("-inf") if record.incumbent_score == seen else record.incumbent_score
 

@@ -116,7 +116,7 @@ class Snapshot:
     cursor: int
     progress: Progress
     iterations: tuple[Iteration, ...]
-    """The whole history, without its newest iteration where that is told stage by stage."""
+    """The whole history, without its newest iteration where that is shown stage by stage."""
     marks: tuple[Mark, ...]
     is_answer: bool
     """Whether the end of a finished run shows its answer, not the iteration that it tried last."""
@@ -139,7 +139,7 @@ class Snapshot:
     b: ComparedPose | None
     plausible: dict[str, Any]
     """Plausibility by stage, where it is known: of the pose before the simulation ("current"), of the one that was kept
-    ("accepted") or the answer ("best"), and of the one under the hand ("edited")."""
+    ("accepted") or the answer ("best"), and of the edited one ("edited")."""
     initial_errors: tuple[PoseErrors | None, ...]
     """Per hypothesis of the object in focus."""
     error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]

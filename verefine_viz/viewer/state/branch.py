@@ -160,7 +160,7 @@ class Branch:
         return once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
 
     def doubts(self) -> tuple[str, ...]:
-        """What of the data does not fit together: as true poses show it, else its first poses and then its answers."""
+        """What of the data does not fit together: by ground truth, else by the initial poses and then the answers."""
         problem, run = self.run.problem, self.run
         if problem.doubts:
             return problem.doubts
@@ -192,5 +192,5 @@ class FrameWork:
 
     @property
     def problem(self) -> Problem:
-        """What the open branch solves; others of the frame may have other first poses, or another order."""
+        """What the open branch solves; others of the frame may have other initial poses, or another order."""
         return self.branch.run.problem

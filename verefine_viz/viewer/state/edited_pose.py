@@ -12,7 +12,7 @@ from verefine_viz.core.geometry import axis_angle, rotation_vector, transform
 from verefine_viz.viewer.commands import Pose
 
 Axes = Literal["camera", "object"]
-"""camera: x to the right, y down, z away from it. object: those of the model, as the first pose has them."""
+"""camera: x to the right, y down, z away from it. object: those of the model, as the initial pose has them."""
 
 
 def displacement(T_from: Float, T_to: Float, axes: Axes) -> tuple[Float, Float]:

@@ -40,7 +40,7 @@ class Entry:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the answer is wrong or missing; False also where nobody can say."""
+        """Whether the answer is wrong or missing; False also where that is unknown."""
         return self.row.status != "ok" or self.row.is_correct is False
 
     @property

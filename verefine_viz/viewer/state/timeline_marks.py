@@ -23,7 +23,7 @@ RED = (220, 50, 47)
 FALL = 0.01
 """A smaller difference of scores is the noise of a converged pose and gets no mark [score]."""
 GROWTH_MM = 3.0
-"""A kept pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
+"""An accepted pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ MEANINGS: tuple[Meaning, ...] = (
     ),
     Meaning(
         "refined rejected",
-        "The simulated pose scored clearly higher than the refined one and was kept.",
+        "The simulated pose scored clearly higher than the refined one and was accepted.",
         EVENT_COLORS["kept_simulated"],
         frozenset({"kept_simulated"}),
     ),
@@ -98,7 +98,7 @@ class Mark:
 
 
 def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tuple[Mark, ...]:
-    """The marks of one iteration; ``error_growth_mm``: by how much ADD(-S) of the kept pose grew, if known."""
+    """The marks of one iteration; ``error_growth_mm``: by how much ADD(-S) of the accepted pose grew, if known."""
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
     simulated, refined = iteration.stage("simulated"), iteration.stage("refined")
     hardly_better = (

@@ -90,7 +90,7 @@ class ViewOptions:
         )  # fmt: skip
 
     def unedited(self) -> ViewOptions:
-        """The same without a pose under the hand: compared is what was compared before."""
+        """The same without an edited pose: compared is what was compared before."""
         a, b = self.compared_before or (self.a, self.b)
         return replace(self, edited=None, edited_from=None, a=a, b=b, compared_before=None)
 

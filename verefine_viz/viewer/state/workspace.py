@@ -166,7 +166,7 @@ class Workspace:
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""
-        self._patience.ask("Reading the scene: models, pictures, first poses.")
+        self._patience.ask("Reading the scene: models, pictures, initial poses.")
         tools = self._make_tools(session)
         frames = tools.frames
         if not frames:
@@ -224,8 +224,8 @@ class Workspace:
     def restart(self, changes: Changes) -> None:
         """Back to before iteration 1, with the settings that the open branch ends up with, changed if any.
 
-        Other branches, poses moved by hand and settings changed on the way go. New first poses (``hypotheses.*``) open
-        the session anew.
+        Other branches, edited poses and settings changed on the way are discarded. New initial poses
+        (``hypotheses.*``) open the session again.
         """
         old, ended = self.branch.tools, [change.settings for change in in_order(self.branch.changes)]
         pool = nested(changes).pop("hypotheses", None)
@@ -246,10 +246,10 @@ class Workspace:
         self.tools, self._works[self.frame] = tools, work
 
     def estimate(self, instance_id: int, estimator: str, name: str) -> None:
-        """A new branch of the open frame, from before iteration 1: an estimator finds the first poses of one object, or
-        it has those of the session again ("session").
+        """A new branch of the open frame, from before iteration 1: an estimator gives the initial poses of one object,
+        or it has those of the session again ("session").
 
-        The frame's other branches stay; other frames begin anew, with the first poses that they had.
+        The frame's other branches stay; other frames begin anew, with the initial poses that they had.
         """
         before = self.work
         wanted = asked_estimators(self.branch.tools.session.hypotheses)
@@ -293,7 +293,7 @@ class Workspace:
         from verefine_viz.recording.reader import read_recording
 
         recorded = read_recording(path)
-        self._patience.ask("Reading the scene: models, pictures, first poses.")
+        self._patience.ask("Reading the scene: models, pictures, initial poses.")
         scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
         session = recorded.session.model_copy(update={"scene": scene})
         tools = self._make_tools(session)

@@ -25,14 +25,14 @@ NO_LEAD = 1e-6
 """A smaller lead is none [score]."""
 NEAR_TIE = 0.03
 """A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
-less is more than 1 mm nearer the truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
+less is more than 1 mm nearer to ground truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
 beyond."""
 WORTH_MM = 1.0
-"""A runner-up that is nearer to the truth by less is as good."""
+"""A runner-up that is nearer to ground truth by less is as good."""
 
 
 def score_margin(view: Snapshot, best: Best) -> str:
-    """As in: , 0.003 ahead of hypothesis 2, which is 4.1 mm nearer the truth.
+    """As in: , 0.003 ahead of hypothesis 2, which is 4.1 mm nearer to ground truth.
 
     The latter where ground truth is known, of a lead below ``NEAR_TIE``, measured as ADD(-S) of the two poses. Empty
     where no other hypothesis could have been the answer.
@@ -53,12 +53,12 @@ def score_margin(view: Snapshot, best: Best) -> str:
 
 
 def _nearer(view: Snapshot, T_best: Float, T_rival: Float) -> str:
-    """As in: , which is 4.1 mm nearer the truth. Empty where it is not, or nobody knows."""
+    """As in: , which is 4.1 mm nearer to ground truth. Empty where it is not, or that is unknown."""
     T_gt, model = view.target.instance.T_cam_obj_gt, view.target.model
     if T_gt is None:
         return ""
     gain_mm = add_s_mm(model, T_best, T_gt) - add_s_mm(model, T_rival, T_gt)
-    return f", which is {gain_mm:.1f} mm nearer the truth" if gain_mm >= WORTH_MM else ""
+    return f", which is {gain_mm:.1f} mm nearer to ground truth" if gain_mm >= WORTH_MM else ""
 
 
 # What a session moves by hand, in words.
@@ -70,7 +70,7 @@ MOST = 3
 def moved_by_hand(view: Snapshot) -> str:
     """Which hypotheses the open run moves, when and how far, and which poses the session moves in other frames.
 
-    As in: Hypothesis 4 was moved by hand before iteration 1, 12.0 mm and 20.0° from its first pose. "" where none is.
+    As in: Hypothesis 4 was moved by hand before iteration 1, 12.0 mm and 20.0° from its initial pose. "" where none is.
     """
     edits = view.edits
     said = [_one(view, edit) for edit in edits[:MOST]]
@@ -103,7 +103,7 @@ def _one(view: Snapshot, edit: Edit) -> str:
         return f"{who} {when}."
     first, put = pool[edit.hypothesis].T_cam_obj, np.reshape(edit.T_cam_obj, (4, 4))
     way_mm, angle_deg = shift_mm(first, put, o.target.model.points), turn(first, put)[0]
-    return f"{who} {when}, {way_mm:.1f} mm and {angle_deg:.1f}° from its first pose."
+    return f"{who} {when}, {way_mm:.1f} mm and {angle_deg:.1f}° from its initial pose."
 
 
 UNJUDGED = "without judging"
@@ -174,13 +174,13 @@ def _iteration_sentence(view: Snapshot, iteration: Iteration) -> str:
         if stage.name != "mixed":
             parts.append(_what_it_did(view, iteration, before, stage))
     body = "; ".join(parts)
-    kept = iteration.accepted
-    end = f"{kept.capitalize()} kept" if kept != "current" else "Neither was better: current pose kept"
+    accepted = iteration.accepted
+    end = f"{accepted.capitalize()} accepted" if accepted != "current" else "Neither was better: current pose accepted"
     before = iteration.stages[0].score
     if before is not None and _fell(iteration):
         end += f", although it scores less than before ({before.score:.{_digits(iteration)}f})"
     if _is_unjudged(iteration):
-        end += f": {method_name(view.session.method.name)} keeps it {UNJUDGED}"
+        end += f": {method_name(view.session.method.name)} accepts it {UNJUDGED}"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
 
 
@@ -205,7 +205,7 @@ def _what_it_did(view: Snapshot, iteration: Iteration, before: Stage, stage: Sta
 
 
 def _fell(iteration: Iteration) -> bool:
-    """Whether the kept pose scores so much less than the one before that it is said."""
+    """Whether the accepted pose scores so much less than the one before that it is said."""
     before, after = iteration.stages[0].score, iteration.accepted_stage.score
     return before is not None and after is not None and before.score - after.score >= FALL
 

@@ -45,7 +45,7 @@ def shortened(name: str, room_px: float) -> str:
     n = int((room_px - 5) / _CHARACTER_PX)
     if len(name) <= n:
         return name
-    number = _parted(name)[1]
+    number = stem_and_number(name)[1]
     kept = n - 1 - len(number)
     return f"{name[:kept]}…{number}" if kept > 2 else f"{name[: max(n - 1, 1)]}…"
 
@@ -59,7 +59,7 @@ def told_apart(names: Sequence[str]) -> list[str]:
     return [f"…{' '.join(w[n:])}" for w in words] if n else list(names)
 
 
-def _parted(name: str) -> tuple[str, str]:
+def stem_and_number(name: str) -> tuple[str, str]:
     """A name, and the number behind it that tells twins apart; "" where there is none."""
     stem, sign, number = name.rpartition(" #")
     return (stem, f"#{number}") if sign else (name, "")
@@ -84,12 +84,12 @@ TERMS = {
 
 
 def is_correct(errors: PoseErrors | None) -> bool:
-    """Whether a pose is near enough; False also where nobody can say."""
+    """Whether a pose is near enough; False also where that is unknown."""
     return errors is not None and errors.relative < CORRECT
 
 
 def verdict_mark(errors: PoseErrors | None) -> str:
-    """✓ or ✗; nothing where nobody can say."""
+    """✓ or ✗; nothing where that is unknown."""
     if errors is None:
         return ""
     return "✓" if is_correct(errors) else "✗"

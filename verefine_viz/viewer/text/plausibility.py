@@ -117,7 +117,9 @@ def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> Plaus
     if into is not None:
         said = found.sentence.removesuffix(f"instance {into.instance_id}.") + into.label
         if is_placeholder(into):
-            return PlausibilityVerdict("grey", f"{said}, which still waits at its first pose: nothing can be said yet.")
+            return PlausibilityVerdict(
+                "grey", f"{said}, which still waits at its initial pose: nothing can be said yet."
+            )
         return PlausibilityVerdict(found.light, f"{said}.")
     if found.light == "red" and found.penetrates == PLANE_ID and found.penetration_mm > 1e3 * IMPOSSIBLE_M:
         height_m = height_above_plane_m(o.target)
@@ -129,7 +131,7 @@ def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> Plaus
 
 
 def is_placeholder(o: ObjectState) -> bool:
-    """Whether an object stands at a first pose that no iteration has touched."""
+    """Whether an object stands at a initial pose that no iteration has touched."""
     return o.phase == "waiting" and o.n_iterations == 0
 
 

@@ -57,24 +57,24 @@ def movement(T_from: Float, T_to: Float, points: Float) -> str:
 
 
 def errors_in_words(errors: PoseErrors | None, way: Turning | None = None) -> str:
-    """As in: 12.3° and 4.5 mm from the truth; nothing without ground truth.
+    """As in: 12.3° and 4.5 mm from ground truth; nothing without ground truth.
 
-    With ``way``, also as in: 9.5° (3.6° of tilt against the table, 8.8° of turn on it) and 4.5 mm from the truth.
+    With ``way``, also as in: 9.5° (3.6° of tilt against the table, 8.8° of turn on it) and 4.5 mm from ground truth.
     """
     if errors is None:
         return ""
     told = f" ({way.in_words()})" if way is not None and errors.rotation_deg >= _WORTH_A_WAY_DEG else ""
-    return f"{errors.rotation_deg:.1f}°{told} and {errors.translation_mm:.1f} mm from the truth"
+    return f"{errors.rotation_deg:.1f}°{told} and {errors.translation_mm:.1f} mm from ground truth"
 
 
 # The pose that a person moves by hand, in words: each panel says of it what it judges.
 
 
 def edited_score(view: Snapshot) -> str:
-    """What the pose under the hand scores, and the pose that it is compared with; "" where none is edited.
+    """What the edited pose scores, and the pose that it is compared with; "" where none is edited.
 
-    As in: Hypothesis 1 by hand scores 0.753 and is 2.2° and 4.1 mm from the truth; the accepted pose (of hypothesis 2)
-    has 0.755.
+    As in: Hypothesis 1 by hand scores 0.753 and is 2.2° and 4.1 mm from ground truth; the accepted pose (of
+    hypothesis 2) has 0.755.
     """
     edited, kept = view.poses.get("edited"), view.poses.get("accepted") or view.poses.get("current")
     if edited is None or edited.score is None:
@@ -89,7 +89,7 @@ def edited_score(view: Snapshot) -> str:
 
 
 def edited_error(view: Snapshot) -> str:
-    """How far off the pose under the hand is; "" where none is edited, or nobody knows."""
+    """How far off the edited pose is; "" where none is edited, or that is unknown."""
     edited = view.poses.get("edited")
     if edited is None or edited.errors is None:
         return ""
@@ -102,7 +102,7 @@ def edited_error(view: Snapshot) -> str:
 
 
 def edited_beside(view: Snapshot) -> str:
-    """That neither stage that is compared is the pose under the hand; "" where one of them is, or none is edited."""
+    """That neither stage that is compared is the edited pose; "" where one of them is, or none is edited."""
     edited = view.poses.get("edited")
     if edited is None or edited.score is None or "edited" in (view.options.a, view.options.b):
         return ""
@@ -254,7 +254,7 @@ def starts(view: Snapshot) -> str:
     if len(arms) < n:
         said += f"{method_name(view.session.method.name)} works on {who} alone, which scores {score}"
     else:
-        said += f"{'the first pose of ' * left}{who} scores best with {score}"
+        said += f"{'the initial pose of ' * left}{who} scores best with {score}"
     if nearest is None:
         return f"{said}."
     if nearest == best.arm and not left:
@@ -263,7 +263,7 @@ def starts(view: Snapshot) -> str:
 
 
 def start_errors(view: Snapshot) -> list[PoseErrors | None]:
-    """Of each hypothesis of the object in focus where it started: its first pose, or where a person put it instead."""
+    """Of each hypothesis of the object in focus where it started: its initial pose, or where it was edited to."""
     T_gt, errors = view.target.instance.T_cam_obj_gt, list(view.initial_errors)
     if T_gt is not None and view.state is not None:
         for j, arm in enumerate(view.state.arms):

@@ -40,7 +40,7 @@ def found_by(view: Snapshot) -> str:
     latest = view.scene.latest_pass
     if latest is None:
         return ""
-    where = f"found by pass {latest.best_pass}" if latest.best_pass else "the first poses"
+    where = f"found by pass {latest.best_pass}" if latest.best_pass else "the initial poses"
     return f" Incumbent {latest.record.incumbent_score:.2f}, {where}."
 
 
@@ -65,7 +65,7 @@ def pass_closed(closed: ClosedPass) -> str:
         if record.best_known.score > record.score.score:
             said += ", each object at its own best pose"
         return said + "."
-    where = f"pass {closed.best_pass}" if closed.best_pass else "the first poses"
+    where = f"pass {closed.best_pass}" if closed.best_pass else "the initial poses"
     return f"{said}incumbent {record.incumbent_score:.2f} ({where})."
 
 
@@ -104,7 +104,7 @@ def scene_sentence(view: Snapshot) -> str:
         return f"The whole scene of {n} objects."
     one, other = a.pose.score.score, b.pose.score.score
     if view.is_answer:
-        return f"Frame score: {other:.3f} with all {n} objects at their answers, {one:.3f} at their first poses."
+        return f"Frame score: {other:.3f} with all {n} objects at their answers, {one:.3f} at their initial poses."
     latest = view.scene.closes_pass
     stand = f"as pass {latest.number} left them" if latest else "as they stand now"
     return f"Frame score: {other:.3f} with all {n} objects at their answers so far, {one:.3f} {stand}."
@@ -132,7 +132,7 @@ def objects_words(view: Snapshot) -> str:
         (n["placed"], "is placed", "are placed"),
         (n["rolled out"], "is a guess of the search", "are guesses of the search"),
         (n["waiting"], "waits", "wait"),
-        (n["no pose"], "has no first pose", "have no first pose"),
+        (n["no pose"], "has no initial pose", "have no initial pose"),
     ):
         if count:
             said.append(f"{count} {one if count == 1 else many}")

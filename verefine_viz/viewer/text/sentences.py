@@ -49,7 +49,7 @@ def _to_choose(view: Snapshot) -> str:
     if not method_of(name).has_ucb:
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
     first = next_choice(Ucb(view.exploration), view.state)
-    return f"Nothing was chosen yet, and each first pose counts as a play. First comes {first.reason}."
+    return f"Nothing was chosen yet, and each initial pose counts as a play. First comes {first.reason}."
 
 
 def physics(view: Snapshot) -> str:
@@ -111,13 +111,13 @@ def truth(view: Snapshot) -> str:
 
 
 def never_refined(view: Snapshot) -> str:
-    """That the best pose is a first pose although iterations worked on the object; "" where it is none."""
+    """That the best pose is a initial pose although iterations worked on the object; "" where it is none."""
     answer = view.scene.object(view.target.instance.instance_id).answer if view.is_answer else None
     best = answer or (view.state.best if view.state is not None else None)
     told = view.cursor - view.is_partial
     if best is None or best.stage != "initial" or not any(i.index <= told for i in view.own_iterations):
         return ""
-    return " It is a first pose: no iteration has improved upon it."
+    return " It is a initial pose: no iteration has improved upon it."
 
 
 def remaining(seconds: float | None) -> str:
@@ -134,7 +134,7 @@ def the_answer(view: Snapshot) -> str:
     answer = view.scene.object(view.target.instance.instance_id).answer
     if answer is None:
         return "no answer"
-    own = f"of iteration {answer.iteration}" if answer.iteration else "a first pose"
+    own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
     if len(view.scene.objects) > 1:
         return f"the answer; {view.scene.object(view.target.instance.instance_id).label}: {own}"
     return f"the answer, {own}"
@@ -148,8 +148,8 @@ def beside_answer(view: Snapshot) -> str:
     last = f"iteration {view.shown.index}, the last one on it"
     if answer.iteration == view.shown.index:
         return f"The answer is of {last}. "
-    own = f"of iteration {answer.iteration}" if answer.iteration else "a first pose"
-    return f"The answer is {own}; told here is {last}. "
+    own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
+    return f"The answer is {own}; shown here is {last}. "
 
 
 # The sentence above the switches of the View panel: what is drawn of the object in focus, and what is not.
@@ -206,7 +206,7 @@ HINTS = {
     "simulated": "after physics",
     "mixed": "rotation of simulated, translation of current: where the refiner starts",
     "refined": "after the refiner",
-    "accepted": "what was kept, outlined",
+    "accepted": "what was accepted, outlined",
     "best": "the best of all so far, outlined; where a finished run shows its answer, solid",
     "edited": "moved by hand",
     "ground truth": "outlined in white (G)",
@@ -272,7 +272,7 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
         kept = (
             f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
         )
-        return f"Not in use yet: {first_of(changes, MOST)}. Restart begins anew with it; Fork {kept}."
+        return f"Not in use yet: {first_of(changes, MOST)}. Restart starts again with it; Fork {kept}."
     usual = current_values(resolve({"preset": session.preset}), tuple(labels))
     other = [
         f"{labels[name]} {_shown(held[name])}, not {_shown(usual[name])}"

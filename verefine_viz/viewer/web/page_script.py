@@ -11,7 +11,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from verefine_viz.rendering.gl_context import SOFTWARE
-from verefine_viz.viewer.web.viser_internals import PAGE_KEYS
+from verefine_viz.viewer.web.viser_internals import PAGE_SCRIPT as PAGE_KEYS
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 """What a web server answers to a request; None = nothing, it opens a websocket."""

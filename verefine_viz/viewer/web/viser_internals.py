@@ -14,8 +14,11 @@ from verefine_viz.viewer.assets import asset
 VISER_VERSION = "1.1"
 """The version that style sheets, scripts and selectors were written for."""
 
-PAGE_KEYS = asset("keys.js")
-"""A script for the keys: Escape cancels from any box, a click on a tab does not take them, the camera moves evenly."""
+LINK_LABEL = "page link"
+"""Label of the hidden text field through which links send their commands."""
+
+PAGE_SCRIPT = asset("page.js").replace("LINK_LABEL", LINK_LABEL)
+"""What the page does by itself: it sends the commands of links, and handles keys where viser ignores them."""
 
 CANCEL_CLASS = "cancel"
 """Class of the line with the link that Escape stands for."""

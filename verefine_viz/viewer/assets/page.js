@@ -1,3 +1,45 @@
+// What the page does by itself; it is served before viser's own scripts. Handlers within the blocks' HTML are avoided:
+// one listener per kind of event serves all blocks.
+
+// Links: the command of what was clicked goes into a hidden text field, which is how it reaches Python.
+{
+  const send = command => {
+    const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
+    const input = label?.closest(".mantine-Flex-root").querySelector("input");
+    if (!input) return;
+    const value = `${JSON.stringify(command)} ${Date.now()}`;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
+    input.dispatchEvent(new Event("input", {bubbles: true}));
+  };
+
+  document.addEventListener("click", event => {
+    event.target.closest(".vz .fold")?.classList.toggle("folded");
+    const link = event.target.closest(".vz [data-cmd]");
+    if (!link) return;
+    const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
+    const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
+    if (link.dataset.crop) {  // A picture: the pixel that was clicked.
+      const [u, v, width, height] = JSON.parse(link.dataset.crop);
+      command.u = u + Math.floor(across * width);
+      command.v = v + Math.floor(down * height);
+    }
+    if (link.dataset.cells) {  // A strip of iterations.
+      command.cursor = Math.min(+link.dataset.cells, 1 + Math.floor(across * link.dataset.cells));
+    }
+    send(command);
+  }, true);
+
+  // A list of commands to choose from.
+  document.addEventListener("change", event => {
+    if (event.target.matches(".vz select")) send(JSON.parse(event.target.value));
+  }, true);
+}
+
+// Its animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
+document.addEventListener("animationstart", event => {
+  if (event.target.matches(".vz button.card.marked")) event.target.scrollIntoView({block: "nearest"});
+}, true);
+
 // Keys where viser 1.1 ignores them; nothing of it reaches Python. viser leaves keys alone in boxes for text, and its
 // tabs keep Space for themselves after a click on them.
 
