@@ -22,7 +22,7 @@ def choose(screen: Screen, label: str, option: str) -> None:
 
 
 def sides(screen: Screen):  # type: ignore[no-untyped-def]
-    found = screen.app.debugger.view().sides
+    found = screen.app.debugger.view().comparison
     assert found is not None
     return found
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.observation import Observation

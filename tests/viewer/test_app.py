@@ -11,7 +11,7 @@ from numba import njit
 
 from tests.fakes import FakeRefiner, FakeVerifier
 from tests.viewer.client import client, until
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION, cursor, until
-from tests.viewer.tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c

@@ -83,7 +83,7 @@ def test_stage_layers_are_put_away_and_come_back() -> None:
     assert "hypotheses" in d.view().options.layers
     d.carry_out([s.StopComparing()])
     assert d.view().options.layers == before
-    assert d.view().sides is None
+    assert d.view().comparison is None
 
 
 def test_sides_can_be_hidden_and_show_best_or_kept() -> None:

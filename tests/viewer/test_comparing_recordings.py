@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.tools import DRAGGED
+from tests.viewer.fake_tools import DRAGGED
 from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, same, sides
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session

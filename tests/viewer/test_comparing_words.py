@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tests.fakes import FakeVerifier
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
@@ -166,11 +166,11 @@ def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None
 
 def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() -> None:
     view = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]).view()
-    assert view.sides is not None
+    assert view.comparison is not None
     assert view.frame_score is not None
-    assert view.sides.frame_scores is not None
-    assert view.sides.frame_scores[0] == view.frame_score.score
-    assert f">{view.frame_score.score:.3f} → " in outcome_table(view.sides)
+    assert view.comparison.frame_scores is not None
+    assert view.comparison.frame_scores[0] == view.frame_score.score
+    assert f">{view.frame_score.score:.3f} → " in outcome_table(view.comparison)
     assert f">{view.frame_score.score:.2f}</span>" in objects_html(view)
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.fakes import box_problem
 from tests.scenes.sizes import scene, written
 from tests.session.test_keep_frame import box_mesh, found, kept
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform

@@ -10,7 +10,7 @@ import pytest
 import viser
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import export as downloads

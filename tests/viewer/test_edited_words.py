@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_verdict import sunk
-from tests.viewer.tools import FakeTools
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
@@ -44,7 +44,7 @@ def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_
     assert "edited</th>" not in plausibility_html(debugger.view())
     for x_m, said in ((0.071, "7.1"), (0.093, "9.3")):
         view = debugger.carry_out([c.EditPose(False), c.EditPose(), moved(x_m)]).view(deep=False)
-        assert view.has_judged_standing
+        assert view.has_plausibility
         shown = plausibility_html(view)
         assert "edited</th>" in shown
         assert f"Edited: Sinks {said} mm into the support plane." in shown

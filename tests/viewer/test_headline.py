@@ -13,7 +13,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import hinted
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.headline import HINTS, UNJUDGED, headline
+from verefine_viz.viewer.text.headline import HINTS, UNVERIFIED, headline
 
 
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
@@ -63,9 +63,9 @@ def test_scores_are_told_with_the_digits_it_takes(
 
 def test_what_nobody_judged_is_called_so() -> None:
     said = headline(after(c.Step(), name="pir"))
-    assert said.endswith(f"Refined accepted: PIR accepts it {UNJUDGED}.")
-    assert UNJUDGED not in headline(after(c.Step(), name="sir"))
-    assert UNJUDGED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
+    assert said.endswith(f"Refined accepted: PIR accepts it {UNVERIFIED}.")
+    assert UNVERIFIED not in headline(after(c.Step(), name="sir"))
+    assert UNVERIFIED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
 
 
 def test_the_end_names_the_answer_and_its_error() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from tests.viewer.test_answer import SearchTools
-from tests.viewer.tools import DRAGGED, FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, page, record
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from tests.fakes import FakeVerifier
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
@@ -90,7 +90,7 @@ def test_a_fork_at_the_start_is_judged_by_the_new_score_alone() -> None:
     assert first_difference(d.workspace.run.iterations, alone.workspace.run.iterations) is None
     assert (
         max(
-            d.workspace.branch.judge.score(d.view().target, h.T_cam_obj).score
+            d.workspace.branch.evaluator.score(d.view().target, h.T_cam_obj).score
             for h in d.view().target.instance.hypotheses
         )
         <= 0.25

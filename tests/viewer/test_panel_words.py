@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session

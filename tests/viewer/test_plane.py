@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import MethodSettings, Session

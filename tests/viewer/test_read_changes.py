@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem

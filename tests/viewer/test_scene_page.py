@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
@@ -61,7 +61,7 @@ def test_colours_of_the_cloud_and_of_two_runs_are_named(debugger: Debugger) -> N
     html = page(debugger, c.Step(), c.ColorCloud("class"))
     assert all(f"rgb{color}" in html and name in words(html) for name, color in CLASS_COLORS.items())
     compared = words(page(debugger, s.CompareRun((("method.name", "pir"),)), s.RunB()))
-    sides = debugger.view().sides
+    sides = debugger.view().comparison
     assert sides is not None
     assert f"A {sides.name_a}, solid B {sides.name_b}, as an outline" in compared
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session

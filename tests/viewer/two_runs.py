@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
@@ -24,7 +24,7 @@ def debugger(session: Session = SESSION) -> Debugger:
 
 
 def sides(d: Debugger) -> ComparisonSnapshot:
-    found = d.view().sides
+    found = d.view().comparison
     assert found is not None
     return found
 
@@ -34,7 +34,10 @@ def same(a: Debugger, b: Debugger) -> None:
     for one, other in zip(a.workspace.work.branches, b.workspace.work.branches, strict=True):
         assert (one.name, one.run.cursor) == (other.name, other.run.cursor)
         assert first_difference(one.run.iterations, other.run.iterations) is None
-    assert (a.workspace.work.index, a.workspace.work.sides) == (b.workspace.work.index, b.workspace.work.sides)
+    assert (a.workspace.work.index, a.workspace.work.comparison) == (
+        b.workspace.work.index,
+        b.workspace.work.comparison,
+    )
 
 
 # Recordings

@@ -137,7 +137,7 @@ class Exporter:
         run = space.run
         path.parent.mkdir(parents=True, exist_ok=True)
         branch = space.branch
-        recorder = Recorder(path, space.session, run.problem, lambda k: branch.judge_of(k).verifier, block=1)
+        recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.
             run.fork(run.length, watchers=(ReportsProgress(self._patience, run.length), recorder)).close()

@@ -37,7 +37,7 @@ class Page:
     def __init__(self, server: Server, debugger: Debugger, requests: RequestQueue, batch: Gallery | None) -> None:
         self._server, self._debugger, self._requests = server, debugger, requests
         self.scene = SceneView(server, requests.send)
-        self.sides = ComparisonNodes(server)
+        self.comparison = ComparisonNodes(server)
         self.layout = Layout(server, requests.send, lambda client: look_again(server, client), batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
@@ -109,7 +109,7 @@ class Page:
 
     def _draw(self, view: Snapshot) -> None:
         self.scene.show(view)
-        self.sides.show(view)
+        self.comparison.show(view)
 
     def _show_left(self) -> None:
         left, self._left = self._left, None
@@ -124,8 +124,8 @@ class Page:
                 self.scene.show_deep(view)
                 self.layout.show_deep(view)
         self._server.flush()
-        if not view.physics.complete or _judged_alone(view):
-            self._later = deferred_physics(view, self._debugger.workspace.branch.judge)
+        if not view.physics.complete or _lacks_plausibility(view):
+            self._later = deferred_physics(view, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""
@@ -145,7 +145,7 @@ def _is_known(view: Snapshot, shown: Snapshot | None) -> bool:
     )
 
 
-def _judged_alone(view: Snapshot) -> bool:
+def _lacks_plausibility(view: Snapshot) -> bool:
     """Whether the plausibility of the poses in focus is still to be worked out."""
     missing = any(name not in view.plausible for name in plausibility_stages(view.poses))
     return missing and view.target.observation.support is not None

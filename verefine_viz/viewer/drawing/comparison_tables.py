@@ -52,7 +52,7 @@ def score_sign(v: ComparisonSnapshot) -> str:
     return "" if v.scores_alike else " ⚠"
 
 
-def judged_by_a(v: ComparisonSnapshot, o: Outcome) -> str:
+def rescored_by_a(v: ComparisonSnapshot, o: Outcome) -> str:
     """A tooltip: B's answer by the settings of A, where B scores by others."""
     if v.scores_alike or o.b is None:
         return ""
@@ -233,7 +233,7 @@ def outcome_table(v: ComparisonSnapshot) -> str:
         a, b = o.a, o.b
         cells = [
             fitted(o.name),
-            f'<span title="{judged_by_a(v, o)}">{_pair(a, b, own_score, 2)}</span>',
+            f'<span title="{rescored_by_a(v, o)}">{_pair(a, b, own_score, 2)}</span>',
             f'<span title="{_offsets(a, b)}">{_pair(a, b, lambda x: x.errors and x.errors.add_s_mm, 1)}</span>',
             _pair(a, b, lambda x: x.errors and x.errors.rotation_deg, 0, "°"),
             {"A": _winner("A"), "B": _winner("B"), "even": "=", None: _NONE}[better(v, o)],

@@ -84,7 +84,7 @@ def _stages(view: Snapshot) -> str:
 
 def _sides(view: Snapshot) -> str:
     """Which run is which, where two are compared."""
-    sides = view.sides
+    sides = view.comparison
     if sides is None:
         return ""
     drawn = (("A", sides.name_a, "solid"), ("B", sides.name_b, "as an outline"))

@@ -69,7 +69,7 @@ def _enter(state: State, command: OpenAt) -> None:
         workspace.open(gallery.session(run), None, command.frame)
     if gallery is not None:
         browsing.run = run
-        if workspace.work.sides is None:
+        if workspace.work.comparison is None:
             workspace.work.index = 0
         browsing.last = gallery.entry(run, command.frame, command.instance)
     browsing.asked = workspace.run, command.iteration

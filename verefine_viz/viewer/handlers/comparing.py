@@ -110,7 +110,7 @@ def compare_branch(state: State, command: s.CompareBranch) -> None:
     work, index = state.workspace.work, command.index
     if not 0 <= index < len(work.branches):
         raise InputError(f"there is no branch {index} to compare with; this frame has {len(work.branches)}")
-    work.sides = replace(work.sides or ComparisonChoice(index), b=index, moment=None)
+    work.comparison = replace(work.comparison or ComparisonChoice(index), b=index, moment=None)
 
 
 def compare_recording(state: State, command: s.CompareRecording) -> None:
@@ -129,7 +129,7 @@ def run_b(state: State, command: s.RunB) -> None:
 def stop_comparing(state: State, command: s.StopComparing) -> None:
     """Shows the open run alone again."""
     _choice(state)
-    state.workspace.work.sides = None
+    state.workspace.work.comparison = None
 
 
 def swap_sides(state: State, command: s.SwapSides) -> None:
@@ -138,7 +138,7 @@ def swap_sides(state: State, command: s.SwapSides) -> None:
     compared, place = comparison.compared(), comparison.place()
     assert compared is not None
     key = compared.timeline.moments[place - 1].key if place else None
-    work.sides, work.index = replace(choice, b=work.index), choice.b
+    work.comparison, work.index = replace(choice, b=work.index), choice.b
     swapped = comparison.compared()
     assert swapped is not None
     _seek(state, swapped.timeline.place(key) or 0)
@@ -159,7 +159,7 @@ def seek_difference(state: State, command: s.SeekDifference) -> None:
         made = min(len(compared.a.iterations), len(compared.b.iterations))
         state.message = f"No difference in the {made} iterations that both have made."
         return
-    state.workspace.work.sides = replace(choice, poses="kept")
+    state.workspace.work.comparison = replace(choice, poses="kept")
     _seek(state, first.place)
 
 
@@ -167,12 +167,12 @@ def show_side(state: State, command: s.ShowSide) -> None:
     """The poses of A or of B in 3D on or off."""
     choice, side = _choice(state), command.side
     on = side not in choice.shown if command.visible is None else command.visible
-    state.workspace.work.sides = replace(choice, shown=choice.shown | {side} if on else choice.shown - {side})
+    state.workspace.work.comparison = replace(choice, shown=choice.shown | {side} if on else choice.shown - {side})
 
 
 def show_side_poses(state: State, command: s.ShowSidePoses) -> None:
     """Which poses of both are drawn."""
-    state.workspace.work.sides = replace(_choice(state), poses=command.which)
+    state.workspace.work.comparison = replace(_choice(state), poses=command.which)
 
 
 def tick_b(state: State) -> None:
@@ -205,7 +205,7 @@ def _seek(state: State, place: int) -> None:
     place = min(max(place, 0), len(compared.timeline))
     state.run.seek(compared.timeline.a_at(place))
     moment = compared.timeline.moments[place - 1] if place else None
-    state.workspace.work.sides = replace(choice, moment=moment.key if moment else None)
+    state.workspace.work.comparison = replace(choice, moment=moment.key if moment else None)
     state.options = state.options.moved()
 
 

@@ -36,7 +36,7 @@ def show_layer(state: State, command: c.ShowLayer) -> None:
     """A layer on or off; one that a comparison hides comes back if it is asked for."""
     choice = state.comparison.choice
     if choice is not None and command.name in choice.hidden and command.visible is not False:
-        state.workspace.work.sides = replace(choice, hidden=choice.hidden - {command.name})
+        state.workspace.work.comparison = replace(choice, hidden=choice.hidden - {command.name})
         state.options = replace(state.options, layers=state.options.layers | {command.name})
     else:
         look(state, command)

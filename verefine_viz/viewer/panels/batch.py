@@ -56,7 +56,7 @@ class BatchPanel:
                 self._show_card(k)
             self._pages.show(pages(page, len(entries)))
         # While a run is on, every core is its own.
-        b_runs = view.sides is not None and view.sides.running
+        b_runs = view.comparison is not None and view.comparison.running
         self.thumbnails.want(() if view.progress.running or b_runs else self._shown)
 
     def _show_card(self, k: int) -> None:

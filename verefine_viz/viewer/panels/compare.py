@@ -76,7 +76,7 @@ class ComparePanel:
 
     def show(self, view: Snapshot) -> None:
         """The comparison, or how to begin one."""
-        v = view.sides
+        v = view.comparison
         self.choice.show(view)
         for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
             handle.visible = v is not None
@@ -191,4 +191,4 @@ class ChoiceOfB:
             self._branches = labels
             self.branch.options = labels
         self.branch.visible = len(view.branches) > 1
-        self.branch.value = labels[view.sides.index_b + 1] if view.sides is not None else ""
+        self.branch.value = labels[view.comparison.index_b + 1] if view.comparison is not None else ""

@@ -20,18 +20,18 @@ class ErrorsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)
-        self.judge = gui.add_button(
+        self.score_truth = gui.add_button(
             "Score the ground truth",
             hint="ground truth beside the best pose: does the score prefer a wrong pose?",
         )
-        self.judge.on_click(by_person(lambda _: send(c.ScoreGroundTruth())))
+        self.score_truth.on_click(by_person(lambda _: send(c.ScoreGroundTruth())))
         self._stages = Block(gui, "errors")
         self._starts = Block(gui)
 
     def show(self, view: Snapshot) -> None:
         """All errors at the cursor; without ground truth only the sentence."""
         self._words.show(sentence(truth(view)))
-        self.judge.visible = view.truth is not None
+        self.score_truth.visible = view.truth is not None
         self._stages.show(one_scale_note(view) + errors_table(view) if view.truth else "")
         self._starts.show(starts_table(view) if view.truth else "")
 

@@ -170,7 +170,7 @@ def legend(view: Snapshot) -> str:
         if light in told
     )
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
-    drawn = f"{drawn}, overlaps red" if view.sides is None else "3D: A solid, B as an outline"
+    drawn = f"{drawn}, overlaps red" if view.comparison is None else "3D: A solid, B as an outline"
     tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
     sinks = (
         '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>'

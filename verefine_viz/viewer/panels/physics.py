@@ -119,7 +119,7 @@ class PhysicsPanel:
         self.edit.visible = not self.go_on.visible
         # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
         self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
-        if view.has_judged_standing:
+        if view.has_plausibility:
             self._standing.show(plausibility_html(view))
         self._changes.show(changes_table(view))
         path = view.shown.path if view.shown and is_revealed(view, "simulated") else None

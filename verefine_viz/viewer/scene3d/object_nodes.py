@@ -179,7 +179,7 @@ class ComparisonNodes:
         """Poses and visibility; call it after the frame was drawn, which takes older nodes away."""
         if view.problem is not self._problem:
             self._pairs, self._problem = {}, view.problem
-        sides = view.sides
+        sides = view.comparison
         if sides is None:
             for pair in self._pairs.values():
                 pair.solid.visible = pair.outline.visible = False

@@ -108,7 +108,7 @@ class SceneView:
         if view.deep:
             self._show_cloud(view)
             self._camera.show_map(view)
-        if view.has_judged_standing:
+        if view.has_plausibility:
             self._show_polygon(view)
         self._others.show_overlaps(view)
 

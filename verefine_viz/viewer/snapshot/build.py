@@ -39,12 +39,12 @@ FIRST = "initial poses"
 """What the scene before the run is called."""
 
 
-def frame_score(judge: CachedEvaluator, scene: SceneState, session: Session) -> PoseScore | None:
+def frame_score(evaluator: CachedEvaluator, scene: SceneState, session: Session) -> PoseScore | None:
     """The score of all answers so far, rendered together; None for a single object."""
     known = [(o.target, o.answer.T_cam_obj) for o in scene.objects if o.answer is not None]
     if len(known) < 2:
         return None
-    return together(judge, [target for target, _ in known], np.array([T for _, T in known]), session)
+    return together(evaluator, [target for target, _ in known], np.array([T for _, T in known]), session)
 
 
 @lru_cache(maxsize=4)
@@ -56,7 +56,7 @@ def scene_target(problem: Problem) -> Target:
 
 
 def compared_scenes(
-    judge: CachedEvaluator,
+    evaluator: CachedEvaluator,
     scene: SceneState,
     options: ViewOptions,
     session: Session,
@@ -74,11 +74,11 @@ def compared_scenes(
     targets = [o.target for o in known]
 
     def side(name: str, Ts: Float) -> ComparedPose:
-        score = together(judge, targets, Ts, session) if deep else None
+        score = together(evaluator, targets, Ts, session) if deep else None
         pose = EvaluatedPose(name, Ts, score, None)
         if not deep:
             return ComparedPose(pose, None)
-        maps = judge.scene_maps(targets, Ts)
+        maps = evaluator.scene_maps(targets, Ts)
         return ComparedPose(pose, maps, probe(maps, targets[0], *options.pixel) if options.pixel else None)
 
     return side(name, now), side("best", best)
@@ -93,7 +93,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     """Everything the panels and the scene need, at this moment; ``deep``: with what takes longer."""
     space = state.workspace
     work, branch = space.work, space.branch
-    run, judge = branch.run, branch.judge
+    run, evaluator = branch.run, branch.evaluator
     answer = is_answer(run, state.options)
     options = state.comparison.visible(answered(state.options) if answer else state.options)
     target, shown = _focus(branch, options)
@@ -102,32 +102,32 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     now = run.state_at(run.cursor - 1) if partial else branch.state
     iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
     own_state = state_of(now, target)
-    truth = _truth(judge, target)
+    truth = _truth(evaluator, target)
     alone = not method_of(branch.settings.method.name).knows_others
     stage = options.stage if partial else None
-    scene = scene_state(work.problem, now, run.iterations, run.cursor, judge.errors, alone, answer, stage)
-    found = scene.object(target.instance.instance_id).answer if answer else None
-    arm = _arm(options, found if found is not None else shown, own_state)
-    told = _as_judged(shown, target, judge, branch)
-    poses = _poses(judge, target, told, own_state, arm, options, is_current=shown is run.iteration, truth=truth)
-    if found is not None:
+    scene = scene_state(work.problem, now, run.iterations, run.cursor, evaluator.errors, alone, answer, stage)
+    best = scene.object(target.instance.instance_id).answer if answer else None
+    arm = _arm(options, best if best is not None else shown, own_state)
+    rescored = _rescored(shown, target, evaluator, branch)
+    poses = _poses(evaluator, target, rescored, own_state, arm, options, is_current=shown is run.iteration, truth=truth)
+    if best is not None:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
-        poses["best"] = EvaluatedPose("best", found.T_cam_obj, found.score, judge.errors(target, found.T_cam_obj))
+        poses["best"] = EvaluatedPose("best", best.T_cam_obj, best.score, evaluator.errors(target, best.T_cam_obj))
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     if "best" in poses and is_of_best_scene(branch.settings.method.name, own, answer):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
     running, session = state.running.goal is not None, space.session
-    errors = [judge.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
+    errors = [evaluator.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]
     progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
     if options.whole_scene and len(scene.objects) > 1:
         map_target = scene_target(work.problem)
         first = _first_poses(branch) if answer else None
-        a, b = compared_scenes(judge, scene, options, branch.settings, deep, first)
+        a, b = compared_scenes(evaluator, scene, options, branch.settings, deep, first)
     else:
         map_target = target
         one = _or_else(poses, options.a, FALLBACK_A)
         other = _or_else(poses, options.b, (*_unlike(one, poses), *FALLBACK_B))
-        a, b = (_side(judge, target, pose, options, deep) for pose in (one, other))
+        a, b = (_side(evaluator, target, pose, options, deep) for pose in (one, other))
     return Snapshot(
         session=branch.settings.model_copy(
             update={"breakpoints": space.breakpoints, "edits": session.edits, "changes": session.changes}
@@ -161,23 +161,27 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         options=options,
         a=a,
         b=b,
-        plausible=_plausible(judge, target, poses, scene) if deep or options.edited is not None else {},
+        plausible=_plausible(evaluator, target, poses, scene) if deep or options.edited is not None else {},
         initial_errors=tuple(errors),
-        error_series=_error_series(judge, target, iterations),
+        error_series=_error_series(evaluator, target, iterations),
         truth=truth,
         # Up to half a second for a pose that is nearly such a turn: a run does not wait for it.
-        undeclared=judge.undeclared_turn(target, poses["best"].T_cam_obj) if "best" in poses and not running else None,
+        undeclared=evaluator.undeclared_turn(target, poses["best"].T_cam_obj)
+        if "best" in poses and not running
+        else None,
         scene=scene,
-        frame_score=frame_score(judge, scene, branch.settings),
+        frame_score=frame_score(evaluator, scene, branch.settings),
         map_target=map_target,
-        best_errors=_best_errors(judge, work.problem, iterations) if options.whole_scene else {},
-        physics=known_physics(scene, judge),
+        best_errors=_best_errors(evaluator, work.problem, iterations) if options.whole_scene else {},
+        physics=known_physics(scene, evaluator),
         deep=deep,
         message=state.message,
         refused=state.refused,
         offer=state.offer,
         written=state.written,
-        sides=comparison_snapshot(state.comparison, branch, target, options.focus is not None, options.whole_scene),
+        comparison=comparison_snapshot(
+            state.comparison, branch, target, options.focus is not None, options.whole_scene
+        ),
     )
 
 
@@ -202,11 +206,13 @@ def _focus(branch: Branch, options: ViewOptions) -> tuple[Target, Iteration | No
     return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
 
 
-def _as_judged(shown: Iteration | None, target: Target, judge: CachedEvaluator, branch: Branch) -> Iteration | None:
-    """An iteration with scores of ``judge``: those of its own time are of other settings where they changed since."""
-    if shown is None or branch.judge_of(shown.index) is judge:
+def _rescored(shown: Iteration | None, target: Target, evaluator: CachedEvaluator, branch: Branch) -> Iteration | None:
+    """An iteration with scores of ``evaluator``: those of its own time may be of other settings."""
+    if shown is None or branch.evaluator_of(shown.index) is evaluator:
         return shown
-    stages = tuple(s if s.score is None else replace(s, score=judge.score(target, s.T_cam_obj)) for s in shown.stages)
+    stages = tuple(
+        s if s.score is None else replace(s, score=evaluator.score(target, s.T_cam_obj)) for s in shown.stages
+    )
     return replace(shown, stages=stages)
 
 
@@ -219,13 +225,15 @@ def _arm(options: ViewOptions, shown: Iteration | Best | None, state: Any) -> in
     return state.best.arm if state is not None else 0
 
 
-def _truth(judge: CachedEvaluator, target: Target) -> EvaluatedPose | None:
+def _truth(evaluator: CachedEvaluator, target: Target) -> EvaluatedPose | None:
     T = target.instance.T_cam_obj_gt
-    return None if T is None else EvaluatedPose("ground truth", T, judge.score(target, T), judge.errors(target, T))
+    return (
+        None if T is None else EvaluatedPose("ground truth", T, evaluator.score(target, T), evaluator.errors(target, T))
+    )
 
 
 def _poses(
-    judge: CachedEvaluator,
+    evaluator: CachedEvaluator,
     target: Target,
     shown: Iteration | None,
     state: Any,
@@ -237,7 +245,7 @@ def _poses(
     found: dict[str, EvaluatedPose] = {}
 
     def add(name: str, T_cam_obj: Float, score: PoseScore | None, ms: float = 0.0) -> None:
-        found[name] = EvaluatedPose(name, T_cam_obj, score, judge.errors(target, T_cam_obj), ms)
+        found[name] = EvaluatedPose(name, T_cam_obj, score, evaluator.errors(target, T_cam_obj), ms)
 
     if state is not None:
         first = state.arms[arm].entries[0]
@@ -249,7 +257,7 @@ def _poses(
         told = revealed(shown, options.stage if is_current else None)
         for stage in shown.stages:
             if stage.name in told:
-                score = stage.score or judge.score(target, stage.T_cam_obj)
+                score = stage.score or evaluator.score(target, stage.T_cam_obj)
                 add(stage.name, stage.T_cam_obj, score, stage.ms)
         if len(told) == len(shown.stages):
             kept = shown.accepted_stage
@@ -258,14 +266,14 @@ def _poses(
         add("best", state.best.T_cam_obj, state.best.score)
     if options.T_cam_obj_edited is not None:
         T = np.array(options.T_cam_obj_edited)
-        add("edited", T, judge.score(target, T))
+        add("edited", T, evaluator.score(target, T))
     if truth is not None:
         found["ground truth"] = truth
     return found
 
 
 def _plausible(
-    judge: CachedEvaluator, target: Target, poses: dict[str, EvaluatedPose], scene: SceneState
+    evaluator: CachedEvaluator, target: Target, poses: dict[str, EvaluatedPose], scene: SceneState
 ) -> dict[str, Any]:
     """Of the poses whose standing is shown; among other objects only what was worked out already, and of the pose under
     the hand at once: whoever moves it waits for nothing else.
@@ -273,7 +281,7 @@ def _plausible(
     others = others_of(scene, target.instance.instance_id)
     found = {}
     for k in plausibility_stages(poses):
-        ask = judge.known_plausibility if others and k != "edited" else judge.plausibility
+        ask = evaluator.known_plausibility if others and k != "edited" else evaluator.plausibility
         found[k] = ask(target, poses[k].T_cam_obj, others)
     return {k: v for k, v in found.items() if v is not None}
 
@@ -284,10 +292,10 @@ def plausibility_stages(poses: dict[str, EvaluatedPose]) -> tuple[str, ...]:
     return (*told, *(k for k in ("edited",) if k in poses))
 
 
-def deferred_physics(view: Snapshot, judge: CachedEvaluator) -> Iterator[None]:
+def deferred_physics(view: Snapshot, evaluator: CachedEvaluator) -> Iterator[None]:
     """What the scene's physics still lacks, one thing per turn."""
     shown = [(view.target, view.poses[k].T_cam_obj) for k in plausibility_stages(view.poses)]
-    return work_out(view.scene, judge, shown if len(view.scene.objects) > 1 else ())
+    return work_out(view.scene, evaluator, shown if len(view.scene.objects) > 1 else ())
 
 
 def _or_else(poses: dict[str, EvaluatedPose], wanted: str, instead: tuple[str, ...]) -> EvaluatedPose | None:
@@ -302,21 +310,21 @@ def _unlike(one: EvaluatedPose | None, poses: dict[str, EvaluatedPose]) -> tuple
 
 
 def _side(
-    judge: CachedEvaluator, target: Target, pose: EvaluatedPose | None, options: ViewOptions, deep: bool
+    evaluator: CachedEvaluator, target: Target, pose: EvaluatedPose | None, options: ViewOptions, deep: bool
 ) -> ComparedPose | None:
     if pose is None:
         return None
     if not deep:
         return ComparedPose(pose, None)
-    maps = judge.maps(target, pose.T_cam_obj)
+    maps = evaluator.maps(target, pose.T_cam_obj)
     return ComparedPose(pose, maps, probe(maps, target, *options.pixel) if options.pixel else None)
 
 
 def _summary(branch: Branch, shown: Branch) -> BranchSummary:
     state = branch.run.final_state
-    other_scale = branch.final_judge.verifier.settings != shown.final_judge.verifier.settings
+    other_scale = branch.final_evaluator.verifier.settings != shown.final_evaluator.verifier.settings
     errors = [
-        branch.judge.errors(t, best.T_cam_obj) if best else None
+        branch.evaluator.errors(t, best.T_cam_obj) if best else None
         for t, best in zip(state.problem.targets, state.best, strict=True)
     ]
     run = branch.run
@@ -331,14 +339,15 @@ def _first_poses(branch: Branch) -> dict[int, Float]:
 
 
 def _best_errors(
-    judge: CachedEvaluator, problem: Problem, iterations: Sequence[Iteration]
+    evaluator: CachedEvaluator, problem: Problem, iterations: Sequence[Iteration]
 ) -> dict[int, PoseErrors | None]:
     targets = {t.instance.instance_id: t for t in problem.targets}
-    return {i.index: judge.errors(targets[i.instance_id], i.best.T_cam_obj) for i in iterations}
+    return {i.index: evaluator.errors(targets[i.instance_id], i.best.T_cam_obj) for i in iterations}
 
 
-def _error_series(judge: CachedEvaluator, target: Target, iterations: tuple[Iteration, ...]) -> tuple[Any, ...]:
+def _error_series(evaluator: CachedEvaluator, target: Target, iterations: tuple[Iteration, ...]) -> tuple[Any, ...]:
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     return tuple(
-        (i, judge.errors(target, i.accepted_stage.T_cam_obj), judge.errors(target, i.best.T_cam_obj)) for i in own
+        (i, evaluator.errors(target, i.accepted_stage.T_cam_obj), evaluator.errors(target, i.best.T_cam_obj))
+        for i in own
     )

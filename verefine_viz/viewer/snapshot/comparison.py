@@ -106,24 +106,24 @@ def comparison_snapshot(
         chosen: whether a person chose it; else it is the one of the moment.
         whole_scene: whether curves are of all objects together.
     """
-    found, b, sides = comparison.compared(), comparison.branch_b(), comparison.choice
-    if found is None or b is None or sides is None:
+    compared, b, sides = comparison.compared(), comparison.branch_b(), comparison.choice
+    if compared is None or b is None or sides is None:
         return None
     place = comparison.place()
-    moment = found.timeline.moments[place - 1] if place else None
-    if moment is not None and not chosen and moment.instance_id in found.a.instance_ids:
-        focus = found.a.problem.target(moment.instance_id)
+    moment = compared.timeline.moments[place - 1] if place else None
+    if moment is not None and not chosen and moment.instance_id in compared.a.instance_ids:
+        focus = compared.a.problem.target(moment.instance_id)
     own = focus.instance.instance_id
     # With what was changed on the way, as its answers are scored.
     session_a, session_b = a.settings, b.settings
     alike = scores_alike(session_a, session_b)
-    judge = a.judge
+    evaluator = a.evaluator
     between = settings_between(session_a, session_b)
     name_a, name_b = names(a, b, between)
-    reach_b = _reach(found.timeline, place)
+    reach_b = _reach(compared.timeline, place)
 
     def score_of(target: Target, best: Best) -> float:
-        return judge.score(_ours(found, target), best.T_cam_obj).score
+        return evaluator.score(_ours(compared, target), best.T_cam_obj).score
 
     def kept(k: int) -> int:
         """The iteration whose kept pose is drawn, where the latest one is ``k``; 0 = the best pose so far is drawn."""
@@ -136,33 +136,36 @@ def comparison_snapshot(
         return trace.iterations[k - 1].accepted_stage.T_cam_obj
 
     poses: dict[int, tuple[Float | None, Float | None]] = {}
-    for instance_id in dict.fromkeys((*found.a.instance_ids, *found.b.instance_ids)):
-        k_a, k_b = found.timeline.latest(place, instance_id)
+    for instance_id in dict.fromkeys((*compared.a.instance_ids, *compared.b.instance_ids)):
+        k_a, k_b = compared.timeline.latest(place, instance_id)
         poses[instance_id] = (
-            pose(found.a, instance_id, k_a, found.timeline.a_at(place)),
-            pose(found.b, instance_id, k_b, max(k_b, reach_b)),
+            pose(compared.a, instance_id, k_a, compared.timeline.a_at(place)),
+            pose(compared.b, instance_id, k_b, max(k_b, reach_b)),
         )
-    k_a, k_b = found.timeline.latest(place, own)
-    answers = outcomes(found.a, found.b, judge.errors, None if alike else score_of)
+    k_a, k_b = compared.timeline.latest(place, own)
+    name = name_of(compared.a.problem, own)
+    answers = outcomes(compared.a, compared.b, evaluator.errors, None if alike else score_of)
     return ComparisonSnapshot(
         name_a,
         name_b,
         sides.b,
         between,
         alike,
-        found.timeline,
+        compared.timeline,
         place,
         moment,
-        name_of(found.a.problem, own),
-        "All objects, means over the moments" if whole_scene else f"{name_of(found.a.problem, own)}, by refiner calls",
-        found.differences,
+        name,
+        "All objects, means over the moments"
+        if whole_scene
+        else f"{name_of(compared.a.problem, own)}, by refiner calls",
+        compared.differences,
         answers,
-        _frame_scores(found, a, b, answers),
-        effort_of(found.a),
-        effort_of(found.b),
-        _now(found.a, judge, focus, kept(k_a), found.timeline.a_at(place)) if own in poses else None,
-        _now(found.b, judge, focus, kept(k_b), max(k_b, reach_b)) if own in poses else None,
-        _scene_curves(found, judge) if whole_scene else _curves(found, judge, focus.instance.instance_id),
+        _frame_scores(compared, a, b, answers),
+        effort_of(compared.a),
+        effort_of(compared.b),
+        _now(compared.a, evaluator, focus, kept(k_a), compared.timeline.a_at(place)) if own in poses else None,
+        _now(compared.b, evaluator, focus, kept(k_b), max(k_b, reach_b)) if own in poses else None,
+        _scene_curves(compared, evaluator) if whole_scene else _curves(compared, evaluator, focus.instance.instance_id),
         poses,
         sides.poses,
         sides.shown,
@@ -208,41 +211,44 @@ def _best(trace: Trace, instance_id: int, until: int) -> Best | None:
     return trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
 
 
-def _ours(found: Compared, target: Target) -> Target:
+def _ours(compared: Compared, target: Target) -> Target:
     """A's own target of the same object: its rule may count other masks."""
     own = target.instance.instance_id
-    return found.a.problem.target(own) if own in found.a.instance_ids else target
+    return compared.a.problem.target(own) if own in compared.a.instance_ids else target
 
 
-def _now(trace: Trace, judge: CachedEvaluator, focus: Target, kept: int, until: int) -> RunAtMoment | None:
+def _now(trace: Trace, evaluator: CachedEvaluator, focus: Target, kept: int, until: int) -> RunAtMoment | None:
     """What is drawn of the object in focus: the pose that iteration ``kept`` kept, or for 0 the best one so far."""
     best = _best(trace, focus.instance.instance_id, until)
     if best is None:
         return None
     if not kept:
-        errors = judge.errors(focus, best.T_cam_obj)
+        errors = evaluator.errors(focus, best.T_cam_obj)
         return RunAtMoment(best.iteration, best.arm, best.stage, best.score.score, errors)
     iteration = trace.iterations[kept - 1]
     stage = iteration.accepted_stage
     score = stage.score.score if stage.score else None
-    return RunAtMoment(kept, iteration.arm, stage.name, score, judge.errors(focus, stage.T_cam_obj))
+    return RunAtMoment(kept, iteration.arm, stage.name, score, evaluator.errors(focus, stage.T_cam_obj))
 
 
-def _curves(found: Compared, judge: CachedEvaluator, own: int) -> Curves:
+def _curves(compared: Compared, evaluator: CachedEvaluator, own: int) -> Curves:
     """Of one object."""
-    moments = [m for m in found.timeline.moments if m.instance_id == own]
-    sides = [_line(found.a, judge, own, [m.a for m in moments]), _line(found.b, judge, own, [m.b for m in moments])]
+    moments = [m for m in compared.timeline.moments if m.instance_id == own]
+    sides = [
+        _line(compared.a, evaluator, own, [m.a for m in moments]),
+        _line(compared.b, evaluator, own, [m.b for m in moments]),
+    ]
     return _drawn((0, *(m.calls for m in moments)), sides)
 
 
-def _scene_curves(found: Compared, judge: CachedEvaluator) -> Curves:
+def _scene_curves(compared: Compared, evaluator: CachedEvaluator) -> Curves:
     """Means over the objects that both solve."""
-    moments = found.timeline.moments
-    both = [i for i in found.a.instance_ids if i in found.b.instance_ids and i in found.a.answers[0]]
+    moments = compared.timeline.moments
+    both = [i for i in compared.a.instance_ids if i in compared.b.instance_ids and i in compared.a.answers[0]]
     sides: list[Line] = []
-    for trace, pick in ((found.a, "a"), (found.b, "b")):
+    for trace, pick in ((compared.a, "a"), (compared.b, "b")):
         lines = [
-            _line(trace, judge, own, [getattr(m, pick) if m.instance_id == own else None for m in moments])
+            _line(trace, evaluator, own, [getattr(m, pick) if m.instance_id == own else None for m in moments])
             for own in both
         ]
         sides.append([_mean(points) for points in zip(*lines, strict=True)])
@@ -253,19 +259,19 @@ Line = list[tuple[float, float | None]]
 """Score and ADD(-S) [mm] of the best pose so far, moment by moment."""
 
 
-def _line(trace: Trace, judge: CachedEvaluator, own: int, indices: Sequence[int | None]) -> Line:
+def _line(trace: Trace, evaluator: CachedEvaluator, own: int, indices: Sequence[int | None]) -> Line:
     target, now = trace.problem.target(own), trace.answers[0].get(own)
-    line = [_point(judge, target, now)]
+    line = [_point(evaluator, target, now)]
     for k in indices:
         now = now if k is None else trace.iterations[k - 1].best
-        line.append(line[-1] if k is None else _point(judge, target, now))
+        line.append(line[-1] if k is None else _point(evaluator, target, now))
     return line
 
 
-def _point(judge: CachedEvaluator, target: Target, best: Best | None) -> tuple[float, float | None]:
+def _point(evaluator: CachedEvaluator, target: Target, best: Best | None) -> tuple[float, float | None]:
     if best is None:
         return 0.0, None
-    errors = judge.errors(target, best.T_cam_obj)
+    errors = evaluator.errors(target, best.T_cam_obj)
     return best.score.score, errors.add_s_mm if errors else None
 
 
@@ -282,16 +288,16 @@ def _drawn(calls: tuple[int, ...], sides: Sequence[Line]) -> Curves:
     return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
 
 
-def _frame_scores(found: Compared, a: Branch, b: Branch, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
+def _frame_scores(compared: Compared, a: Branch, b: Branch, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:
     """Of all answers of A and of B together: by the settings of A, or where B scores by others, of B by its own."""
     both = [(o.instance_id, o.a.best, o.b.best) for o in answers if o.a is not None and o.b is not None]
     if len(both) < 2:
         return None
     alike = scores_alike(a.settings, b.settings)
-    judge_b, session_b, problem_b = (
-        (a.judge, a.settings, found.a.problem) if alike else (b.final_judge, b.settings, found.b.problem)
+    evaluator_b, session_b, problem_b = (
+        (a.evaluator, a.settings, compared.a.problem) if alike else (b.final_evaluator, b.settings, compared.b.problem)
     )
     one, other = np.array([x.T_cam_obj for _, x, _ in both]), np.array([x.T_cam_obj for _, _, x in both])
-    score_a = together(a.judge, [found.a.problem.target(own) for own, _, _ in both], one, a.settings)
-    score_b = together(judge_b, [problem_b.target(own) for own, _, _ in both], other, session_b)
+    score_a = together(a.evaluator, [compared.a.problem.target(own) for own, _, _ in both], one, a.settings)
+    score_b = together(evaluator_b, [problem_b.target(own) for own, _, _ in both], other, session_b)
     return score_a.score, score_b.score

@@ -30,32 +30,34 @@ def others_of(scene: SceneState, instance_id: int) -> tuple[Placed, ...]:
     return tuple(o.placed for o in scene.objects if o.placed is not None and o.instance_id != instance_id)
 
 
-def known_physics(scene: SceneState, judge: CachedEvaluator) -> ScenePhysics:
+def known_physics(scene: SceneState, evaluator: CachedEvaluator) -> ScenePhysics:
     """What was worked out before; asks for nothing."""
     plausible = {}
     standing = [o for o in scene.objects if o.T_cam_obj is not None]
     for o in standing:
         assert o.T_cam_obj is not None
-        found = judge.known_plausibility(o.target, o.T_cam_obj, others_of(scene, o.instance_id))
+        found = evaluator.known_plausibility(o.target, o.T_cam_obj, others_of(scene, o.instance_id))
         if found is not None:
             plausible[o.instance_id] = found
-    pairs = [judge.known_overlap(a, b) for a, b in _pairs(scene)]
+    pairs = [evaluator.known_overlap(a, b) for a, b in _pairs(scene)]
     overlaps = sorted((found for _, found in pairs if found is not None), key=lambda found: -found.depth_mm)
     complete = all(known for known, _ in pairs) and len(plausible) == len(standing)
     return ScenePhysics(plausible, tuple(overlaps), complete)
 
 
-def work_out(scene: SceneState, judge: CachedEvaluator, poses: Sequence[tuple[Target, Float]] = ()) -> Iterator[None]:
+def work_out(
+    scene: SceneState, evaluator: CachedEvaluator, poses: Sequence[tuple[Target, Float]] = ()
+) -> Iterator[None]:
     """Asks for one thing per turn: overlaps, then ``poses`` and the pose of each object among the others."""
     for a, b in _pairs(scene):
-        if not judge.known_overlap(a, b)[0]:
-            judge.overlap(a, b)
+        if not evaluator.known_overlap(a, b)[0]:
+            evaluator.overlap(a, b)
             yield
     standing = [(o.target, o.T_cam_obj) for o in scene.objects if o.T_cam_obj is not None]
     for target, T_cam_obj in (*poses, *standing):
         others = others_of(scene, target.instance.instance_id)
-        if judge.known_plausibility(target, T_cam_obj, others) is None:
-            judge.plausibility(target, T_cam_obj, others)
+        if evaluator.known_plausibility(target, T_cam_obj, others) is None:
+            evaluator.plausibility(target, T_cam_obj, others)
             yield
 
 

@@ -170,7 +170,7 @@ class Snapshot:
     """Words and command of the link behind a message that refuses."""
     written: tuple[WrittenFile, ...] = ()
     """Files written lately."""
-    sides: ComparisonSnapshot | None = None
+    comparison: ComparisonSnapshot | None = None
     """The comparison with another run; None = this one is looked at alone."""
 
     def at(self, index: int) -> Iteration:
@@ -188,7 +188,7 @@ class Snapshot:
         return self.options.whole_scene and len(self.scene.objects) > 1
 
     @property
-    def has_judged_standing(self) -> bool:
+    def has_plausibility(self) -> bool:
         """Whether ``plausible`` is up to date."""
         return self.deep or self.options.edited is not None
 

@@ -108,8 +108,8 @@ class Branch:
     """The settings it began with."""
     changes: tuple[Change, ...]
     """Settings changed on the way, as a session file keeps them."""
-    judges: tuple[tuple[int, CachedEvaluator], ...]
-    """(k, judge): from iteration k + 1 on it judges, where settings of the score changed on the way."""
+    evaluators: tuple[tuple[int, CachedEvaluator], ...]
+    """(k, evaluator): from iteration k + 1 on it evaluates, where settings of the score changed on the way."""
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
@@ -130,30 +130,30 @@ class Branch:
         return c
 
     @property
-    def judge(self) -> CachedEvaluator:
-        """Judges by the settings of the iteration that is looked at; at the end of a finished run by its last ones."""
-        return self.judge_of(self.run.cursor + self.run.at_end)
+    def evaluator(self) -> CachedEvaluator:
+        """Evaluates by the settings of the iteration at the cursor; at the end of a finished run by its last ones."""
+        return self.evaluator_of(self.run.cursor + self.run.at_end)
 
     @property
-    def final_judge(self) -> CachedEvaluator:
-        """Judges by the settings that hold after the last iteration made."""
-        return self.judge_of(self.run.length + 1)
+    def final_evaluator(self) -> CachedEvaluator:
+        """Evaluates by the settings that hold after the last iteration made."""
+        return self.evaluator_of(self.run.length + 1)
 
     @property
     def state(self) -> Any:
-        """The state at the cursor, with scores of the settings that :attr:`judge` judges by."""
+        """The state at the cursor, with scores of the settings that :attr:`evaluator` evaluates by."""
         return self.run.state if self.run.at_end else self.run.state_scored_at(self.run.cursor)
 
-    def judge_of(self, index: int) -> CachedEvaluator:
-        """Judges by the settings of an iteration; of the first where ``index`` is 0."""
-        return next(judge for k, judge in reversed(self.judges) if k < max(index, 1))
+    def evaluator_of(self, index: int) -> CachedEvaluator:
+        """Evaluates by the settings of an iteration; of the first where ``index`` is 0."""
+        return next(evaluator for k, evaluator in reversed(self.evaluators) if k < max(index, 1))
 
     def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
         """All marks of the history, or those of one object."""
         for iteration in self.run.iterations[len(self._marks) :]:
             target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
-            before = self.judge.errors(target, iteration.stages[0].T_cam_obj)
-            after = self.judge.errors(target, iteration.accepted_stage.T_cam_obj)
+            before = self.evaluator.errors(target, iteration.stages[0].T_cam_obj)
+            after = self.evaluator.errors(target, iteration.accepted_stage.T_cam_obj)
             growth = after.add_s_mm - before.add_s_mm if before and after else None
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
@@ -183,7 +183,7 @@ class FrameWork:
 
     branches: list[Branch]
     index: int = 0
-    sides: ComparisonChoice | None = None
+    comparison: ComparisonChoice | None = None
     """The comparison of the open branch with another; None = it is looked at alone."""
 
     @property

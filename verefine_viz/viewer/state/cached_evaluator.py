@@ -102,12 +102,12 @@ class CachedEvaluator:
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
         support = target.observation.support
-        judge = self._plausibility
-        if support is None or judge is None:
+        evaluator = self._plausibility
+        if support is None or evaluator is None:
             return None
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
         near = tuple(other for other in others if are_near(placed, other))
-        return self._remember(_among(placed, near), lambda: judge(placed, near, support))
+        return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
 
     def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """What :meth:`plausibility` said if it was asked before, else None."""
@@ -116,10 +116,10 @@ class CachedEvaluator:
 
     def overlap(self, one: Placed, other: Placed) -> Any | None:
         """How deep one object is in another; None where it is not, or where that is not known."""
-        judge = self._overlap
-        if judge is None or not are_near(one, other):
+        evaluator = self._overlap
+        if evaluator is None or not are_near(one, other):
             return None
-        return self._remember(_pair(one, other), lambda: judge(one, other))
+        return self._remember(_pair(one, other), lambda: evaluator(one, other))
 
     def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
         """Whether :meth:`overlap` was asked before (or need not be), and what it said."""
@@ -139,9 +139,9 @@ class CachedEvaluator:
         return kept[key]
 
 
-def together(judge: CachedEvaluator, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:
+def together(evaluator: CachedEvaluator, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:
     """The score of several objects (m, 4, 4) rendered together, by the rule of the session."""
-    return judge.scene_score(targets, Ts_cam_obj, session.method.scene_pixels == "frame")
+    return evaluator.scene_score(targets, Ts_cam_obj, session.method.scene_pixels == "frame")
 
 
 def are_near(one: Placed, other: Placed) -> bool:

@@ -43,7 +43,7 @@ class Comparison:
     @property
     def choice(self) -> ComparisonChoice | None:
         """What B is and how both are shown; None = the open run is looked at alone."""
-        return self._workspace.work.sides
+        return self._workspace.work.comparison
 
     def branch_b(self) -> Branch | None:
         """The branch beside the open one."""

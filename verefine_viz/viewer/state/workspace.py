@@ -145,9 +145,9 @@ class Workspace:
         session: what to open first.
         path: its file, if it has one.
         make_tools: builds the real or fake parts from a session.
-        plausibility: see :class:`Judge`.
+        plausibility: see :class:`CachedEvaluator`.
         patience: asked before anything that may take seconds.
-        overlap: see :class:`Judge`.
+        overlap: see :class:`CachedEvaluator`.
     """
 
     def __init__(
@@ -281,11 +281,11 @@ class Workspace:
         if new:
             kept = (*kept, Change(after_iteration=cursor, settings=new))
         run = old.run.fork(cursor, tools.method if new else None, edit)
-        judges = tuple((k, judge) for k, judge in old.judges if k < cursor or k == 0)
+        evaluators = tuple((k, evaluator) for k, evaluator in old.evaluators if k < cursor or k == 0)
         if "score" in new:
-            judges = (*(judges if cursor else ()), (cursor, self._judge(tools)))
+            evaluators = (*(evaluators if cursor else ()), (cursor, self._evaluator(tools)))
         name = _name(cursor, changes, edit)
-        self.work.branches.append(Branch(name, run, tools, old.start, kept, judges))
+        self.work.branches.append(Branch(name, run, tools, old.start, kept, evaluators))
         self.work.index = len(self.work.branches) - 1
 
     def open_recording(self, path: Path) -> None:
@@ -309,7 +309,7 @@ class Workspace:
         from verefine_viz.recording.playback import played
 
         run, path, session = played(recorded, problem), recorded.path, tools.session
-        return Branch(path.name, run, tools, session, session.changes, self._judges(tools), path)
+        return Branch(path.name, run, tools, session, session.changes, self._evaluators(tools), path)
 
     def tools_of(self, session: Session) -> Tools:
         """What runs a session's method."""
@@ -318,23 +318,23 @@ class Workspace:
     def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
         self._patience.ask(preparing(problem, tools.session))
-        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._judges(tools))
+        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._evaluators(tools))
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
         return FrameWork([self.new_branch("first run", tools, problem)])
 
-    def _judges(self, tools: Tools) -> tuple[tuple[int, CachedEvaluator], ...]:
+    def _evaluators(self, tools: Tools) -> tuple[tuple[int, CachedEvaluator], ...]:
         """Those of a run from its start, with the changes that its session holds."""
-        found = [(0, self._judge(tools))]
+        found = [(0, self._evaluator(tools))]
         for change in in_order(tools.session.changes):
             tools = tools.changed(change.settings)
             if "score" in change.settings:
-                found.append((change.after_iteration, self._judge(tools)))
+                found.append((change.after_iteration, self._evaluator(tools)))
         return tuple(found)
 
-    def _judge(self, tools: Tools) -> CachedEvaluator:
+    def _evaluator(self, tools: Tools) -> CachedEvaluator:
         return CachedEvaluator(tools, self._plausibility, self._overlap)
 
 

@@ -106,9 +106,9 @@ def _one(view: Snapshot, edit: Edit) -> str:
     return f"{who} {when}, {way_mm:.1f} mm and {angle_deg:.1f}° from its initial pose."
 
 
-UNJUDGED = "without judging"
+UNVERIFIED = "without judging"
 HINTS = TERMS | {
-    UNJUDGED: "As the paper defines it (Sec. III-A): the next iteration goes on from what this one ended with, "
+    UNVERIFIED: "As the paper defines it (Sec. III-A): the next iteration goes on from what this one ended with, "
     "whatever that scores; scores are only shown. SIR and RIR keep the better of the simulated and the refined pose.",
     "UCB": "upper confidence bound: mean score of the hypothesis so far, plus a bonus for having been tried little. "
     "The hypothesis with the highest is tried next.",
@@ -179,12 +179,12 @@ def _iteration_sentence(view: Snapshot, iteration: Iteration) -> str:
     before = iteration.stages[0].score
     if before is not None and _fell(iteration):
         end += f", although it scores less than before ({before.score:.{_digits(iteration)}f})"
-    if _is_unjudged(iteration):
-        end += f": {method_name(view.session.method.name)} accepts it {UNJUDGED}"
+    if _is_unverified(iteration):
+        end += f": {method_name(view.session.method.name)} accepts it {UNVERIFIED}"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
 
 
-def _is_unjudged(iteration: Iteration) -> bool:
+def _is_unverified(iteration: Iteration) -> bool:
     """Whether there were two poses to choose from, and nobody chose."""
     both = iteration.stage("simulated") is not None and iteration.stage("refined") is not None
     return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)

@@ -166,7 +166,7 @@ def view_words(view: Snapshot, switches: Iterable[str]) -> str:
         switches: the layers that can be switched, in the order to name them.
     """
     layers, names = view.options.layers, tuple(switches)
-    if view.sides is not None:
+    if view.comparison is not None:
         drawn = "Drawn: the poses of A, solid, and of B, as an outline."
     else:
         poses = [name for name in STAGES if name in layers and name in view.poses]
@@ -176,7 +176,7 @@ def view_words(view: Snapshot, switches: Iterable[str]) -> str:
     return " ".join(
         (
             drawn,
-            *([f"On, but not made here: {_listed(waiting)}."] if waiting and view.sides is None else []),
+            *([f"On, but not made here: {_listed(waiting)}."] if waiting and view.comparison is None else []),
             f"Off: {_listed(off)}." if off else "Nothing is off.",
             *_cloud(view),
         )

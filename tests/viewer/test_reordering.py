@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.dependency import DependencyGraph, Edge
 from verefine_viz.core.dependency_settings import DependencySettings

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_words import off
-from tests.viewer.tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session

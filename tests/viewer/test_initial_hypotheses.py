@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_words import after, debugger, off
-from tests.viewer.tools import FakeTools
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Problem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, TWO, debugger
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import PoseScore

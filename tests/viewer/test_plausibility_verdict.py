@@ -10,7 +10,7 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, TWO
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Support
@@ -47,7 +47,7 @@ def debugger() -> Debugger:
 
 def seen(debugger: Debugger) -> Snapshot:
     """The view once everything is worked out."""
-    for _ in deferred_physics(debugger.view(), debugger.workspace.branch.judge):
+    for _ in deferred_physics(debugger.view(), debugger.workspace.branch.evaluator):
         pass
     return debugger.view()
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.settings import Edit, MethodSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c

@@ -10,8 +10,8 @@ from time import sleep
 import pytest
 
 from tests.viewer.client import client, until
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import command_of, cursor, messages
-from tests.viewer.tools import FakeTools
 from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
@@ -99,11 +99,27 @@ def test_what_is_cancelled_leaves_everything_as_it_was_and_a_step_works(app: App
         app.send(command)
     app.wait_until_idle()
     space, log = app.debugger.workspace, list(app.debugger.log)
-    before = space.session, space.path, space.frame, space.run, space.run.length, space.work.sides, space.work.branches
+    before = (
+        space.session,
+        space.path,
+        space.frame,
+        space.run,
+        space.run.length,
+        space.work.comparison,
+        space.work.branches,
+    )
     begin(app, LONG[what](app))
     app.send(c.Cancel())
     app.wait_until_idle()
-    after = space.session, space.path, space.frame, space.run, space.run.length, space.work.sides, space.work.branches
+    after = (
+        space.session,
+        space.path,
+        space.frame,
+        space.run,
+        space.run.length,
+        space.work.comparison,
+        space.work.branches,
+    )
     assert after == before
     assert app.debugger.log == log, "what was not done is not repeated"
     assert (app.debugger.message, app.debugger.refused) == (CANCELLED, False)
@@ -195,7 +211,7 @@ def test_what_is_read_to_its_end_is_open_though_people_looked_around(app: App, w
         "another frame": space.frame == SLOW,
         "new initial poses": space.session.title == "test" and space.session.hypotheses.seed == 1,
         "another session": space.session.title == "other",
-        "B of a comparison": space.work.sides is not None,
+        "B of a comparison": space.work.comparison is not None,
     }
     assert opened == {name: name == what for name in opened}
     assert "Reading for ever." not in words(app)
