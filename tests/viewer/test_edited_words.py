@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.fake_tools import FakeTools
-from tests.viewer.test_verdict import sunk
+from tests.viewer.test_plausibility_verdict import sunk
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
