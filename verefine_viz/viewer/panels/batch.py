@@ -9,10 +9,11 @@ from typing import get_args
 import viser
 
 from verefine_viz.batch.index import ORDERS, Order
+from verefine_viz.core.palette import RGB
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import BatchFilter, Command
-from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, text, warning
+from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, warning
 from verefine_viz.viewer.drawing.plausibility import LIGHTS
 from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
 from verefine_viz.viewer.panels.widgets import Block
@@ -105,29 +106,31 @@ def _label(by: BatchFilter, value: str) -> str:
 
 def card(entry: Entry, command: Command, picture: str | None, is_open: bool, with_run: bool) -> str:
     """One answer: its picture, how wrong it is, and why. ``picture``: a data URI, empty = there is none, None = yet."""
+    from verefine_viz.viewer.drawing.templates import filled, ready  # The page starts without jinja2.
+
     row = entry.row
     made_by = entry.run if with_run else row.method
-    lines = (
-        f'<span><b class="name">{text(row.name or "all objects")}</b>{_error(entry)}</span>'
-        f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>{_iteration(entry)}</span>'
-    )
+    why, off = row.message, ""
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
-        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b>' if row.doubt else ""
         off = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
-        lines += f'<span><span class="dim">{off}</span>{doubt}</span>'
-    else:
-        why = row.message
-    lines += f'<span class="why">{text(why or "–")}</span>'
-    image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
     # Whole, what there may be no room for.
-    told = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
-    tip = " ".join(filter(None, (*told, _opens_at(entry) if entry.can_be_opened else "")))
-    attributes = carries(command) if entry.can_be_opened else "disabled"
-    look = 'class="card marked"' if is_open else 'class="card"'
-    return (
-        f'<button {look} title="{text(tip)}" {attributes}>'
-        f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
+    whole = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
+    error, color = _error(entry)
+    return filled(
+        "card.html",
+        row=row,
+        iteration=entry.iteration,
+        made_by=made_by,
+        why=why,
+        off=off,
+        error=error,
+        error_color=color,
+        red=LIGHTS["red"],
+        picture=picture,
+        is_open=is_open,
+        tip=" ".join(filter(None, (*whole, _opens_at(entry) if entry.can_be_opened else ""))),
+        attributes=ready(carries(command)) if entry.can_be_opened else "",
     )
 
 
@@ -141,19 +144,14 @@ def _opens_at(entry: Entry) -> str:
     return f"{at}, which made it worse than any other."
 
 
-def _error(entry: Entry) -> str:
-    """How wrong it is, in red or green where that is known."""
+def _error(entry: Entry) -> tuple[str, RGB | None]:
+    """How wrong it is, with its colour: red or green where that is known."""
     row = entry.row
     if row.status != "ok":
-        said = {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed")
-        return f'<b style="color:rgb{LIGHTS["red"]}">{said}</b>'
+        return {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed"), LIGHTS["red"]
     if row.relative_error is None:
-        return "<b>–</b>"
-    return f'<b style="color:rgb{LIGHTS["red" if entry.is_wrong else "green"]}">{row.relative_error:.0%} of ∅</b>'
-
-
-def _iteration(entry: Entry) -> str:
-    return f"<span>it. {entry.iteration}</span>" if entry.can_be_opened else ""
+        return "–", None
+    return f"{row.relative_error:.0%} of ∅", LIGHTS["red" if entry.is_wrong else "green"]
 
 
 def pages(page: int, n: int) -> str:
