@@ -172,7 +172,7 @@ class App:
             said = str(error)
             if not isinstance(error, VerefineError):
                 _LOG.exception("command %s failed", command)
-                said = told(error)
+                said = unforeseen(error)
             self._give_up(said, refused=True, offer=offer, with_maps=not only_shows)
 
     def _give_up(
@@ -226,7 +226,7 @@ class App:
         """Makes the first step and forgets it: else a person who makes it waits for the kernels that it needs."""
         self._telling.tell("Trying a step.")
         run = self.debugger.workspace.run
-        with suppress(Exception):  # What is wrong is told when it is made, or shown, in earnest.
+        with suppress(Exception):  # What is wrong is said when it is made, or shown, in earnest.
             if not run.is_done:
                 run.method.step(run.state)
             self.debugger.view()
@@ -250,7 +250,7 @@ class App:
             if not self.debugger.is_busy or self.page.age_s > REFRESH_S:
                 self._show()
         else:
-            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it anew.
+            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it again.
                 self.page.go_on()
 
     def _look_around(self, command: Command) -> None:
@@ -269,8 +269,8 @@ class App:
         self._telling.shown()
 
 
-def told(error: Exception) -> str:
-    """What the page says of an error that nobody foresaw: a bug, unless a refiner of another program raised it."""
+def unforeseen(error: Exception) -> str:
+    """What the page says of an error that was not foreseen: a bug, unless a refiner of another program raised it."""
     said = raised_by_refiner(error)
     if not said:
         return f"{type(error).__name__}: {error} (a bug: please report it with the log)"

@@ -35,7 +35,7 @@ def carries(command: Command) -> str:
 
 
 def link(label: str, command: Command, title: str = "") -> str:
-    """A piece of text to click; ``label`` is escaped here."""
+    """Text to click; ``label`` is escaped here."""
     return f'<a {carries(command)} title="{text(title)}">{text(label)}</a>'
 
 

@@ -56,8 +56,8 @@ def moment(view: Snapshot) -> str:
         return f"the answer after {view.progress.done} iteration{'s' if view.progress.done != 1 else ''}"
     if view.cursor == 0:
         return "before iteration 1"
-    told = f" up to its stage “{view.options.stage}”" if view.options.stage and view.is_partial else ""
-    return f"iteration {view.cursor} of {view.progress.total}{told}"
+    part = f" up to its stage “{view.options.stage}”" if view.options.stage and view.is_partial else ""
+    return f"iteration {view.cursor} of {view.progress.total}{part}"
 
 
 def _poses(view: Snapshot) -> list[tuple[RGB, str, str, str]]:

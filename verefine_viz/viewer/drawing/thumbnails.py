@@ -28,7 +28,7 @@ class Thumbnails:
 
     Args:
         draw: makes one, as a data URI; empty where it cannot.
-        arrived: is told of each new one, on the thread of this object.
+        arrived: is called with the entry of each new one, on the thread of this object.
     """
 
     def __init__(self, draw: Callable[[Entry], str], arrived: Callable[[Entry], None]) -> None:

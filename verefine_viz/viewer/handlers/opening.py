@@ -34,7 +34,7 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     Raises:
         VerefineError: the frame has no such instance, it has the session's poses already, or it cannot be read again;
             everything is as before.
-        Cancelled: nobody waits for it any more; everything is as before.
+        Cancelled: it is no longer wanted; everything is as before.
     """
     labels = labels_of(space.work.problem)
     if instance_id not in labels:
@@ -53,9 +53,9 @@ def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
     said = f"{label} in frame {space.frame} now has {n} initial pose{'s' if n != 1 else ''} {_of(now)}"
     if source != now and had:
         said += f", instead of those {_of(source)}"
-    anew = ", but their runs start again" if others else ""
+    restarts = ", but their runs start again" if others else ""
     return (
-        f"{said}. Other objects and frames keep theirs{anew}. "
+        f"{said}. Other objects and frames keep theirs{restarts}. "
         f"The way back: the run before is still there as the branch “{before}”, in the table below."
     )
 

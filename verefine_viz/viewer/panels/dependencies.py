@@ -61,7 +61,7 @@ def order_sentence(graph: DependencyGraph, names: Mapping[int, str], method: str
     """As in: Solved in 2 groups, in this order: tuna can; then bowl, sugar box. sugar box stands on bowl.
 
     Args:
-        graph: whose order is told.
+        graph: whose order is described.
         names: by instance_id, in the order of the frame.
         method: by its name in a session file; one in which no object knows of the others does not follow the graph.
     """

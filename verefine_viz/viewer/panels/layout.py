@@ -197,20 +197,20 @@ class Layout:
         self.maps.show(view)
 
     def show_deep(self, view: Snapshot) -> None:
-        """The panels that tell of score maps and plausibility, and the one that may have told what takes long."""
+        """The panels about score maps and plausibility, and the one that may have shown what takes long."""
         self.run.show(view)
         self.maps.show(view)
         self.score.show(view)
         self.physics.show(view)
 
     def show_physics(self, view: Snapshot) -> None:
-        """The panels that tell what physics says of the whole scene, and the one that may have told what takes long."""
+        """The panels about physics of the whole scene, and the one that may have shown what takes long."""
         self.run.show(view)
         self._show_objects(view)
         self.physics.show(view)
 
     def _show_objects(self, view: Snapshot) -> None:
-        """The list of objects, where there are several; placed anew for a frame with more or fewer of them."""
+        """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
         n = len(view.scene.objects)
         if n != self._n_objects:
             self._n_objects = n

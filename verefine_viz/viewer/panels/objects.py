@@ -163,11 +163,11 @@ def legend(view: Snapshot) -> str:
         plausibility_verdict(found, view.scene.object(i), view.scene).light
         for i, found in view.physics.plausible.items()
     }
-    told = judged | LIGHTS.keys() - {"grey"}
+    shown = judged | LIGHTS.keys() - {"grey"}
     lights = " ".join(
         f'<span title="{text(LIGHT_MEANING[light][1])}">{_dot(light)} {LIGHT_MEANING[light][0]}</span>'
         for light in LIGHTS
-        if light in told
+        if light in shown
     )
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
     drawn = f"{drawn}, overlaps red" if view.comparison is None else "3D: A solid, B as an outline"

@@ -81,7 +81,7 @@ def written(kept: WrittenFile, before: bool = False) -> str:
 
 
 def opened(view: Snapshot) -> str:
-    """What is open, and what happens on the way that no other panel tells."""
+    """What is open, and what happens on the way that no other panel shows."""
     title = view.session.title or "untitled"
     built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
     file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"

@@ -43,7 +43,7 @@ class ViewPanel:
         gui.add_html(f"<style>{''.join(rules)}</style>")
 
     def show(self, view: Snapshot) -> None:
-        """Boxes as the look has them."""
+        """Boxes as the view options have them."""
         self._words.show(sentence(view_words(view, WITH_BOX)))
         self.cloud.value = view.options.cloud
         for name, box in self.boxes.items():

@@ -58,7 +58,7 @@ WHOLE_NUMBERS = cast(uplot.Axis, {"size": 26, "space": 36, "incrs": [n * 10**k f
 
 
 class Chart:
-    """Curves over the iterations; made anew only when the set of curves changes."""
+    """Curves over the iterations; made again only when the set of curves changes."""
 
     def __init__(self, gui: viser.GuiApi, height: int, container: Any):
         self._gui, self._height, self._container = gui, height, container

@@ -242,10 +242,10 @@ def _poses(
     is_current: bool,
     truth: EvaluatedPose | None,
 ) -> dict[str, EvaluatedPose]:
-    found: dict[str, EvaluatedPose] = {}
+    poses: dict[str, EvaluatedPose] = {}
 
     def add(name: str, T_cam_obj: Float, score: PoseScore | None, ms: float = 0.0) -> None:
-        found[name] = EvaluatedPose(name, T_cam_obj, score, evaluator.errors(target, T_cam_obj), ms)
+        poses[name] = EvaluatedPose(name, T_cam_obj, score, evaluator.errors(target, T_cam_obj), ms)
 
     if state is not None:
         first = state.arms[arm].entries[0]
@@ -254,29 +254,29 @@ def _poses(
             now = state.arms[arm].current
             add("current", now.T_cam_obj, now.score)
     if shown is not None:
-        told = revealed(shown, options.stage if is_current else None)
+        stages = revealed(shown, options.stage if is_current else None)
         for stage in shown.stages:
-            if stage.name in told:
+            if stage.name in stages:
                 score = stage.score or evaluator.score(target, stage.T_cam_obj)
                 add(stage.name, stage.T_cam_obj, score, stage.ms)
-        if len(told) == len(shown.stages):
-            kept = shown.accepted_stage
-            add("accepted", kept.T_cam_obj, kept.score, kept.ms)
+        if len(stages) == len(shown.stages):
+            accepted = shown.accepted_stage
+            add("accepted", accepted.T_cam_obj, accepted.score, accepted.ms)
     if state is not None:
         add("best", state.best.T_cam_obj, state.best.score)
     if options.T_cam_obj_edited is not None:
         T = np.array(options.T_cam_obj_edited)
         add("edited", T, evaluator.score(target, T))
     if truth is not None:
-        found["ground truth"] = truth
-    return found
+        poses["ground truth"] = truth
+    return poses
 
 
 def _plausible(
     evaluator: CachedEvaluator, target: Target, poses: dict[str, EvaluatedPose], scene: SceneState
 ) -> dict[str, Any]:
-    """Of the poses whose standing is shown; among other objects only what was worked out already, and of the pose under
-    the hand at once: whoever moves it waits for nothing else.
+    """Of the poses whose plausibility is shown; among other objects only what was worked out already, but of the edited
+    pose at once.
     """
     others = others_of(scene, target.instance.instance_id)
     found = {}
@@ -287,9 +287,9 @@ def _plausible(
 
 
 def plausibility_stages(poses: dict[str, EvaluatedPose]) -> tuple[str, ...]:
-    """Poses whose plausibility is told: before the simulation and what was kept, or the answer; then the edited one."""
-    told = tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
-    return (*told, *(k for k in ("edited",) if k in poses))
+    """Poses whose plausibility is shown: before the simulation and accepted, or the answer; then the edited one."""
+    stages = tuple(k for k in ("current", "accepted") if k in poses) or tuple(k for k in ("best",) if k in poses)
+    return (*stages, *(k for k in ("edited",) if k in poses))
 
 
 def deferred_physics(view: Snapshot, evaluator: CachedEvaluator) -> Iterator[None]:

@@ -116,7 +116,7 @@ def scene_state(
         errors: errors of a pose against ground truth.
         alone: whether the method solves every object for itself, in the order of the frame.
         is_answer: whether the run is over and shows its answer instead of its last iteration.
-        stage: up to which the iteration at the cursor is told; None = all of it.
+        stage: up to which the iteration at the cursor is shown; None = all of it.
     """
     at = iterations[cursor - 1] if cursor and not is_answer else None
     spent = Counter(i.instance_id for i in iterations[:cursor])

@@ -121,7 +121,7 @@ class Snapshot:
     is_answer: bool
     """Whether the end of a finished run shows its answer, not the iteration that it tried last."""
     is_partial: bool
-    """Whether the iteration at the cursor is told up to a stage before its last one: what it comes to is not known."""
+    """Whether the iteration at the cursor is shown up to a stage before its last one: what it comes to is not known."""
     shown: Iteration | None
     """The latest iteration up to the cursor that worked on the object in focus."""
     target: Target
@@ -276,7 +276,7 @@ def visit(view: Snapshot, iteration: Iteration) -> c.Command:
 
 
 def is_revealed(view: Snapshot, stage: str) -> bool:
-    """Whether the iteration that is shown is told up to this stage."""
+    """Whether the iteration is shown up to this stage."""
     if view.shown is None:
         return False
     return stage in revealed(view.shown, view.options.stage if view.is_current else None)

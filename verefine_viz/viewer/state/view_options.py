@@ -81,7 +81,7 @@ class ViewOptions:
         return replace(self.unedited(), arm=None, stage=None, path_pose=None)
 
     def editing(self, edited: c.Pose, arm: int) -> ViewOptions:
-        """The same with a pose of a hypothesis under the hand, beside the one that was kept."""
+        """The same with a pose of a hypothesis being edited, beside the accepted one."""
         before = (self.a, self.b) if self.edited is None else self.compared_before
         layers = self.layers | {"edited", "accepted"}
         return replace(

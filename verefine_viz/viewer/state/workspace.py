@@ -127,7 +127,7 @@ def _goes_with(branch: Branch, shown: Branch) -> bool:
 
 
 def _edits(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
-    """The poses that a branch moves; one that was read moves none anew."""
+    """The poses that a branch moves; one that was read moves none again."""
     return _at_first(branch, is_only_frame) if branch.recording else branch.run.edits
 
 
@@ -139,7 +139,7 @@ def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
 class Workspace:
     """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
 
-    So does whoever has no patience left: ``core.errors.Cancelled`` is raised before anything was switched.
+    So does cancelling: ``core.errors.Cancelled`` is raised before anything was switched.
 
     Args:
         session: what to open first.
@@ -249,7 +249,7 @@ class Workspace:
         """A new branch of the open frame, from before iteration 1: an estimator gives the initial poses of one object,
         or it has those of the session again ("session").
 
-        The frame's other branches stay; other frames begin anew, with the initial poses that they had.
+        The frame's other branches stay; other frames start again, with the initial poses that they had.
         """
         before = self.work
         wanted = asked_estimators(self.branch.tools.session.hypotheses)

@@ -185,7 +185,7 @@ def _iteration_sentence(view: Snapshot, iteration: Iteration) -> str:
 
 
 def _is_unverified(iteration: Iteration) -> bool:
-    """Whether there were two poses to choose from, and nobody chose."""
+    """Whether there were two poses to choose from, and no choice was made."""
     both = iteration.stage("simulated") is not None and iteration.stage("refined") is not None
     return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)
 
@@ -212,8 +212,8 @@ def _fell(iteration: Iteration) -> bool:
 
 def _digits(iteration: Iteration) -> int:
     """Decimals that tell the scores apart that are said of an iteration."""
-    told = iteration.stages if _fell(iteration) else iteration.stages[1:]
-    scores = sorted(stage.score.score for stage in told if stage.score is not None)
+    stages = iteration.stages if _fell(iteration) else iteration.stages[1:]
+    scores = sorted(stage.score.score for stage in stages if stage.score is not None)
     return telling_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
 
 

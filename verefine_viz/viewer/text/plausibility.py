@@ -100,7 +100,7 @@ Light = Literal["green", "amber", "red", "grey"]
 
 @dataclass(frozen=True)
 class PlausibilityVerdict:
-    """Whether a pose could be, as far as that can be told now."""
+    """Whether a pose could be, as far as that is known now."""
 
     light: Light
     sentence: str
@@ -109,9 +109,9 @@ class PlausibilityVerdict:
 def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> PlausibilityVerdict:
     """The verdict of a plausibility check of a pose of ``o``.
 
-    Grey where it hangs on an object that nobody has placed yet. Where ground truth is known, sinking into the support
+    Grey where it hangs on an object that is not placed yet. Where ground truth is known, sinking into the support
     plane counts from where the true pose is: what is measured of a table lies millimetres beside it in places, far more
-    than the scatter of its points tells.
+    than the scatter of its points says.
     """
     into = next((p for p in scene.objects if f"into instance {p.instance_id}." in found.sentence), None)
     if into is not None:
@@ -156,7 +156,7 @@ def plane_doubt(support: Support) -> str:
 
 
 def share_hint() -> str:
-    """What the share of the background on the plane tells."""
+    """What the share of the background on the plane means."""
     return (
         "The rest is what else is in view: walls, things without a model. A doubtful plane holds less than "
         f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."

@@ -22,7 +22,7 @@ _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
 _WORTH_A_WAY_DEG = 1.0
-"""Of a smaller rotation nobody needs to know which way it goes."""
+"""The direction of a smaller rotation is not said."""
 
 
 def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
@@ -63,8 +63,8 @@ def errors_in_words(errors: PoseErrors | None, way: Turning | None = None) -> st
     """
     if errors is None:
         return ""
-    told = f" ({way.in_words()})" if way is not None and errors.rotation_deg >= _WORTH_A_WAY_DEG else ""
-    return f"{errors.rotation_deg:.1f}°{told} and {errors.translation_mm:.1f} mm from ground truth"
+    direction = f" ({way.in_words()})" if way is not None and errors.rotation_deg >= _WORTH_A_WAY_DEG else ""
+    return f"{errors.rotation_deg:.1f}°{direction} and {errors.translation_mm:.1f} mm from ground truth"
 
 
 # The pose that a person moves by hand, in words: each panel says of it what it judges.
@@ -129,7 +129,7 @@ def preferred_wrong(view: Snapshot, wrong: PoseScore, right: PoseScore) -> str:
 
 
 def truth_score(view: Snapshot) -> str:
-    """How the best pose so far and the true pose score, for where errors are told; "" where that is not known.
+    """How the best pose so far and the true pose score, for where errors are shown; "" where that is not known.
 
     Of an answer that only a turn makes wrong, which the model should have declared, that is said instead.
 
@@ -184,7 +184,7 @@ def compared(view: Snapshot) -> str:
     missing = [name for name, _ in pairs]
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
     lead = f"{label}: " if len(view.scene.objects) > 1 else ""
-    # An iteration that is told to its end will not make it any more.
+    # An iteration that is shown to its end will not make it any more.
     yet = "" if view.shown is not None and not view.is_partial else " yet"
     lead += f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}. " if missing else ""
     return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(view)

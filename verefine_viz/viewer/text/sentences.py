@@ -114,8 +114,8 @@ def never_refined(view: Snapshot) -> str:
     """That the best pose is a initial pose although iterations worked on the object; "" where it is none."""
     answer = view.scene.object(view.target.instance.instance_id).answer if view.is_answer else None
     best = answer or (view.state.best if view.state is not None else None)
-    told = view.cursor - view.is_partial
-    if best is None or best.stage != "initial" or not any(i.index <= told for i in view.own_iterations):
+    shown_to_its_end = view.cursor - view.is_partial
+    if best is None or best.stage != "initial" or not any(i.index <= shown_to_its_end for i in view.own_iterations):
         return ""
     return " It is a initial pose: no iteration has improved upon it."
 
