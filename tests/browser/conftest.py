@@ -39,7 +39,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Remembers which test failed: nobody knows what it left on its page."""
+    """Remembers which test failed: it is unknown what it left on its page."""
     report = yield
     item.stash[FAILED] = item.stash.get(FAILED, False) or report.failed
     return report

@@ -9,7 +9,7 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 
 pytestmark = pytest.mark.browser
 

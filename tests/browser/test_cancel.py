@@ -1,4 +1,4 @@
-"""Waiting that a person ends: first poses that would take minutes are looked for, and the page goes on as before."""
+"""Waiting that a person ends: initial poses that would take minutes are looked for, and the page goes on as before."""
 
 from __future__ import annotations
 

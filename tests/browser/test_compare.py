@@ -8,7 +8,7 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
@@ -22,7 +22,7 @@ def choose(screen: Screen, label: str, option: str) -> None:
 
 
 def sides(screen: Screen):  # type: ignore[no-untyped-def]
-    found = screen.app.debugger.view().sides
+    found = screen.app.debugger.view().comparison
     assert found is not None
     return found
 
@@ -39,7 +39,7 @@ def test_rir_against_sir_on_the_mug(look: Look) -> None:
     screen.click("Run B with these")
     screen.text(r"^A \(rir\) and B \(sir\) part at once: in iteration 1 B works on hypothesis \d of mug instead of \d")
     screen.app.wait_until_idle(60)
-    screen.text("At the end (A|B) is nearer to the truth: A is")
+    screen.text("At the end (A|B) is nearer to ground truth: A is")
     assert [o.winner for o in sides(screen).outcomes] != [None]
     screen.shot("compare_1_mug")
     screen.key("f")

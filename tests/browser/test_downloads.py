@@ -17,7 +17,7 @@ def downloaded(screen: Screen, label: str, into: Path) -> Path:
         screen.click(label)
     path = into / download.value.suggested_filename
     download.value.save_as(path)
-    written = screen.app.debugger.kept[0].path
+    written = screen.app.debugger.written[0].path
     assert path.name == written.name
     assert path.read_bytes() == written.read_bytes()
     return path

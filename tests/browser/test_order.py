@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.browser.conftest import SLOW_MS, Look, Screen, saved
-from verefine_viz.viewer.order_commands import CutDependency, MoveInOrder, ResetOrder
+from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 
 pytestmark = pytest.mark.browser
 

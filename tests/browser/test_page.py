@@ -12,7 +12,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.lost import lost_words
+from verefine_viz.viewer.web.viser_internals import lost_words
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
@@ -96,8 +96,8 @@ def test_keys_and_palette(look: Look) -> None:
     screen.at(length)
     screen.key("g")
     screen.key("c")
-    screen.until(lambda: screen.app.debugger.look.cloud == "residual")
-    assert "ground truth" not in screen.app.debugger.look.layers
+    screen.until(lambda: screen.app.debugger.options.cloud == "residual")
+    assert "ground truth" not in screen.app.debugger.options.layers
     screen.page.keyboard.press("Control+k")
     screen.page.get_by_placeholder("Search commands...").fill("first")
     screen.page.keyboard.press("Enter")
@@ -129,7 +129,7 @@ def test_click_on_a_map_probes_the_pixel(look: Look) -> None:
     assert box is not None
     picture.click(position={"x": box["width"] * 0.5, "y": box["height"] * 0.5})
     screen.text(r"^pixel \d+, \d+$")
-    pixel = screen.app.debugger.look.pixel
+    pixel = screen.app.debugger.options.pixel
     assert pixel is not None
     crop = screen.page.locator(".vz.strip img").nth(2).get_attribute("data-crop")
     u0, v0, width, height = map(int, crop.strip("[]").split(","))
@@ -143,12 +143,12 @@ def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) 
     screen.app.send(c.ShowLayer("cloud", False))
     screen.app.wait_until_idle()
     screen.page.mouse.click(*on_screen(screen, arm=0))
-    screen.until(lambda: screen.app.debugger.look.arm is not None)
+    screen.until(lambda: screen.app.debugger.options.arm is not None)
     screen.app.send(c.ShowLayer("hypotheses", False))
     screen.app.send(c.ShowLayer("cloud", True))
     screen.app.wait_until_idle()
     screen.page.mouse.click(*on_screen(screen))
-    screen.until(lambda: screen.app.debugger.look.pixel is not None)
+    screen.until(lambda: screen.app.debugger.options.pixel is not None)
 
 
 def test_what_if_makes_a_branch(look: Look) -> None:
@@ -177,10 +177,10 @@ def test_settings_restart(look: Look) -> None:
 
 
 def at_rest(screen: Screen) -> bool:
-    """Whether the pose under the hand stays where it is: the page sends the last steps of a drag after its end."""
-    pose = screen.app.debugger.look.edited
+    """Whether the edited pose stays where it is: the page sends the last steps of a drag after its end."""
+    pose = screen.app.debugger.options.edited
     screen.page.wait_for_timeout(1500)
-    return screen.app.debugger.look.edited == pose
+    return screen.app.debugger.options.edited == pose
 
 
 def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
@@ -188,7 +188,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     screen.tab("Physics")
     screen.click("Edit pose")
     screen.text("by hand scores")
-    before = screen.app.debugger.look.edited
+    before = screen.app.debugger.options.edited
     assert before is not None
     screen.page.wait_for_timeout(1500)
     x, y = on_screen(screen, along=0)
@@ -201,7 +201,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     screen.page.mouse.up()
     screen.until(lambda: at_rest(screen))
     screen.shot("gizmo")
-    after = screen.app.debugger.look.edited
+    after = screen.app.debugger.options.edited
     assert after is not None
     assert after != before
     numbers = screen.app.page.layout.physics.numbers
@@ -216,7 +216,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
         field.press(key)
     screen.until(lambda: numbers.shift.value[2] == 8.0)
     assert not screen.app.debugger.workspace.run.length
-    after = screen.app.debugger.look.edited
+    after = screen.app.debugger.options.edited
     assert after is not None
     assert after[11] == pytest.approx(before[11] + 0.008, abs=1e-6)
     screen.click("Continue from here")
@@ -257,7 +257,7 @@ def on_screen(screen: Screen, arm: int | None = None, along: int | None = None) 
         T = view.state.arms[arm].current.T_cam_obj
         point_cam = apply(T, view.target.model.points.mean(axis=0)[None])[0]
     elif along is not None:
-        T = view.look.T_cam_obj_edited
+        T = view.options.T_cam_obj_edited
         assert T is not None
         point_cam = T[:3, 3] + 0.9 * view.target.model.diameter_m * 0.75 * T[:3, along]
     else:

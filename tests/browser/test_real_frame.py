@@ -74,7 +74,7 @@ def bandit(screen: Screen) -> None:
     assert mean + bonus > other_mean + other_bonus
     rows = screen.table("arm", "n", "UCB")
     plays = [int(row[1]) for row in rows]
-    assert sum(plays) == 3 + 14  # The first pose of each, and every play of this object but the one that is chosen.
+    assert sum(plays) == 3 + 14  # The initial pose of each, and every play of this object but the one that is chosen.
     for row in rows:
         assert float(row[2]) + float(row[3]) == pytest.approx(float(row[4]), abs=0.0011)
     assert int(arm) - 1 == int(np.argmax([float(row[4]) for row in rows]))
@@ -96,7 +96,7 @@ def physics(screen: Screen) -> None:
 def errors(screen: Screen, of_drill_mm: float) -> None:
     way = r"\(#° of tilt against the table, #° of turn on it\)"
     turned, tilt, turn, moved, add, percent = numbers(
-        screen, rf"^The best pose so far is #° {way} and # mm from the truth; ADD\(-S\) # mm is #% of"
+        screen, rf"^The best pose so far is #° {way} and # mm from ground truth; ADD\(-S\) # mm is #% of"
     )
     assert np.hypot(tilt, turn) == pytest.approx(turned, abs=0.1)
     screen.text("of the diameter: correct by the usual 10 %")
@@ -122,7 +122,7 @@ def classes(screen: Screen, before: Path) -> None:
     """In the colours of the pixel classes, the drill's cloud is mostly explained, and so green."""
     screen.key("c")
     screen.key("c")
-    screen.until(lambda: screen.app.debugger.look.cloud == "class")
+    screen.until(lambda: screen.app.debugger.options.cloud == "class")
     assert explained_px(screen.picture("real_classes")) > explained_px(before) + 150
 
 

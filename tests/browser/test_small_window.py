@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.browser.conftest import SESSIONS, Look, Screen
-from verefine_viz.viewer.small_window import SAID
+from verefine_viz.viewer.web.viser_internals import SAID
 
 pytestmark = pytest.mark.browser
 

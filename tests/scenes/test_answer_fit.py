@@ -15,7 +15,7 @@ from verefine_viz.scenes.answer_fit import answer_notes
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
+from verefine_viz.viewer.text.findings import findings
 
 CLUTTER = scene()
 

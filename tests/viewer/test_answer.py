@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.observation import Observation
@@ -18,15 +18,16 @@ from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import OF_ITERATION, visit
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.markup import carries
-from verefine_viz.viewer.pair_words import compared
+from verefine_viz.viewer.drawing.markup import carries
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.run import of_the_end
 from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.scene_sides import FIRST
+from verefine_viz.viewer.snapshot.build import FIRST
+from verefine_viz.viewer.snapshot.partial_iteration import OF_ITERATION
+from verefine_viz.viewer.snapshot.snapshot import visit
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.poses import compared
 
 TWO, END = c.OpenFrame("0/2"), c.RunUntil("end")
 
@@ -130,11 +131,11 @@ def test_several_objects_are_summed_up_and_the_one_in_focus_is_told() -> None:
 def test_the_answer_is_compared_with_where_it_started() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
-    assert (view.look.a, view.look.b) == ("initial", "best")
+    assert (view.options.a, view.options.b) == ("initial", "best")
     assert compared(view).startswith("Best 0.")
-    assert not OF_ITERATION & (set(view.poses) | view.look.layers)
-    assert d.look.b == "refined", "what was chosen is kept"
-    assert d.carry_out([c.Back()]).view().look.b == "refined"
+    assert not OF_ITERATION & (set(view.poses) | view.options.layers)
+    assert d.options.b == "refined", "what was chosen is kept"
+    assert d.carry_out([c.Back()]).view().options.b == "refined"
     scene = debugger().carry_out([END, c.ShowScene()]).view()
     assert scene.a is not None
     assert scene.a.pose.name == FIRST
@@ -153,16 +154,16 @@ def test_asking_for_something_of_the_last_iteration_shows_it(command: c.Command)
     assert not view.is_answer
     assert {"current", "simulated", "refined", "accepted"} <= set(view.poses)
     if isinstance(command, c.ShowLayer):
-        assert (command.name in view.look.layers) == (command.visible is not False)
+        assert (command.name in view.options.layers) == (command.visible is not False)
     again = debugger(n=1).carry_out(d.log)
-    assert again.look == d.look
+    assert again.options == d.options
     assert d.carry_out([c.SeekEnd()]).view().is_answer
 
 
 def test_ground_truth_can_be_put_beside_the_answer() -> None:
     view = debugger(n=1).carry_out([END, c.ScoreGroundTruth()]).view()
     assert view.is_answer
-    assert (view.look.a, view.look.b) == ("best", "ground truth")
+    assert (view.options.a, view.options.b) == ("best", "ground truth")
 
 
 def test_by_hand_and_along_the_path_it_is_the_last_iteration() -> None:

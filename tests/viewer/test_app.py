@@ -11,7 +11,7 @@ from numba import njit
 
 from tests.fakes import FakeRefiner, FakeVerifier
 from tests.viewer.client import client, until
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
@@ -21,10 +21,10 @@ from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import page
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.busy_status import BusyStatus
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.layout import KEYS
-from verefine_viz.viewer.telling import Telling
+from verefine_viz.viewer.panels.layout import KEYS
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 
@@ -132,7 +132,7 @@ def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
         app.send(command)
     app.wait_until_idle()
     again = Debugger(SESSION, None, FakeTools).carry_out(from_json(to_json(x)) for x in app.debugger.log)
-    assert again.look == app.debugger.look
+    assert again.options == app.debugger.options
     assert first_difference(again.workspace.run.iterations, app.debugger.workspace.run.iterations) is None
 
 
@@ -178,14 +178,14 @@ class Fresh(FakeTools):
 def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What the page says while nothing can be shown, as it stands there."""
     heard: list[str] = []
-    say = Telling.say
+    say = BusyStatus.say
 
-    def overheard(telling: Telling, *what: Any) -> None:
+    def overheard(telling: BusyStatus, *what: Any) -> None:
         say(telling, *what)
         panel = telling._panel
         heard.append(telling._loading.content if panel is None else panel._words._handle.content)
 
-    monkeypatch.setattr(Telling, "say", overheard)
+    monkeypatch.setattr(BusyStatus, "say", overheard)
     return heard
 
 
@@ -193,7 +193,7 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path,
     app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
     try:
         app.wait_until_idle()
-        assert any(f"Reading the scene: models, pictures, first poses. {COMPILING}" in words for words in said)
+        assert any(f"Reading the scene: models, pictures, initial poses. {COMPILING}" in words for words in said)
         said.clear()
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()

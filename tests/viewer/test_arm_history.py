@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.drawing.bandit_tables import arm_history
 
 PLAYS = 24
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, TWO
 from tests.viewer.two_runs import debugger as plain
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arms import arm_color, arms_legend
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.headline import headline
+from verefine_viz.viewer.drawing.bandit_tables import arms_table
+from verefine_viz.viewer.drawing.markup import arms_legend
+from verefine_viz.viewer.drawing.tables import starts_table
 from verefine_viz.viewer.panels.bandit import score_lines
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.tables import arms_table, starts_table
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.names import arm_color
 
 NAMES = ("cosypose", "<b>posecnn", "cosypose")
 

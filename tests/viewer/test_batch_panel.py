@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION, cursor, until
-from tests.viewer.tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.run_file import RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.gallery import PAGE, WRONG, Gallery
 from verefine_viz.viewer.panels.batch import card, choices, pages, summary
+from verefine_viz.viewer.state.gallery import PAGE, WRONG, Gallery
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:
@@ -147,7 +147,7 @@ def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
         app.send(batch.opens(batch.entries[0]))
         until(app, lambda: cursor(app) == 1)
         assert app.debugger.workspace.frame == "0/1"
-        assert app.debugger.look.focus == 0
+        assert app.debugger.options.focus == 0
         app.send(c.SortBatch("frame"))
         app.wait_until_idle()
         assert content(app).index("0/1 ") < content(app).index("0/2 ")

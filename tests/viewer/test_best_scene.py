@@ -7,19 +7,18 @@ from tests.viewer.test_read_changes import Clustered
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.pair_words import compared
-from verefine_viz.viewer.panels.maps import maps_html
-from verefine_viz.viewer.score_tables import score_table
-from verefine_viz.viewer.tables import errors_table
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.drawing.tables import errors_table, score_table
+from verefine_viz.viewer.panels.score import maps_html
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.poses import compared
 
 
-def after(*commands: c.Command, name: str) -> View:
+def after(*commands: c.Command, name: str) -> Snapshot:
     d = Debugger(Session(method=MethodSettings(name=name, iterations=2)), None, Clustered)
     return d.carry_out([c.OpenFrame("0/2"), *commands, c.Compare(a="initial", b="best")]).view()
 
 
-def said(view: View) -> tuple[str, ...]:
+def said(view: Snapshot) -> tuple[str, ...]:
     """Everything that names the poses of both sides."""
     sides = [side.pose if side else None for side in (view.a, view.b)]
     return maps_html(view), score_table(sides), errors_table(view), compared(view).lower()

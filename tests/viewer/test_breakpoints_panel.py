@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.breakpoints import LABELS, UNITS, number_of

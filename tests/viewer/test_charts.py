@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from verefine_viz.viewer.server import Server
-from verefine_viz.viewer.widgets import Chart, Line
+from verefine_viz.viewer.panels.widgets import Chart, Line
+from verefine_viz.viewer.web.server import Server
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import order_commands, side_commands
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer import comparison_commands
+from verefine_viz.viewer.command_json import COMMANDS, from_json, to_json
 
 ANY_VALUE = st.one_of(st.booleans(), st.integers(-9, 9), st.floats(allow_nan=False, allow_infinity=False), st.text())
 
@@ -40,9 +41,9 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
 
 @st.composite
 def any_command(draw: st.DrawFn) -> c.Command:
-    cls = draw(st.sampled_from(list(c.COMMANDS.values())))
-    hints = {k: h for k, h in get_type_hints(cls).items() if k != "latest_wins"}
-    return cls(**{name: draw(values(hint)) for name, hint in hints.items()})
+    cls = draw(st.sampled_from(list(COMMANDS.values())))
+    hints = get_type_hints(cls)
+    return cls(**{field.name: draw(values(hints[field.name])) for field in fields(cls)})
 
 
 @given(any_command())
@@ -75,7 +76,7 @@ def test_anything_else_is_refused_in_one_line(line: str, said: str) -> None:
 
 
 def test_every_command_is_registered() -> None:
-    named = {**vars(c), **vars(side_commands), **vars(order_commands)}.values()
+    named = {**vars(c), **vars(comparison_commands)}.values()
     defined = {x for x in named if isinstance(x, type) and issubclass(x, c.Command) and x is not c.Command}
-    assert set(c.COMMANDS.values()) == defined
-    assert all(json.loads(to_json(cls()))["command"] == name for name, cls in c.COMMANDS.items() if name == "Step")
+    assert set(COMMANDS.values()) == defined
+    assert all(json.loads(to_json(cls()))["command"] == name for name, cls in COMMANDS.items() if name == "Step")

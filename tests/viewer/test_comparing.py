@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.compare import computing
 
@@ -34,9 +34,9 @@ def test_b_is_computed_beside_the_open_run() -> None:
     d.apply(c.Step())
     d.apply(c.ColorCloud())
     d.apply(c.TurnPage(0))
-    assert d.comparing.is_running, "looking around does not disturb it"
+    assert d.comparison.is_running, "looking around does not disturb it"
     d.apply(s.PauseB())
-    assert not d.comparing.is_running
+    assert not d.comparison.is_running
     assert sides(d).effort_b.iterations == 1
     d.carry_out([s.RunB()])
     assert sides(d).effort_b.iterations == sides(d).effort_b.planned == 4
@@ -70,13 +70,13 @@ def test_a_branch_can_be_b_and_is_refused_when_there_is_none() -> None:
     with pytest.raises(InputError, match="there is no branch 7 to compare with; this frame has 2"):
         d.carry_out([s.CompareBranch(7)])
     d.carry_out([c.Restart()])
-    assert d.view().sides is None, "a restart takes the branches away, and with them the comparison"
+    assert d.view().comparison is None, "a restart takes the branches away, and with them the comparison"
     with pytest.raises(InputError, match="there is no branch 1 to compare with; this frame has 1"):
         d.carry_out([s.CompareBranch(1)])
 
 
 class FewerStarts(FakeTools):
-    """As many first poses as the session says, in the order of the session."""
+    """As many initial poses as the session says, in the order of the session."""
 
     def problem(self, frame: str) -> Problem:
         problem = super().problem(frame)
@@ -169,7 +169,7 @@ def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_p
         with client(app.url) as browser, client(app.url) as another:
             browser.set(app.page.layout.compare.choice.fields["method.name"], "sir")
             browser.set(app.page.layout.compare.choice.run, True)
-            until(app, lambda: app.debugger.view().sides is not None)
+            until(app, lambda: app.debugger.view().comparison is not None)
             app.wait_until_idle()
             assert sides(app.debugger).effort_b.iterations == 2
             another.set(app.page.layout.compare.slider, 2)

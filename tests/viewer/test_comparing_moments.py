@@ -7,8 +7,8 @@ import numpy as np
 from tests.viewer.two_runs import SIR, TWO, debugger, sides
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.side_words import now_table
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.drawing.comparison_tables import now_table
 
 
 def test_both_move_along_one_timeline() -> None:
@@ -75,15 +75,15 @@ def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
 
 def test_stage_layers_are_put_away_and_come_back() -> None:
     d = debugger().carry_out([c.Step()])
-    before = d.view().look.layers
+    before = d.view().options.layers
     d.carry_out([s.CompareRun(SIR)])
-    assert not d.view().look.layers & {"simulated", "refined", "accepted", "hypotheses"}
-    assert {"cloud", "ground truth"} <= d.view().look.layers
+    assert not d.view().options.layers & {"simulated", "refined", "accepted", "hypotheses"}
+    assert {"cloud", "ground truth"} <= d.view().options.layers
     d.carry_out([c.ShowLayer("hypotheses")])
-    assert "hypotheses" in d.view().look.layers
+    assert "hypotheses" in d.view().options.layers
     d.carry_out([s.StopComparing()])
-    assert d.view().look.layers == before
-    assert d.view().sides is None
+    assert d.view().options.layers == before
+    assert d.view().comparison is None
 
 
 def test_sides_can_be_hidden_and_show_best_or_kept() -> None:

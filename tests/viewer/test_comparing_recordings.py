@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.tools import DRAGGED
+from tests.viewer.fake_tools import DRAGGED
 from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, same, sides
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.side_words import summary
+from verefine_viz.viewer.drawing.comparison_tables import summary
 
 
 def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tests.fakes import FakeVerifier
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
@@ -14,13 +14,20 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.comparison import Difference
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.markup import sentence
+from verefine_viz.viewer.drawing.comparison_tables import (
+    better,
+    legend,
+    now_table,
+    outcome_table,
+    scores_note,
+    settings_list,
+    summary,
+)
+from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.side_scores import better, scores_note
-from verefine_viz.viewer.side_view import SidesView
-from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 
 def test_the_first_difference_is_reached_and_said() -> None:
@@ -35,7 +42,7 @@ def test_the_first_difference_is_reached_and_said() -> None:
     said = summary(v)
     assert said.startswith(
         "A (exploration = 0.7) and B (exploration = 5) do the same for 1 iteration. Then in iteration 2 B works on "
-        "hypothesis 3 of box instead of 1. At the end A is nearer to the truth: A is 0.2 mm off and scores 0.99, B "
+        "hypothesis 3 of box instead of 1. At the end A is nearer to ground truth: A is 0.2 mm off and scores 0.99, B "
     )
 
 
@@ -53,13 +60,13 @@ def test_scores_by_other_settings_are_not_compared() -> None:
     said = "Scores of A and B are not comparable: score.tau_m is 0.02 in A, 0.01 in B. "
     assert f"{said}Errors against ground truth are." in scores_note(v)
     assert "score ⚠" in outcome_table(v)
-    assert "is nearer to the truth on 2 of 2 objects" in summary(v)
+    assert "is nearer to ground truth on 2 of 2 objects" in summary(v)
     blind = without_truth(v)
     assert f"{said}Without ground truth nothing here says which is better" in scores_note(blind)
     assert "At the end nothing says which is better." in summary(blind)
     assert [better(blind, o) for o in blind.outcomes] == [None, None]
     one = replace(v, outcomes=v.outcomes[:1])
-    assert "A is nearer to the truth" in summary(one)
+    assert "A is nearer to ground truth" in summary(one)
     assert "scores" not in summary(one)
 
 
@@ -101,8 +108,8 @@ def test_settings_changed_on_the_way_count() -> None:
     assert "score.alpha is 0.293 in A, 0.707 in B" in scores_note(sides(d))
 
 
-def without_truth(v: SidesView) -> SidesView:
-    """The same, where nobody knows who is nearer."""
+def without_truth(v: ComparisonSnapshot) -> ComparisonSnapshot:
+    """The same, where it is unknown who is nearer."""
     blind = [replace(o, a=o.a and replace(o.a, errors=None), b=o.b and replace(o.b, errors=None)) for o in v.outcomes]
     return replace(v, outcomes=tuple(blind))
 
@@ -117,7 +124,7 @@ def test_settings_without_room_are_in_a_tooltip() -> None:
 
 def test_without_ground_truth_nobody_is_called_nearer() -> None:
     v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
-    assert "is nearer to the truth on 2 of 2 objects, B on 0." in summary(v)
+    assert "is nearer to ground truth on 2 of 2 objects, B on 0." in summary(v)
     means = [sum(o.errors.add_s_mm for o in side) / 2 for side in zip(*((o.a, o.b) for o in v.outcomes), strict=True)]
     assert f">{means[0]:.1f} → {means[1]:.1f}</span>" in outcome_table(v)
     assert "A scores higher on 2 of 2 objects" in summary(without_truth(v))
@@ -159,11 +166,11 @@ def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None
 
 def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() -> None:
     view = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]).view()
-    assert view.sides is not None
+    assert view.comparison is not None
     assert view.frame_score is not None
-    assert view.sides.frame_scores is not None
-    assert view.sides.frame_scores[0] == view.frame_score.score
-    assert f">{view.frame_score.score:.3f} → " in outcome_table(view.sides)
+    assert view.comparison.frame_scores is not None
+    assert view.comparison.frame_scores[0] == view.frame_score.score
+    assert f">{view.frame_score.score:.3f} → " in outcome_table(view.comparison)
     assert f">{view.frame_score.score:.2f}</span>" in objects_html(view)
 
 

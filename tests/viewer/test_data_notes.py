@@ -10,7 +10,7 @@ import pytest
 from tests.fakes import box_problem
 from tests.scenes.sizes import scene, written
 from tests.session.test_keep_frame import box_mesh, found, kept
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.run_file import RunFile
@@ -20,9 +20,9 @@ from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
-from verefine_viz.viewer.gallery import Gallery
 from verefine_viz.viewer.panels.run import on_top
+from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.text.findings import findings
 
 SESSION = Session(method=MethodSettings(iterations=2))
 

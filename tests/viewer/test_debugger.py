@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.viewer.tools import DRAGGED, FakeTools
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform
@@ -22,7 +22,7 @@ from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.command_lines import from_json, to_json
+from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.session import opened
 
@@ -33,7 +33,7 @@ def debugger(session: Session | None = None) -> Debugger:
 
 def same(a: Debugger, b: Debugger) -> None:
     """Both are at the same place, in the same runs, looking at the same things."""
-    assert a.look == b.look
+    assert a.options == b.options
     assert a.workspace.frame == b.workspace.frame
     assert a.workspace.work.index == b.workspace.work.index
     for one, other in zip(a.workspace.work.branches, b.workspace.work.branches, strict=True):
@@ -167,12 +167,12 @@ def test_the_time_left_is_that_of_the_open_run() -> None:
 )
 def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: list[c.Command]) -> None:
     d = debugger().carry_out([c.Step(), c.Compare("initial", "best"), c.EditPose()])
-    assert (d.look.a, d.look.b) == ("accepted", "edited")
+    assert (d.options.a, d.options.b) == ("accepted", "edited")
     d.carry_out([c.EditPose(), *end])
-    assert d.look.edited is None
-    assert (d.look.a, d.look.b) == ("initial", "best")
+    assert d.options.edited is None
+    assert (d.options.a, d.options.b) == ("initial", "best")
     d.carry_out([c.EditPose(), c.Compare("current", "edited"), c.EditPose(False)])
-    assert d.look.a == "current", "what a person chose meanwhile stays"
+    assert d.options.a == "current", "what a person chose meanwhile stays"
 
 
 def test_edited_pose_is_scored_and_continued_from() -> None:
@@ -233,7 +233,7 @@ def test_saved_session_repeats_the_run(tmp_path: Path) -> None:
     from verefine_viz.session.files import load_session, save_session
 
     d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 2.0),)), c.Step(), c.EditPose()])
-    T = np.array(d.look.edited).reshape(4, 4)
+    T = np.array(d.options.edited).reshape(4, 4)
     T[0, 3] += 0.004
     d.carry_out([c.DragPose(tuple(float(x) for x in T.ravel())), c.ForkFromPose()])
     d.carry_out([c.SetBreakpoints((("jump_mm", 50.0),)), c.RunUntil("end")])

@@ -10,12 +10,12 @@ import pytest
 import viser
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import downloads
+from verefine_viz.viewer import export as downloads
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.layout import KEYS
+from verefine_viz.viewer.panels.layout import KEYS
 
 Sent = list[tuple[int, str, bytes]]
 
@@ -43,9 +43,9 @@ def app(tmp_path: Path) -> Iterator[App]:
 def test_the_button_hands_it_to_the_browser_that_was_clicked_in(app: App, sent: Sent) -> None:
     with client(app.url), client(app.url) as second:
         second.set(app.page.layout.session.exports, "Command log")
-        until(app, lambda: app.debugger.kept)
+        until(app, lambda: app.debugger.written)
         asked, other = sorted(app.server.get_clients(), reverse=True)
-    path = app.debugger.kept[0].path
+    path = app.debugger.written[0].path
     assert sent == [(asked, path.name, path.read_bytes())]
     assert asked != other
     assert app.debugger.message == f"Written: {path}; the browser that asked downloads it too"
@@ -55,8 +55,8 @@ def test_a_command_of_the_palette_hands_it_over_as_well(app: App, sent: Sent) ->
     k = next(k for k, (_, _, command) in enumerate(KEYS) if command == c.Export("maps"))
     with client(app.url) as browser:
         browser.trigger(app.page.layout.commands[k])
-        until(app, lambda: app.debugger.kept)
-    path = app.debugger.kept[0].path
+        until(app, lambda: app.debugger.written)
+    path = app.debugger.written[0].path
     assert [(name, content) for _, name, content in sent] == [(path.name, path.read_bytes())]
     assert app.debugger.message.endswith("; your browser downloads it too")
 
@@ -65,10 +65,10 @@ def test_what_is_too_large_is_only_written_and_said(app: App, sent: Sent, monkey
     monkeypatch.setattr(downloads, "LARGEST_BYTES", 10)
     with client(app.url) as browser:
         browser.set(app.page.layout.session.exports, "Maps PNG")
-        until(app, lambda: app.debugger.kept)
+        until(app, lambda: app.debugger.written)
     assert sent == []
     assert "too many to download in the browser (at most" in app.debugger.message
-    assert app.debugger.kept[0].path.exists()
+    assert app.debugger.written[0].path.exists()
 
 
 def test_a_script_gets_it_on_disk_only_and_the_log_names_no_browser(app: App, sent: Sent) -> None:
@@ -76,5 +76,5 @@ def test_a_script_gets_it_on_disk_only_and_the_log_names_no_browser(app: App, se
     app.send(c.Export("maps"))
     app.wait_until_idle()
     assert sent == []
-    assert [kept.note for kept in app.debugger.kept] == ["", ""]
+    assert [kept.note for kept in app.debugger.written] == ["", ""]
     assert app.debugger.log == [c.Export("results"), c.Export("maps")]

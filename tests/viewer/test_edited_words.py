@@ -1,4 +1,4 @@
-"""What panels say of the pose under the hand, as soon as it moves."""
+"""What panels say of the edited pose, as soon as it moves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.viewer.test_verdict import sunk
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
+from tests.viewer.test_plausibility_verdict import sunk
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
@@ -17,10 +17,9 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.edited_words import edited_score
-from verefine_viz.viewer.pair_words import compared
-from verefine_viz.viewer.standing import standing_html, telling
-from verefine_viz.viewer.words import truth
+from verefine_viz.viewer.drawing.plausibility import drawn_stage, plausibility_html
+from verefine_viz.viewer.text.poses import compared, edited_score
+from verefine_viz.viewer.text.sentences import truth
 
 
 def deep_by_x(moving: Placed, others: Sequence[Placed], support: Support) -> Plausibility:
@@ -42,20 +41,20 @@ def debugger(request: pytest.FixtureRequest) -> Debugger:
 
 
 def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_drawn(debugger: Debugger) -> None:
-    assert "edited</th>" not in standing_html(debugger.view())
+    assert "edited</th>" not in plausibility_html(debugger.view())
     for x_m, said in ((0.071, "7.1"), (0.093, "9.3")):
         view = debugger.carry_out([c.EditPose(False), c.EditPose(), moved(x_m)]).view(deep=False)
-        assert view.has_judged_standing
-        shown = standing_html(view)
+        assert view.has_plausibility
+        shown = plausibility_html(view)
         assert "edited</th>" in shown
         assert f"Edited: Sinks {said} mm into the support plane." in shown
         assert f"<td>{said} table</td>" in shown
         assert "Kept: " not in shown, "its sentence would push the numbers off the screen"
         assert f'title="Sinks {said} mm into the support plane.">edited</th>' in shown
-        assert telling(view) == "edited"
+        assert drawn_stage(view) == "edited"
     after = debugger.carry_out([c.EditPose(on=False)]).view()
-    assert "edited</th>" not in standing_html(after)
-    assert telling(after) != "edited"
+    assert "edited</th>" not in plausibility_html(after)
+    assert drawn_stage(after) != "edited"
 
 
 def test_errors_and_score_say_that_they_judge_the_edited_pose(debugger: Debugger) -> None:

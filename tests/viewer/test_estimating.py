@@ -1,4 +1,4 @@
-"""First poses by an estimator from the page: for one object of one frame, with the run before still there."""
+"""Initial poses by an estimator from the page: for one object of one frame, with the run before still there."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Session:
 
 
 def methods(debugger: Debugger) -> list[set[str]]:
-    """Where the first poses of each instance of the open frame come from."""
+    """Where the initial poses of each instance of the open frame come from."""
     return [{h.source.split()[0] for h in i.hypotheses} for i in debugger.workspace.work.problem.instances]
 
 
@@ -86,7 +86,7 @@ def test_the_run_before_stays_as_a_branch_and_the_page_says_so(session: Session)
     d.carry_out([ESTIMATE])
     label = d.view().scene.object(1).label
     assert d.message.startswith(
-        f"{label} in frame 7/3 now has 2 first poses by ppf, instead of those from the disturbed ground truth. Other "
+        f"{label} in frame 7/3 now has 2 initial poses by ppf, instead of those from the disturbed ground truth. Other "
         "objects and frames keep theirs. The way back: the run before is still there as the branch “first run”"
     )
     assert [b.name for b in d.workspace.work.branches] == ["first run", f"{label} from ppf"]
@@ -109,16 +109,16 @@ def test_a_reopened_session_gives_an_object_its_own_first_poses_back(session: Se
     label = again.view().scene.object(1).label
     assert methods(again) == FROM_SESSION
     assert again.message.startswith(
-        f"{label} in frame 7/3 now has 3 first poses from the disturbed ground truth, instead of those by ppf. "
+        f"{label} in frame 7/3 now has 3 initial poses from the disturbed ground truth, instead of those by ppf. "
     )
     assert again.workspace.session.hypotheses.estimate == (("8/3", 0, "pcs"),)
-    with pytest.raises(InputError, match="already has the session's first poses, from the disturbed ground truth; to"):
+    with pytest.raises(InputError, match="already has the session's initial poses, from the disturbed ground truth;"):
         again.apply(c.Estimate(1, "session"))
 
 
 def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> None:
     d = Debugger(session, None, Toolbox).carry_out([c.OpenFrame("8/3"), ESTIMATE])
-    assert "Other objects and frames keep theirs, but their runs begin anew." in d.message
+    assert "Other objects and frames keep theirs, but their runs start again." in d.message
 
 
 def test_a_built_in_scene_opens_without_what_was_estimated_elsewhere(session: Session) -> None:

@@ -11,15 +11,15 @@ import pytest
 from tests.viewer.test_words import after
 from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.headline import HINTS, UNJUDGED, headline
-from verefine_viz.viewer.markup import hinted
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.drawing.markup import hinted
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.headline import HINTS, UNVERIFIED, headline
 
 
 def test_before_the_first_iteration_it_says_what_to_press() -> None:
     said = headline(after())
     assert said.startswith("Ready, before iteration 1. box has 3 hypotheses; hypothesis ")
-    assert "is nearest, 4.0° and 3.0 mm from the truth." in said
+    assert "is nearest, 4.0° and 3.0 mm from ground truth." in said
     assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
 
 
@@ -31,7 +31,7 @@ def test_an_iteration_is_told_in_the_order_it_happened() -> None:
         "Simulation ",
         "and scored ",
         "; then ICP ",
-        " kept.",
+        " accepted.",
     ]
     places = [said.index(p) for p in parts]
     assert places == sorted(places)
@@ -63,18 +63,18 @@ def test_scores_are_told_with_the_digits_it_takes(
 
 def test_what_nobody_judged_is_called_so() -> None:
     said = headline(after(c.Step(), name="pir"))
-    assert said.endswith(f"Refined kept: PIR keeps it {UNJUDGED}.")
-    assert UNJUDGED not in headline(after(c.Step(), name="sir"))
-    assert UNJUDGED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
+    assert said.endswith(f"Refined accepted: PIR accepts it {UNVERIFIED}.")
+    assert UNVERIFIED not in headline(after(c.Step(), name="sir"))
+    assert UNVERIFIED not in headline(after(c.Step(), name="refine")), "there was nothing to choose from"
 
 
 def test_the_end_names_the_answer_and_its_error() -> None:
     said = headline(after(c.RunUntil("end")))
     assert "Run finished: best " in said
-    assert said.endswith("mm from the truth.")
+    assert said.endswith("mm from ground truth.")
 
 
-def with_best_scores(view: View, scores: list[float]) -> View:
+def with_best_scores(view: Snapshot, scores: list[float]) -> Snapshot:
     """The view at the end of a run in which the hypotheses came to these scores."""
     assert view.state is not None
     arms = tuple(
@@ -103,7 +103,7 @@ def test_the_end_names_the_runner_up_and_its_distance(name: str, scores: list[fl
     assert f"{said}; " in told
 
 
-def with_poses(view: View, best_mm: float, rival_mm: float) -> View:
+def with_poses(view: Snapshot, best_mm: float, rival_mm: float) -> Snapshot:
     """The view with the answer (of hypothesis 2) and the poses of hypothesis 3 so far beside the truth."""
     assert view.state is not None
     T_gt = view.target.instance.T_cam_obj_gt
@@ -120,11 +120,11 @@ def with_poses(view: View, best_mm: float, rival_mm: float) -> View:
 @pytest.mark.parametrize(
     ("runner_up", "rival_mm", "said"),
     [
-        (0.947, 3.2, "0.003 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
-        (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.947, 3.2, "0.003 ahead of hypothesis 3, which is 4.1 mm nearer to ground truth; "),
+        (0.95, 3.2, "level with hypothesis 3, which is 4.1 mm nearer to ground truth; "),
         (0.947, 6.5, "0.003 ahead of hypothesis 3; "),
         (0.947, 12.0, "0.003 ahead of hypothesis 3; "),
-        (0.93, 3.2, "0.020 ahead of hypothesis 3, which is 4.1 mm nearer the truth; "),
+        (0.93, 3.2, "0.020 ahead of hypothesis 3, which is 4.1 mm nearer to ground truth; "),
         (0.91, 3.2, "0.04 ahead of hypothesis 3; "),
     ],
 )

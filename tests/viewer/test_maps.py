@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from tests.fakes import FakeVerifier, box_problem
 from verefine_viz.core.colormaps import EMPTY
 from verefine_viz.core.palette import CLASS_COLORS
-from verefine_viz.viewer.cloud import clicked_pixel, cloud_colors, cloud_of
-from verefine_viz.viewer.maps import MAP_NAMES, Crop, crop_around, map_image, map_over, png, probe, scale_of
+from verefine_viz.viewer.commands import MAP_NAMES
+from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_image, map_over, png, scale_of
+from verefine_viz.viewer.scene3d.frame_nodes import clicked_pixel, cloud_colors, cloud_of
+from verefine_viz.viewer.snapshot.snapshot import probe
 
 PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.viewer.client import until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.fake_tools import DRAGGED, FakeTools
 from tests.viewer.test_answer import SearchTools
-from tests.viewer.tools import DRAGGED, FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, page, record
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.answer import visit
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.snapshot.snapshot import visit
 
 END = c.RunUntil("end")
 WIDER = (("method.exploration", 2.0),)

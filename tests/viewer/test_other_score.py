@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from tests.fakes import FakeVerifier
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.drawing.bandit_tables import arm_history
+from verefine_viz.viewer.drawing.tables import branches_table, last_of_old_scale, one_scale_note, other_scale_sign
 from verefine_viz.viewer.panels.bandit import score_lines
-from verefine_viz.viewer.scales import last_of_old_scale, one_scale_note, other_scale_sign
-from verefine_viz.viewer.tables import branches_table
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ def debugger(session: Session | None = None) -> Debugger:
 STRICTER = (("score.tau_m", 0.005),)
 
 
-def scored_anew(view: View) -> tuple[float, float]:
-    """What the record says of the kept pose, and what the page finds for the same pose."""
+def scored_anew(view: Snapshot) -> tuple[float, float]:
+    """What the record says of the accepted pose, and what the page finds for the same pose."""
     shown = view.shown
     assert shown is not None
     kept = shown.accepted_stage
@@ -91,7 +90,7 @@ def test_a_fork_at_the_start_is_judged_by_the_new_score_alone() -> None:
     assert first_difference(d.workspace.run.iterations, alone.workspace.run.iterations) is None
     assert (
         max(
-            d.workspace.branch.judge.score(d.view().target, h.T_cam_obj).score
+            d.workspace.branch.evaluator.score(d.view().target, h.T_cam_obj).score
             for h in d.view().target.instance.hypotheses
         )
         <= 0.25
@@ -115,8 +114,8 @@ def test_other_settings_leave_the_scale_as_it_is() -> None:
     assert last_of_old_scale(d.view()) is None
 
 
-def scales_of(view: View) -> set[bool]:
-    """Whether what is told in one place scores as little as the stricter settings allow: poses, first poses, truth."""
+def scales_of(view: Snapshot) -> set[bool]:
+    """Whether what is shown in one place scores as little as the stricter settings allow: poses, initial poses."""
     assert view.truth is not None
     assert view.state is not None
     scores = [pose.score for pose in (*view.poses.values(), view.truth)]

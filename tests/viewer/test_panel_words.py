@@ -8,22 +8,19 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.breakpoint_words import NAMES, breakpoint_words
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.objects_words import objects_words
-from verefine_viz.viewer.pair_words import compared
-from verefine_viz.viewer.panels.layers import ROWS, WITH_BOX
 from verefine_viz.viewer.panels.session import opened
-from verefine_viz.viewer.settings_words import settings_words
-from verefine_viz.viewer.view_words import view_words
-from verefine_viz.viewer.words import chosen, physics
+from verefine_viz.viewer.panels.view import ROWS, WITH_BOX
+from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.scene import objects_words
+from verefine_viz.viewer.text.sentences import NAMES, breakpoint_words, chosen, physics, settings_words, view_words
 
 SESSION = Session(method=MethodSettings(iterations=2))
 LABELS = {
@@ -86,7 +83,7 @@ def test_a_preset_is_no_difference(tmp_path: Path) -> None:
 )
 def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fork: str) -> None:
     said = settings_words(Session(), LABELS, HELD | {"method.exploration": 0.4}, cursor)
-    assert said == f"Not in use yet: c 0.7 → 0.4. Restart begins anew with it; Fork {fork}."
+    assert said == f"Not in use yet: c 0.7 → 0.4. Restart starts again with it; Fork {fork}."
 
 
 @pytest.mark.parametrize(
@@ -154,7 +151,7 @@ def test_several_objects_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("method", "said"),
     [
-        ("rir", "Nothing was chosen yet, and each first pose counts as a play. First comes hypothesis "),
+        ("rir", "Nothing was chosen yet, and each initial pose counts as a play. First comes hypothesis "),
         ("even", "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."),
         ("pir", "pir does not choose between hypotheses."),
     ],

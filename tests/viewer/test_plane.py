@@ -8,20 +8,20 @@ from typing import Any
 
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
 from verefine_viz.viewer.panels.physics import plane_warning
-from verefine_viz.viewer.plane import doubt
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.plausibility import plane_doubt
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 
 
-def opened() -> View:
+def opened() -> Snapshot:
     return Debugger(Session(), None, FakeTools).view()
 
 
@@ -31,7 +31,7 @@ def test_walls_are_doubted_and_tables_are_not(share: float, is_doubted: bool) ->
     view = opened()
     assert view.target.observation.support is not None
     support = replace(view.target.observation.support, inlier_share=share)
-    assert bool(doubt(support)) == is_doubted
+    assert bool(plane_doubt(support)) == is_doubted
     seen = replace(view, target=replace(view.target, observation=replace(view.target.observation, support=support)))
     assert bool(plane_warning(seen)) == bool(findings(seen)) == is_doubted
 
@@ -40,14 +40,14 @@ def test_walls_are_doubted_and_tables_are_not(share: float, is_doubted: bool) ->
 def test_the_remedy_for_a_wrong_plane_is_one_that_was_not_taken(source: Any, remedy: str) -> None:
     support = opened().target.observation.support
     assert support is not None
-    assert remedy in doubt(replace(support, inlier_share=0.3, gravity_source=source))
+    assert remedy in plane_doubt(replace(support, inlier_share=0.3, gravity_source=source))
 
 
 def doubts(session: Session) -> list[bool]:
     """Of every frame of a session."""
     tools = Toolbox(session)
     supports = [tools.problem(frame).observation.support for frame in tools.frames]
-    return [support is None or bool(doubt(support)) for support in supports]
+    return [support is None or bool(plane_doubt(support)) for support in supports]
 
 
 @pytest.mark.parametrize("name", ["mug", "clutter", "failure_mask_leaks"])

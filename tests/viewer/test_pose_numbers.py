@@ -1,4 +1,4 @@
-"""The pose under the hand: numbers, arrows in 3D and what is edited stay in step."""
+"""The edited pose: numbers, arrows in 3D and what is edited stay in step."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.displacement import displaced, displacement
+from verefine_viz.viewer.state.edited_pose import displaced, displacement
 
 SESSION = Session(title="boxes", method=MethodSettings(iterations=2))
 
@@ -36,7 +36,7 @@ def numbers(app: App) -> Any:
 
 
 def edited(app: App) -> Float:
-    T = app.debugger.look.T_cam_obj_edited
+    T = app.debugger.options.T_cam_obj_edited
     assert T is not None
     return T
 

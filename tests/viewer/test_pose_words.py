@@ -9,7 +9,7 @@ from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.evaluation.turning import turning_on
-from verefine_viz.viewer.pose_words import errors_in_words, movement, shift_mm
+from verefine_viz.viewer.text.poses import errors_in_words, movement, shift_mm
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,10 @@ def test_movement_is_that_of_the_objects_middle_not_of_its_origin() -> None:
 @pytest.mark.parametrize(
     ("axis", "angle_deg", "said"),
     [
-        ([0, 1, 0], 20.0, "20.0° (all of it a turn on the table) and 3.0 mm from the truth"),
-        ([1, 0, 0], 5.0, "5.0° (all of it tilt against the table) and 3.0 mm from the truth"),
-        ([3, 4, 0], 10.0, "10.0° (6.0° of tilt against the table, 8.0° of turn on it) and 3.0 mm from the truth"),
-        ([3, 4, 0], 0.9, "0.9° and 3.0 mm from the truth"),
+        ([0, 1, 0], 20.0, "20.0° (all of it a turn on the table) and 3.0 mm from ground truth"),
+        ([1, 0, 0], 5.0, "5.0° (all of it tilt against the table) and 3.0 mm from ground truth"),
+        ([3, 4, 0], 10.0, "10.0° (6.0° of tilt against the table, 8.0° of turn on it) and 3.0 mm from ground truth"),
+        ([3, 4, 0], 0.9, "0.9° and 3.0 mm from ground truth"),
     ],
 )
 def test_an_error_says_from_what_and_which_way_it_is_turned(axis: list[float], angle_deg: float, said: str) -> None:

@@ -15,9 +15,9 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verdict import verify
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.keeping import Keeping
+from verefine_viz.viewer.export import Exporter
 
 SESSION = Session(
     title="box",
@@ -34,12 +34,12 @@ class NoServer:
 @pytest.fixture
 def debugger(tmp_path: Path) -> Debugger:
     server: Any = NoServer()
-    return Debugger(SESSION, None, Toolbox, keep=Keeping(server, tmp_path))
+    return Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path))
 
 
 def exported(debugger: Debugger) -> Path:
     debugger.carry_out([c.Export("recording")])
-    path = debugger.kept[0].path
+    path = debugger.written[0].path
     assert debugger.message == f"Written: {path}"
     assert path.is_absolute()
     recorded = read_recording(path)
@@ -50,7 +50,7 @@ def exported(debugger: Debugger) -> Path:
 
 def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
     debugger.carry_out([c.EditPose()])
-    T_cam_obj = debugger.look.T_cam_obj_edited
+    T_cam_obj = debugger.options.T_cam_obj_edited
     assert T_cam_obj is not None
     T_cam_obj = np.array(T_cam_obj)
     T_cam_obj[0, 3] += shift_m
@@ -60,14 +60,14 @@ def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
 def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path) -> None:
     server: Any = NoServer()
     countdown = Countdown()
-    debugger = Debugger(SESSION, None, Toolbox, keep=Keeping(server, tmp_path, countdown.patience))
+    debugger = Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path, countdown.patience))
     debugger.carry_out([c.RunTo(3)])
     for k in range(4):  # Before it is begun, and before each iteration.
         countdown.left = k
         with pytest.raises(Cancelled):
             debugger.apply(c.Export("recording"))
         assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
-        assert debugger.kept == ()
+        assert debugger.written == ()
     countdown.left = None
     assert verify(exported(debugger)) is None
 
@@ -113,7 +113,7 @@ def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_p
     debugger.carry_out([c.RunTo(2), c.Fork((("method.exploration", 5.0),), run=True)])
     server: Any = NoServer()
     for commands in ([c.RunTo(3), c.Fork((("physics.steps", 6),))], [c.RunTo(1), c.Fork()]):
-        again = Debugger(debugger.workspace.session, None, Toolbox, keep=Keeping(server, tmp_path))
+        again = Debugger(debugger.workspace.session, None, Toolbox, keep=Exporter(server, tmp_path))
         again.carry_out([*commands, c.RunUntil("end")])
         assert again.view().session.method.exploration == 5.0
         assert verify(exported(again)) is None
@@ -129,7 +129,7 @@ def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
 def test_of_other_first_poses(tmp_path: Path) -> None:
     server: Any = NoServer()
     mug = {"scene": SceneSettings(demo="mug"), "physics": PhysicsSettings(enabled=False)}
-    debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, keep=Keeping(server, tmp_path))
+    debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, keep=Exporter(server, tmp_path))
     before = debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj
     debugger.carry_out([c.Restart((("hypotheses.seed", 5), ("method.iterations", 1))), c.RunUntil("end")])
     assert not np.array_equal(debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj, before)

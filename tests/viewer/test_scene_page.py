@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import side_commands as s
+from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.scene_page import scene_page
+from verefine_viz.viewer.drawing.scene_page import scene_page
 
 EVIL = "</details><img src=x onerror=alert(1)>\"'&"
 PAGE = "<html><head><title>Viser</title><script>'</body>'</script></head><body><div></div>\n</body></html>"
@@ -61,7 +61,7 @@ def test_colours_of_the_cloud_and_of_two_runs_are_named(debugger: Debugger) -> N
     html = page(debugger, c.Step(), c.ColorCloud("class"))
     assert all(f"rgb{color}" in html and name in words(html) for name, color in CLASS_COLORS.items())
     compared = words(page(debugger, s.CompareRun((("method.name", "pir"),)), s.RunB()))
-    sides = debugger.view().sides
+    sides = debugger.view().comparison
     assert sides is not None
     assert f"A {sides.name_a}, solid B {sides.name_b}, as an outline" in compared
 
@@ -94,7 +94,7 @@ def test_hostile_names_are_text(evil: App) -> None:
     evil.send(c.Step())
     evil.send(c.Export("scene"))
     evil.wait_until_idle()
-    html = evil.debugger.kept[0].path.read_text()
+    html = evil.debugger.written[0].path.read_text()
     assert html.count('id="legend"') == 1
     assert "&lt;img src=x onerror=alert(1)&gt;" in html
     assert "<img src=x" not in html

@@ -16,7 +16,7 @@ from websockets.exceptions import InvalidStatus
 
 from tests.viewer.client import client
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.viewer.server import Server, allowed_origins
+from verefine_viz.viewer.web.server import Server, allowed_origins
 
 
 @pytest.fixture

@@ -10,20 +10,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import visit
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.markup import text, with_hints
+from verefine_viz.viewer.drawing.bandit_tables import passes_table
+from verefine_viz.viewer.drawing.markup import text, with_hints
+from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.tables import event_lines
 from verefine_viz.viewer.panels.objects import legend, objects_html
-from verefine_viz.viewer.scene_tables import passes_table
-from verefine_viz.viewer.scene_words import TERMS, scene_sentence
-from verefine_viz.viewer.standing import LIGHTS
-from verefine_viz.viewer.tables import event_lines
+from verefine_viz.viewer.snapshot.snapshot import visit
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.names import TERMS
+from verefine_viz.viewer.text.scene import scene_sentence
 
 
 class Together(FakeTools):

@@ -14,10 +14,10 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
-from verefine_viz.viewer.gallery import Entry
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.words import truth
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.sentences import truth
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def solved() -> tuple[Diagnosis, Debugger]:
     return told, Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")])
 
 
-def seen(debugger: Debugger, cursor: int) -> View:
+def seen(debugger: Debugger, cursor: int) -> Snapshot:
     return debugger.carry_out([c.Seek(cursor)]).view(deep=False)
 
 

@@ -8,31 +8,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import tables, words
-from verefine_viz.viewer.arm_history import arm_history
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.findings import findings
-from verefine_viz.viewer.headline import headline
-from verefine_viz.viewer.markup import text
-from verefine_viz.viewer.pair_words import compared
+from verefine_viz.viewer.drawing import tables
+from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table, what_n_counts
+from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.panels.bandit import pull_lines
 from verefine_viz.viewer.panels.physics import plane_warning
-from verefine_viz.viewer.plays import what_n_counts
-from verefine_viz.viewer.scene_tables import scene_arms_table
-from verefine_viz.viewer.timeline_words import timeline_words
-from verefine_viz.viewer.view import View
+from verefine_viz.viewer.panels.timeline import timeline_words
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text import sentences as words
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.poses import compared
 
 
 def debugger(**method: Any) -> Debugger:
     return Debugger(Session(method=MethodSettings(iterations=2, **method)), None, FakeTools)
 
 
-def after(*commands: c.Command, **method: Any) -> View:
+def after(*commands: c.Command, **method: Any) -> Snapshot:
     return debugger(**method).carry_out(commands).view()
 
 
@@ -138,7 +137,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
     assert best.score is not None
     assert true is not None
 
-    def scored(own: float, of_truth: float) -> View:
+    def scored(own: float, of_truth: float) -> Snapshot:
         assert best.score is not None
         near = replace(best, errors=off(2, 4, 0.02), score=replace(best.score, score=own))
         truth = replace(true, score=replace(best.score, score=of_truth))
@@ -159,7 +158,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
 
 
 def test_errors_say_that_the_best_pose_is_a_first_pose_which_iterations_left_as_it_is() -> None:
-    said = "10 %. It is a first pose: no iteration has improved upon it."
+    said = "10 %. It is a initial pose: no iteration has improved upon it."
     view = after(c.RunUntil("end"))
     assert said not in words.truth(view)
     first = after(c.Step()).state.arms[0].entries[0]
@@ -205,7 +204,7 @@ def test_the_arms_table_shows_the_numbers_that_chose() -> None:
     assert view.shown is not None
     choice = view.shown.choice
     assert choice is not None
-    html = tables.arms_table(view)
+    html = arms_table(view)
     for j in range(3):
         assert f"<td>{choice.ucb[j]:.3f}</td>" in html
     assert f"{choice.arm + 1} ◂" in html
@@ -218,8 +217,8 @@ def test_n_is_told_from_the_pulls() -> None:
     pulled = [line.values[-1] for line in pull_lines(view, 3)]
     at_choice = [1 + n - (j == view.shown.arm) for j, n in enumerate(pulled)]
     assert at_choice == view.shown.choice.plays.tolist(), "what the line says is what is counted"
-    html = tables.arms_table(view)
-    assert "n: 1 for the first pose, and 1 for each pull before this choice." in html
+    html = arms_table(view)
+    assert "n: 1 for the initial pose, and 1 for each pull before this choice." in html
     fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
     assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
 
@@ -227,19 +226,19 @@ def test_n_is_told_from_the_pulls() -> None:
 def test_times_are_told_to_be_sums_with_the_preparation_in_the_first() -> None:
     view = after(c.Step(), c.Step(), c.Step())
     assert [i.arm for i in view.own_iterations[1:]] != [view.own_iterations[0].arm] * 2, "else this shows nothing"
-    html = tables.arms_table(view)
+    html = arms_table(view)
     assert "added up [ms]. The first play on an object also prepares it" in html
     assert ">Σ ms</th>" in html
     assert f"the first, on hypothesis {view.own_iterations[0].arm + 1}, also prepares the object" in html
     for cursor in (0, 1):
-        told = "also prepares the object" in tables.arms_table(after(c.Step(), c.Seek(cursor)))
+        told = "also prepares the object" in arms_table(after(c.Step(), c.Seek(cursor)))
         assert told == (cursor == 1), "said where a time can be seen"
 
 
 @pytest.mark.parametrize("name", ["pir", "refine"])
 def test_methods_that_do_not_choose_say_nothing_of_plays(name: str) -> None:
     view = after(c.Restart((("method.name", name),)), c.Step())
-    assert "n: 1" not in tables.arms_table(view)
+    assert "n: 1" not in arms_table(view)
 
 
 def test_objects_that_wait_for_their_turn_count_their_first_scores() -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from tests.viewer.tools import FakeTools
+from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.side_view import SidesView
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 SESSION = Session(method=MethodSettings(iterations=2))
 SIR = (("method.name", "sir"),)
@@ -23,18 +23,21 @@ def debugger(session: Session = SESSION) -> Debugger:
     return Debugger(session, None, FakeTools)
 
 
-def sides(d: Debugger) -> SidesView:
-    found = d.view().sides
+def sides(d: Debugger) -> ComparisonSnapshot:
+    found = d.view().comparison
     assert found is not None
     return found
 
 
 def same(a: Debugger, b: Debugger) -> None:
-    assert a.look == b.look
+    assert a.options == b.options
     for one, other in zip(a.workspace.work.branches, b.workspace.work.branches, strict=True):
         assert (one.name, one.run.cursor) == (other.name, other.run.cursor)
         assert first_difference(one.run.iterations, other.run.iterations) is None
-    assert (a.workspace.work.index, a.workspace.work.sides) == (b.workspace.work.index, b.workspace.work.sides)
+    assert (a.workspace.work.index, a.workspace.work.comparison) == (
+        b.workspace.work.index,
+        b.workspace.work.comparison,
+    )
 
 
 # Recordings

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.files import changed
 
@@ -38,5 +38,5 @@ def _refiners(session: Session) -> Iterator[str]:
     for change in sorted(session.changes, key=lambda change: change.after_iteration):
         stages.append(changed(stages[-1], change.settings))
     for stage in stages:
-        if stage.method.name != SEARCH:  # It has a refiner of its own.
+        if not method_of(stage.method.name).has_tree:  # It has a refiner of its own.
             yield stage.method.refiner

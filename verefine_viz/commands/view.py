@@ -16,7 +16,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
-    from verefine_viz.viewer.gallery import Gallery
+    from verefine_viz.viewer.state.gallery import Gallery
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class View:
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.commands.own_refiner import check_refiners
-            from verefine_viz.viewer.gallery import read_gallery
+            from verefine_viz.viewer.state.gallery import read_gallery
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
@@ -121,7 +121,7 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
         InputError: one of the recordings cannot be read, or the other is of another frame.
     """
     from verefine_viz.recording.reader import read_recording
-    from verefine_viz.viewer.other_run import check_same_frame
+    from verefine_viz.viewer.handlers.comparing import check_same_frame
 
     recorded = read_recording(path)
     if other is not None:  # Before anyone is sent to a page that cannot open.

@@ -24,18 +24,12 @@ from verefine_viz.diagnosis.together import Pools, company_of, solved_together
 from verefine_viz.diagnosis.truth import FrameTruth
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
-from verefine_viz.methods.registry import SEARCH, make_method
+from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.session.trace import Trace
 
-LAST_POSE = frozenset({"refine", "phys_before", "phys_after", "pir"})
-"""Methods whose answer is the last pose, whatever its score."""
-FIRST_ONLY = LAST_POSE | {"sir"}
-"""Methods that look at the first hypothesis only."""
-WHOLE_SCENE = frozenset({"vf_depth", SEARCH})
-"""Methods in which the answer of one object depends on the others' poses as a scene."""
 ALONE = "alone"
 """Nothing otherwise, but the methods of whole scenes stood in for."""
 FAR = 0.35
@@ -51,10 +45,11 @@ class Lab:
         session = toolbox.session
         self.toolbox = toolbox
         self.name = session.method.name
+        self.traits = method_of(self.name)
         self.physics: PhysicsSettings = session.physics
         self.refiner: Refiner
         self.method_settings: MethodSettings = session.method
-        if self.name == SEARCH:
+        if self.traits.has_tree:
             self.physics = mcts_physics(session.mcts, session.physics)
             self.refiner = TrimmedIcp(mcts_tricp(session.mcts, session.tricp))
             self.method_settings = session.method.model_copy(update={"name": "vf_breadth"})
@@ -182,9 +177,9 @@ class Case:
     def company(self) -> tuple[int, ...]:
         """Instances that the method solved together with it, itself included; none where it was solved alone."""
         together = company_of(self.trace.problem, self.instance_id)
-        if self.lab.name == SEARCH:
+        if self.lab.traits.has_tree:
             return together
-        return together if self.lab.name in WHOLE_SCENE and len(together) > 1 else ()
+        return together if self.lab.traits.takes_turns and len(together) > 1 else ()
 
     def rerun_together(self, what: str, pools: Pools, times: int = 1, iterations: int | None = None) -> Rerun:
         """Solves it again with its company by the session's own method; see :func:`solved_together`."""

@@ -9,7 +9,6 @@ from verefine_viz.core.records import StageName
 from verefine_viz.diagnosis.case import ALONE, FAR, Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.words import instead, share
-from verefine_viz.methods.registry import SEARCH
 from verefine_viz.refiners.registry import make_refiner
 
 ICP = "icp"
@@ -61,7 +60,7 @@ def outdone(case: Case) -> Finding | None:
     """Another refiner than ICP; decided by a re-run with ICP from the same hypotheses."""
     session = case.lab.toolbox.session
     name = session.method.refiner
-    if name == ICP or case.lab.name == SEARCH or not len(case.initial_errors):
+    if name == ICP or case.lab.traits.has_tree or not len(case.initial_errors):
         return None
     if case.company and case.rerun(ALONE).repaired:  # It gets there, but for the company.
         return None

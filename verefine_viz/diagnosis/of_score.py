@@ -7,12 +7,11 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.diagnosis.case import LAST_POSE, WHOLE_SCENE, Case
+from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.words import told_apart
 from verefine_viz.evaluation.errors import rotation_error_deg
 from verefine_viz.evaluation.turning import turning_on
-from verefine_viz.methods.registry import SEARCH
 from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 3
@@ -25,9 +24,9 @@ BLAMED = ("missed", "protruding")
 
 def score(case: Case) -> Finding | None:
     """The answer scores no lower than the truth (or than what the refiner makes of the truth)."""
-    if case.answer is None or case.lab.name in LAST_POSE:
+    if case.answer is None or not case.lab.traits.verifies:
         return None
-    if case.lab.name == SEARCH:
+    if case.lab.traits.has_tree:
         return _cost(case, case.answer.T_cam_obj)
     true_poses = true_poses_of(case)
     wrong = _judged(case, case.answer.T_cam_obj[None])[0]
@@ -94,7 +93,7 @@ def true_poses_of(case: Case) -> Float:
 
 def _judged(case: Case, poses: Float) -> list[PoseScore]:
     """The score that decided: of the object, or of the whole scene with the others at their answers."""
-    if case.lab.name not in WHOLE_SCENE:
+    if not case.lab.traits.takes_turns:
         fixed = case.placed if case.lab.method(None).placed_may_hide else ()
         found = case.lab.verifier.score(case.target, poses, fixed)
         return [found[k] for k in range(len(poses))]

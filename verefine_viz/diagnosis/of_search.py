@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from verefine_viz.core.problem import Hypothesis
-from verefine_viz.diagnosis.case import ALONE, FAR, FIRST_ONLY, Case, Rerun
+from verefine_viz.diagnosis.case import ALONE, FAR, Case, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.of_refiner import outdone, refiner
 from verefine_viz.diagnosis.together import Pools
@@ -15,7 +15,6 @@ from verefine_viz.diagnosis.units import of_another_unit
 from verefine_viz.diagnosis.words import instead, share
 from verefine_viz.evaluation.errors import pose_errors
 from verefine_viz.evaluation.turning import turning_on
-from verefine_viz.methods.registry import SEARCH
 
 STARVED = 0.5
 """A hypothesis that got less than this share of an even split of the budget was starved."""
@@ -37,7 +36,7 @@ def starved(case: Case) -> Finding | None:
         if pulls[j] >= STARVED * max(fair, 1) or case.initial_errors[j] > FAR:
             continue
         own = case.lab.method(case.lab.simulator)
-        each = own.iterations * (1 if case.lab.name in FIRST_ONLY else len(pulls))
+        each = own.iterations * (1 if case.lab.traits.first_only else len(pulls))
         again = case.rerun(
             f"all on hypothesis {j + 1}",
             case.with_pool(case.target.instance.hypotheses[j].T_cam_obj),
@@ -47,7 +46,7 @@ def starved(case: Case) -> Finding | None:
             again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
         if again.repaired:
             got = f"got {pulls[j]} of {len(case.own)} iterations"
-            if case.lab.name in FIRST_ONLY:
+            if case.lab.traits.first_only:
                 got = f"was never tried, as {case.lab.name.upper()} looks at the first only"
             return Finding(
                 Cause.ARM_STARVED,
@@ -90,7 +89,7 @@ def budget(case: Case) -> Finding | None:
             return None
         still = f"The search for the {case.name}, whose scene {len(case.company)} objects share, ended too early"
         multiples = MULTIPLES[:1]
-    elif case.lab.name == SEARCH:
+    elif case.lab.traits.has_tree:
         multiples = MULTIPLES[:1]
     for times in multiples:
         again = _with_budget(case, times)

@@ -13,7 +13,7 @@ from typing import Any
 
 from verefine_viz.core.problem import Hypothesis, Problem
 from verefine_viz.core.records import Best
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
@@ -44,13 +44,14 @@ def solved_together(
     """
     session = toolbox.session
     fields: dict[str, dict[str, Any]] = {}
-    if session.method.name == SEARCH:
+    if method_of(session.method.name).has_tree:
         seconds = session.mcts.seconds
         fields["mcts"] = {"expansions": times * session.mcts.expansions}
         fields["mcts"] |= {"seconds": times * seconds} if seconds is not None else {}
     else:
         fields["method"] = {"iterations": iterations or times * session.method.iterations}
-    needed = _needed(problem, instance_id, session.method.name != SEARCH and session.method.carry_clusters)
+    carries = not method_of(session.method.name).has_tree and session.method.carry_clusters
+    needed = _needed(problem, instance_id, carries)
     part = problem.only(needed)
     instances = tuple(replace(i, hypotheses=tuple(pools.get(i.instance_id, i.hypotheses))) for i in part.instances)
     run = Run(toolbox.restarted(fields).method, replace(part, instances=instances))

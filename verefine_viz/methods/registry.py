@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.protocols import Refiner, Simulator, Verifier
@@ -76,26 +76,70 @@ class _Parts:
         )
 
 
-_METHODS: dict[str, Callable[[_Parts], PerObject]] = {
-    "refine": lambda parts: PerObject(parts.refine()),
-    "phys_before": lambda parts: PerObject(parts.phys_before()),
-    "phys_after": lambda parts: PerObject(parts.phys_after()),
-    "even": lambda parts: PerObject(parts.even()),
-    "expl": lambda parts: PerObject(parts.expl()),
-    "pir": lambda parts: PerObject(parts.pir_alone()),
-    "sir": lambda parts: PerObject(parts.sir_alone()),
-    "rir": lambda parts: PerObject(parts.rir()),
-    "vf_breadth": _Parts.vf_breadth,
-    "vf_depth": _Parts.vf_depth,
+@dataclass(frozen=True)
+class Method:
+    """What a method is, for all who compose, show or judge its runs."""
+
+    label: str
+    """As people write it."""
+    make: Callable[[_Parts], PerObject] | None = None
+    """Composes it from the session's refiner and simulator; None = it has its own."""
+    simulates: bool = True
+    """Whether physics moves the pose in its iterations."""
+    chooses: bool = False
+    """Whether it chooses between hypotheses (has a bandit); else an object has one hypothesis only."""
+    has_ucb: bool = False
+    """Whether the choice depends on the weight c of UCB's bonus."""
+    verifies: bool = True
+    """Whether the answer is the pose with the best score; else it is the last one."""
+    knows_others: bool = False
+    """Whether an object is placed among those placed before."""
+    has_passes: bool = False
+    """Whether objects are solved in passes, rewarded by the score of the whole scene."""
+    has_tree: bool = False
+    """Whether it searches a tree of scenes."""
+
+    @property
+    def takes_turns(self) -> bool:
+        """Whether the objects of a scene take turns and are answered together."""
+        return self.has_passes or self.has_tree
+
+    @property
+    def first_only(self) -> bool:
+        """Whether it works on the first hypothesis alone."""
+        return not self.chooses and not self.has_tree
+
+    @property
+    def answers_best_of_all(self) -> bool:
+        """Whether the answer is the pose with the highest score of any hypothesis of the object."""
+        return self.chooses and not self.has_passes
+
+
+METHODS: dict[str, Method] = {
+    "refine": Method("REFINE", lambda parts: PerObject(parts.refine()), simulates=False, verifies=False),
+    "phys_before": Method("PHYS_BEFORE", lambda parts: PerObject(parts.phys_before()), verifies=False),
+    "phys_after": Method("PHYS_AFTER", lambda parts: PerObject(parts.phys_after()), verifies=False),
+    "even": Method("EVEN", lambda parts: PerObject(parts.even()), chooses=True),
+    "expl": Method("EXPL", lambda parts: PerObject(parts.expl()), chooses=True),
+    "pir": Method("PIR", lambda parts: PerObject(parts.pir_alone()), verifies=False),
+    "sir": Method("SIR", lambda parts: PerObject(parts.sir_alone())),
+    "rir": Method("RIR", lambda parts: PerObject(parts.rir()), chooses=True, has_ucb=True),
+    "vf_breadth": Method("VF_b", _Parts.vf_breadth, chooses=True, has_ucb=True, knows_others=True),
+    "vf_depth": Method("VF_d", _Parts.vf_depth, chooses=True, has_ucb=True, knows_others=True, has_passes=True),
+    # The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py).
+    "physim_mcts": Method("PHYSIM-MCTS", knows_others=True, has_tree=True),
 }
 
-SEARCH = "physim_mcts"
-"""The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py)."""
-
-METHOD_NAMES = tuple(_METHODS)
+ALL_METHOD_NAMES = tuple(METHODS)
+METHOD_NAMES = tuple(name for name, method in METHODS.items() if method.make is not None)
 """Composed here from the session's refiner and simulator."""
+SEARCH = next(name for name, method in METHODS.items() if method.has_tree)
+"""Name of the tree search."""
 
-ALL_METHOD_NAMES = (*METHOD_NAMES, SEARCH)
+
+def method_of(name: str) -> Method:
+    """What the method of that name is; one that is not known here counts as a plain one."""
+    return METHODS.get(name) or Method(name.upper())
 
 
 def make_method(
@@ -106,6 +150,7 @@ def make_method(
     Raises:
         SettingsError: there is no such method.
     """
-    if settings.name not in _METHODS:
+    make = method_of(settings.name).make
+    if make is None:
         raise SettingsError(unknown("method", settings.name, ALL_METHOD_NAMES))
-    return _METHODS[settings.name](_Parts(settings, simulator, refiner, verifier, n_steps))
+    return make(_Parts(settings, simulator, refiner, verifier, n_steps))

@@ -13,6 +13,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.scores import Scores
+from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.entities import branch
 
 SUBSAMPLE = 16
@@ -68,12 +69,12 @@ class Layout:
     @property
     def has_passes(self) -> bool:
         """Whether iterations of several objects are judged together."""
-        return self.method == "vf_depth" and self.is_scene and self.has_clusters
+        return method_of(self.method).has_passes and self.is_scene and self.has_clusters
 
     @property
     def has_tree(self) -> bool:
         """Whether the iterations grow a search tree."""
-        return self.method == "physim_mcts"
+        return method_of(self.method).has_tree
 
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.layout import Layout
 
-WITHOUT_CHOICE = ("refine", "phys_before", "phys_after", "pir", "sir", "physim_mcts")
 """Methods whose iterations do not say how a bandit chose the hypothesis."""
 LEGEND_ARMS = 12
 """With more hypotheses a legend would hide the curves."""
@@ -44,6 +44,6 @@ def shown(layout: Layout, has_maps: bool) -> Shown:
         has_graph=layout.has_graph and layout.is_scene,
         has_passes=layout.has_passes,
         has_tree=layout.has_tree,
-        has_choice=layout.method not in WITHOUT_CHOICE,
+        has_choice=method_of(layout.method).chooses,
         has_legend=all(b.n_arms <= LEGEND_ARMS for b in branches),
     )

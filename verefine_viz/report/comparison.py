@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.report.frame_recalls import FrameRecalls
 from verefine_viz.report.groups import Group
 from verefine_viz.report.numbers import stage_times
@@ -120,7 +120,7 @@ def _line(group: Group, mine: Outcomes, drawn: Draws, best: Cells | None, ar: Ce
         translation_mm=drawn.mean(mine.cells(mine.translation_mm)),
         score=drawn.mean(mine.cells(mine.score)),
         ms_per_frame=drawn.median(*mine.frame_times),
-        calls=None if group.method == SEARCH else drawn.mean(mine.cells(mine.calls)),
+        calls=None if method_of(group.method).has_tree else drawn.mean(mine.cells(mine.calls)),
         curve=Curve(hits.sum(axis=(0, 1)) / n, drawn.band(hits, recall.n)) if n else None,
         causes=dict(Counter(row.cause for run in group.runs if run.with_truth for row in run.failures)),
         stages_ms=_stages(group),

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.diagnosis.case import FIRST_ONLY
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.words import DECLARE, cause_title
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.report.loaded import Loaded
 
 FEW = 5
@@ -36,7 +35,11 @@ ADVICE = {
 """What to try, by cause."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
 OWN_ADVICE = {
-    **{name: {Cause.ARM_STARVED: f"{_FIRST_ONLY}, so try one that looks at all, such as rir"} for name in FIRST_ONLY},
+    **{
+        name: {Cause.ARM_STARVED: f"{_FIRST_ONLY}, so try one that looks at all, such as rir"}
+        for name, method in METHODS.items()
+        if method.first_only
+    },
     "even": {Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations)"},
     "expl": {Cause.ARM_STARVED: f"{_STARVED}a method that explores, such as rir"},
     SEARCH: {

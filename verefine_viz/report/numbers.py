@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.batch.misled import misled
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.report.loaded import Loaded, error_or_infinite
 
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
@@ -124,7 +124,7 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_m
         median_score=float(np.median(scores)) if scores else None,
         solving_ms=solving_ms,
         calls_per_object=None
-        if method == SEARCH or not solved
+        if method_of(method).has_tree or not solved
         else sum(row.n_iterations for row in solved) / len(solved),
         ar=ar,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.methods.registry import SEARCH
+from verefine_viz.methods.registry import method_of
 from verefine_viz.report.groups import Group, Seeds, seeds_of
 from verefine_viz.report.loaded import error_or_infinite
 from verefine_viz.report.numbers import THRESHOLDS
@@ -123,7 +123,8 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
     frames = [row.frame for row in rows]
     place = {frame: k for k, frame in enumerate(axes.frames)}
     solved = [row.status == "ok" for row in rows]
-    calls = [row.n_iterations if ok and group.method != SEARCH else None for row, ok in zip(rows, solved, strict=True)]
+    is_counted = not method_of(group.method).has_tree
+    calls = [row.n_iterations if ok and is_counted else None for row, ok in zip(rows, solved, strict=True)]
     return Outcomes(
         axes.shape,
         np.array([axes.unit_of[frame] for frame in frames], np.intp),

@@ -13,7 +13,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
-from verefine_viz.methods.registry import SEARCH, make_method
+from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
@@ -69,7 +69,7 @@ class Toolbox:
     @cached_property
     def method(self) -> Method[Any]:
         s = self.session
-        if s.method.name == SEARCH:
+        if method_of(s.method.name).has_tree:
             physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
             pixels = ExplainedPixels(s.mcts.explained_m, s.score, patience=self._patience)
             return make_physim_mcts(

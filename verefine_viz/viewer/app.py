@@ -6,26 +6,46 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any, cast
 
 from verefine_viz.core.errors import Cancelled, VerefineError
 from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import Session
+from verefine_viz.refiners.foreign import raised_by_refiner
 from verefine_viz.session.compiling import told_of_compiling
-from verefine_viz.viewer.command import Command
+from verefine_viz.viewer.busy_status import BusyStatus
+from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.gallery import Gallery
-from verefine_viz.viewer.keeping import Keeping
-from verefine_viz.viewer.layout import set_theme
-from verefine_viz.viewer.lost import lost_style
-from verefine_viz.viewer.meanwhile import Meanwhile
+from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.page import Page
-from verefine_viz.viewer.real_parts import real_parts
-from verefine_viz.viewer.refusal import Unconfirmed, told
-from verefine_viz.viewer.requests import STOP, Requests
-from verefine_viz.viewer.server import Server
-from verefine_viz.viewer.telling import Telling
-from verefine_viz.viewer.tools import Tools
+from verefine_viz.viewer.panels.layout import set_theme
+from verefine_viz.viewer.state.branch import Tools
+from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.state import Unconfirmed
+from verefine_viz.viewer.web.server import Server
+from verefine_viz.viewer.web.viser_internals import lost_style
+from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
+
+# What the page needs of simulator, renderer and refiners; imported late, since it is heavy.
+
+
+def real_parts(
+    patience: Patience,
+) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
+    """The toolbox, the checks of plausibility and overlap, and the built-in scenes."""
+    from verefine_viz.physics.overlap import overlap
+    from verefine_viz.physics.plausibility import plausibility
+    from verefine_viz.physics.proximity import Surfaces
+    from verefine_viz.scenes.demo import demo_names
+    from verefine_viz.session.toolbox import Toolbox
+
+    surfaces = Surfaces()
+    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=patience))
+    checks = partial(plausibility, surface_of=surfaces, patience=patience), partial(overlap, surface_of=surfaces)
+    return make_tools, *checks, tuple(demo_names())
+
 
 _LOG = logging.getLogger(__name__)
 REFRESH_S = 0.12
@@ -64,8 +84,8 @@ class App:
         self._folder = folder if folder is not None else Path("sessions")
         self._batch = batch
         self._first = first
-        self._requests = Requests(lambda: self._telling.cancelling())
-        self._meanwhile = Meanwhile(self._requests, self._look_around)
+        self._requests = RequestQueue(lambda: self._telling.cancelling())
+        self._meanwhile = Cancellation(self._requests, self._look_around)
         self._patience = Patience(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
         self._page: Page | None = None
         self._ready = threading.Event()
@@ -81,7 +101,7 @@ class App:
         self.server = Server(self._host, self._port)
         set_theme(self.server.gui)
         self.server.gui.add_html(lost_style(self.server.get_port()))
-        self._telling = Telling(self.server, self._requests)
+        self._telling = BusyStatus(self.server, self._requests)
         self._worker = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
         self._worker.start()
         return self
@@ -152,7 +172,7 @@ class App:
             said = str(error)
             if not isinstance(error, VerefineError):
                 _LOG.exception("command %s failed", command)
-                said = told(error)
+                said = unforeseen(error)
             self._give_up(said, refused=True, offer=offer, with_maps=not only_shows)
 
     def _give_up(
@@ -167,14 +187,14 @@ class App:
         Without score maps where they, or what comes with them, are what could not be shown: or it would go on for ever.
         """
         self.page.leave_off()
-        self.debugger.running.pause()
-        self.debugger.comparing.pause()
+        self.debugger.pause()
+        self.debugger.pause_b()
         self.debugger.message, self.debugger.refused, self.debugger.offer = message, refused, offer
         self.page.show(with_picture=True, with_maps=with_maps)
         self._telling.shown()
 
     def _open(self) -> None:
-        keeping = Keeping(self.server, self._folder, self._patience)
+        keeping = Exporter(self.server, self._folder, self._patience)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._telling.tell("Loading the simulator, the renderer and the refiner.")
@@ -206,7 +226,7 @@ class App:
         """Makes the first step and forgets it: else a person who makes it waits for the kernels that it needs."""
         self._telling.tell("Trying a step.")
         run = self.debugger.workspace.run
-        with suppress(Exception):  # What is wrong is told when it is made, or shown, in earnest.
+        with suppress(Exception):  # What is wrong is said when it is made, or shown, in earnest.
             if not run.is_done:
                 run.method.step(run.state)
             self.debugger.view()
@@ -230,7 +250,7 @@ class App:
             if not self.debugger.is_busy or self.page.age_s > REFRESH_S:
                 self._show()
         else:
-            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it anew.
+            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it again.
                 self.page.go_on()
 
     def _look_around(self, command: Command) -> None:
@@ -247,3 +267,11 @@ class App:
     def _show(self) -> None:
         self.page.show(with_picture=self.debugger.is_busy)
         self._telling.shown()
+
+
+def unforeseen(error: Exception) -> str:
+    """What the page says of an error that was not foreseen: a bug, unless a refiner of another program raised it."""
+    said = raised_by_refiner(error)
+    if not said:
+        return f"{type(error).__name__}: {error} (a bug: please report it with the log)"
+    return f"{said[0].upper()}{said[1:]}. The run stands before it: mend the refiner, then start the program again."

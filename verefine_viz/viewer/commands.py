@@ -1,21 +1,49 @@
 """Everything a person can ask for, as data: what buttons, keys, links and scripts put into the queue.
 
-A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_lines`).
+A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_json`).
 The debugger carries them out in order, on one thread (:mod:`verefine_viz.viewer.debugger`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, get_args
 
-from verefine_viz.viewer.command import Changes, Command
-from verefine_viz.viewer.gallery_commands import FilterBatch, OpenAt, OpenFailure, OpenPoint, SortBatch, TurnPage
-from verefine_viz.viewer.order_commands import ORDER_COMMANDS
-from verefine_viz.viewer.side_commands import SIDE_COMMANDS
+from verefine_viz.batch.index import Order
+
+Changes = tuple[tuple[str, Any], ...]
+"""Settings to change: (("method.exploration", 0.2), …)."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Base of all commands."""
+
+    latest_wins: ClassVar[bool] = False
+    """A newer one of the same kind makes an older one that still waits pointless (sliders, dragging)."""
+    only_looks: ClassVar[bool] = False
+    """It neither computes anything of a run nor changes what is open: it is carried out while another takes long."""
+    is_long: ClassVar[bool] = False
+    """It may take long, and changes nothing that is open before it is done."""
+    runs_beside: ClassVar[bool] = False
+    """A run of A goes on while it is carried out."""
+    keeps_b_running: ClassVar[bool] = False
+    """B of a comparison goes on being computed."""
+    keeps_edited_pose: ClassVar[bool] = False
+    """It leaves the edited pose as it is."""
+    controls_run: ClassVar[bool] = False
+    """It begins or pauses a run, which is logged when it ends."""
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        """What the log holds of it, so that doing that again gives the same; ``cursor``: where the run is after it."""
+        return () if self.controls_run else (self,)
+
 
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
+MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+BatchFilter = Literal["result", "cause", "object", "method", "run"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
 
@@ -26,28 +54,36 @@ Pose = tuple[float, ...]
 class Step(Command):
     """To the end of the iteration that is shown stage by stage, else one iteration forward."""
 
+    keeps_b_running = True
+
 
 @dataclass(frozen=True)
 class StepStage(Command):
     """One stage forward: current, simulated, mixed, refined, then the next iteration."""
+
+    keeps_b_running = True
 
 
 @dataclass(frozen=True)
 class Back(Command):
     """One iteration back."""
 
+    only_looks = keeps_b_running = True
+
 
 @dataclass(frozen=True)
 class Seek(Command):
     """To an iteration that was computed already; 0 = before the first."""
 
-    latest_wins: ClassVar[bool] = True
+    latest_wins = only_looks = keeps_b_running = True
     cursor: int
 
 
 @dataclass(frozen=True)
 class SeekStage(Command):
     """To one stage of an iteration."""
+
+    only_looks = keeps_b_running = True
 
     cursor: int
     stage: str
@@ -57,10 +93,14 @@ class SeekStage(Command):
 class SeekEnd(Command):
     """To the last iteration that was computed."""
 
+    only_looks = keeps_b_running = True
+
 
 @dataclass(frozen=True)
 class SeekEvent(Command):
     """To the next (+1) or previous (−1) mark on the timeline, among the iterations that were computed."""
+
+    only_looks = keeps_b_running = True
 
     direction: int
 
@@ -69,12 +109,16 @@ class SeekEvent(Command):
 class RunUntil(Command):
     """Compute on, to the end, the next event, or a breakpoint; breakpoints stop all of them."""
 
+    keeps_b_running = controls_run = True
+
     goal: Goal = "end"
 
 
 @dataclass(frozen=True)
 class RunTo(Command):
     """Compute on until the timeline holds this many iterations, breakpoints or not."""
+
+    keeps_b_running = controls_run = True
 
     length: int
 
@@ -83,30 +127,40 @@ class RunTo(Command):
 class Pause(Command):
     """Stop computing after the iteration at hand."""
 
+    keeps_edited_pose = controls_run = True
+
 
 @dataclass(frozen=True)
 class Cancel(Command):
     """End what takes long and is being done, with everything as it was before; does not wait for its turn."""
+
+    keeps_edited_pose = controls_run = True
 
 
 @dataclass(frozen=True)
 class TogglePause(Command):
     """Run if paused, pause if running."""
 
+    controls_run = True
+
 
 @dataclass(frozen=True)
 class Restart(Command):
     """Back to before iteration 1 with an empty timeline, settings changed if any are given."""
 
+    is_long = True
+
     changes: Changes = ()
 
 
-# Choosing what to solve, and how
+# What is open, and how it is solved
 
 
 @dataclass(frozen=True)
 class OpenFrame(Command):
     """Another frame of the session, ``scene/image``."""
+
+    is_long = True
 
     frame: str
 
@@ -115,6 +169,8 @@ class OpenFrame(Command):
 class OpenDemo(Command):
     """Another built-in scene."""
 
+    is_long = True
+
     name: str
 
 
@@ -122,12 +178,16 @@ class OpenDemo(Command):
 class OpenSession(Command):
     """A session file."""
 
+    is_long = True
+
     path: str
 
 
 @dataclass(frozen=True)
 class Estimate(Command):
-    """New first poses for one object of the open frame, as a new branch; the others of the frame stay."""
+    """New initial poses for one object of the open frame, as a new branch; the others of the frame stay."""
+
+    is_long = True
 
     instance_id: int
     estimator: Literal["ppf", "pcs", "session"]
@@ -143,10 +203,15 @@ class Fork(Command):
     run: bool = False
     """Whether to run the branch to the end at once: the what-if."""
 
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return (replace(self, run=False),)
+
 
 @dataclass(frozen=True)
 class ForkFromPose(Command):
     """A new branch from where we are, in which the edited pose replaces the arm's current one."""
+
+    keeps_edited_pose = True
 
 
 @dataclass(frozen=True)
@@ -160,6 +225,8 @@ class ShowBranch(Command):
 class SetBreakpoints(Command):
     """When a running method should stop and wait."""
 
+    runs_beside = keeps_edited_pose = keeps_b_running = True
+
     changes: Changes
 
 
@@ -170,6 +237,8 @@ class SetBreakpoints(Command):
 class Focus(Command):
     """An object of the frame, to which the page is then filtered; None = always the one that is worked on."""
 
+    runs_beside = only_looks = keeps_b_running = True
+
     instance_id: int | None = None
 
 
@@ -177,10 +246,14 @@ class Focus(Command):
 class ShowScene(Command):
     """The whole scene instead of one object, until one is chosen."""
 
+    runs_beside = only_looks = True
+
 
 @dataclass(frozen=True)
 class SelectArm(Command):
     """Another hypothesis, whose history is shown; None = the one at work."""
+
+    runs_beside = only_looks = keeps_b_running = True
 
     arm: int | None
 
@@ -188,6 +261,8 @@ class SelectArm(Command):
 @dataclass(frozen=True)
 class Compare(Command):
     """Two stages side by side."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     a: str | None = None
     b: str | None = None
@@ -197,6 +272,8 @@ class Compare(Command):
 class ShowMap(Command):
     """Which score map lies on the camera image in 3D, and is large in the Score panel."""
 
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
     name: str
 
 
@@ -204,7 +281,7 @@ class ShowMap(Command):
 class ProbePixel(Command):
     """The numbers of one pixel of the score maps."""
 
-    latest_wins: ClassVar[bool] = True
+    latest_wins = runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
     u: int
     v: int
 
@@ -213,12 +290,16 @@ class ProbePixel(Command):
 class ColorCloud(Command):
     """What the colours of the observed cloud mean; None = the next of the three."""
 
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
     by: CloudColors | None = None
 
 
 @dataclass(frozen=True)
 class ShowLayer(Command):
     """A layer of the 3D scene on or off; None = the other way."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     name: str
     visible: bool | None = None
@@ -228,7 +309,7 @@ class ShowLayer(Command):
 class ScrubPath(Command):
     """One pose of the simulated path; None = hide it."""
 
-    latest_wins: ClassVar[bool] = True
+    latest_wins = only_looks = keeps_edited_pose = keeps_b_running = True
     pose: int | None
 
 
@@ -236,10 +317,14 @@ class ScrubPath(Command):
 class PlayPath(Command):
     """Show the simulated path pose by pose."""
 
+    keeps_edited_pose = keeps_b_running = True
+
 
 @dataclass(frozen=True)
 class Animate(Command):
     """Whether a step is shown stage by stage."""
+
+    runs_beside = keeps_edited_pose = keeps_b_running = True
 
     on: bool
 
@@ -247,6 +332,8 @@ class Animate(Command):
 @dataclass(frozen=True)
 class ScoreGroundTruth(Command):
     """Score the ground truth and put it beside the best pose."""
+
+    runs_beside = keeps_edited_pose = keeps_b_running = True
 
 
 @dataclass(frozen=True)
@@ -260,16 +347,18 @@ class EditPose(Command):
 class DragPose(Command):
     """The edited pose, while it is dragged."""
 
-    latest_wins: ClassVar[bool] = True
+    latest_wins = keeps_edited_pose = True
     T_cam_obj: Pose
 
 
-# Keeping
+# Writing files
 
 
 @dataclass(frozen=True)
 class SaveSession(Command):
     """Settings, also those changed on the way, breakpoints and edited poses, to ``sessions/<name>.toml``."""
+
+    keeps_edited_pose = True
 
     name: str
     replace: bool = False
@@ -282,18 +371,106 @@ class SaveSession(Command):
 class Export(Command):
     """Write the recording, the 3D scene as one HTML file, the results CSV, or the score maps as PNG."""
 
+    runs_beside = is_long = keeps_edited_pose = keeps_b_running = True
+
     what: Literal["recording", "scene", "results", "maps", "commands"]
     client: int | None = None
     """The browser that asked, which gets the file as well; None = it is only written."""
 
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return (replace(self, client=None),)
 
-COMMANDS: dict[str, type[Command]] = {
-    c.__name__: c
-    for c in (
-        Step, StepStage, Back, Seek, SeekStage, SeekEnd, SeekEvent, RunUntil, RunTo, Pause, Cancel, TogglePause,
-        Restart, Estimate, OpenFrame, OpenAt, OpenDemo, OpenSession, Fork, ForkFromPose, ShowBranch, SetBreakpoints,
-        Focus, ShowScene, SelectArm, Compare, ShowMap, ProbePixel, ColorCloud, ShowLayer, ScrubPath, PlayPath, Animate,
-        OpenFailure, OpenPoint, SortBatch, FilterBatch, TurnPage, ScoreGroundTruth, EditPose, DragPose, SaveSession,
-        Export, *SIDE_COMMANDS, *ORDER_COMMANDS,
-    )
-}  # fmt: skip
+
+# The gallery of a batch
+
+
+@dataclass(frozen=True)
+class OpenAt(Command):
+    """A frame at one of its iterations, computed up to there if need be."""
+
+    is_long = True
+
+    frame: str
+    iteration: int
+    run: str = ""
+    """Of several batch runs the one whose session is opened; empty = the one that is open."""
+    instance: int | None = None
+    """instance_id of the object that is then in focus."""
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return (replace(self, iteration=cursor),)
+
+
+@dataclass(frozen=True)
+class OpenFailure(Command):
+    """The next (+1) or previous (−1) answer of the gallery, in its order and among what its filters leave."""
+
+    is_long = True
+
+    direction: int
+
+
+@dataclass(frozen=True)
+class OpenPoint(Command):
+    """The answer whose point in the plot of score over error lies nearest."""
+
+    is_long = True
+
+    u: int
+    v: int
+
+
+@dataclass(frozen=True)
+class SortBatch(Command):
+    """The order in which a batch's answers are listed."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
+    order: Order
+
+
+@dataclass(frozen=True)
+class FilterBatch(Command):
+    """Which of a batch's answers are listed; every filter counts until it is set to "all"."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
+    by: BatchFilter
+    value: str
+
+
+@dataclass(frozen=True)
+class TurnPage(Command):
+    """Another page of the gallery, counted from 0."""
+
+    latest_wins = runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+    page: int
+
+
+# The order in which objects are solved; each restarts the run
+
+
+@dataclass(frozen=True)
+class CutDependency(Command):
+    """Let what is seen between two instances count no more, or count again."""
+
+    first: int
+    """instance_id."""
+    second: int
+    cut: bool = True
+
+
+@dataclass(frozen=True)
+class MoveInOrder(Command):
+    """Solve an object one place earlier (−1) or later (+1).
+
+    At the end of its cluster, the whole cluster changes places with the next one.
+    """
+
+    instance_id: int
+    by: int
+
+
+@dataclass(frozen=True)
+class ResetOrder(Command):
+    """Back to the order of the rule."""

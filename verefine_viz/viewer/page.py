@@ -8,14 +8,14 @@ from typing import Literal
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.gallery import Gallery
-from verefine_viz.viewer.layout import Layout
-from verefine_viz.viewer.requests import Requests
-from verefine_viz.viewer.scene_view import SceneView
-from verefine_viz.viewer.server import Server
-from verefine_viz.viewer.side_nodes import SideNodes
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.viewing import later, standing
+from verefine_viz.viewer.panels.layout import Layout
+from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
+from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
+from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.web.server import Server
+from verefine_viz.viewer.worker import RequestQueue
 
 FRAME_S = 1 / 25
 """Time between two pictures of an animation, and from words to the picture that goes with them [s]."""
@@ -34,14 +34,14 @@ class Page:
         batch: whose answers are listed; None = no batch.
     """
 
-    def __init__(self, server: Server, debugger: Debugger, requests: Requests, batch: Gallery | None) -> None:
+    def __init__(self, server: Server, debugger: Debugger, requests: RequestQueue, batch: Gallery | None) -> None:
         self._server, self._debugger, self._requests = server, debugger, requests
         self.scene = SceneView(server, requests.send)
-        self.sides = SideNodes(server)
-        self.layout = Layout(server, requests.send, batch)
+        self.comparison = ComparisonNodes(server)
+        self.layout = Layout(server, requests.send, lambda client: look_again(server, client), batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
-        self._view: View | None = None
+        self._view: Snapshot | None = None
         self._left: Literal["maps", "picture"] | None = None
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
@@ -87,7 +87,7 @@ class Page:
         view = self._view
         assert view is not None
         stepped = isinstance(command, c.Step) and view.cursor == before + 1
-        if stepped and view.look.animate and view.is_current:
+        if stepped and view.options.animate and view.is_current:
             self._animation = self.scene.animation(view)
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(view)
@@ -107,9 +107,9 @@ class Page:
         """Something else is to be shown: what is left of animation and physics is of no use."""
         self._animation = self._later = None
 
-    def _draw(self, view: View) -> None:
+    def _draw(self, view: Snapshot) -> None:
         self.scene.show(view)
-        self.sides.show(view)
+        self.comparison.show(view)
 
     def _show_left(self) -> None:
         left, self._left = self._left, None
@@ -124,8 +124,8 @@ class Page:
                 self.scene.show_deep(view)
                 self.layout.show_deep(view)
         self._server.flush()
-        if not view.physics.complete or _judged_alone(view):
-            self._later = later(view, self._debugger.workspace.branch.judge)
+        if not view.physics.complete or _lacks_plausibility(view):
+            self._later = deferred_physics(view, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""
@@ -136,7 +136,7 @@ class Page:
         self._server.flush()
 
 
-def _is_known(view: View, shown: View | None) -> bool:
+def _is_known(view: Snapshot, shown: Snapshot | None) -> bool:
     """Whether it is of the frame and object that are shown already."""
     return (
         shown is not None
@@ -145,7 +145,7 @@ def _is_known(view: View, shown: View | None) -> bool:
     )
 
 
-def _judged_alone(view: View) -> bool:
+def _lacks_plausibility(view: Snapshot) -> bool:
     """Whether the plausibility of the poses in focus is still to be worked out."""
-    missing = any(name not in view.plausible for name in standing(view.poses))
+    missing = any(name not in view.plausible for name in plausibility_stages(view.poses))
     return missing and view.target.observation.support is not None

@@ -1,1 +1,1 @@
-"""One small class per panel: ``__init__(gui, send)`` builds widgets, ``show(view)`` updates them in place."""
+"""One class per panel: ``__init__(gui, send)`` builds widgets, ``show(snapshot)`` updates them in place."""

@@ -9,45 +9,17 @@ from typing import get_args
 import viser
 
 from verefine_viz.batch.index import ORDERS, Order
+from verefine_viz.core.palette import RGB
 from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.choice import choice
-from verefine_viz.viewer.command import Command
-from verefine_viz.viewer.gallery import ALL, PAGE, Entry, Gallery
-from verefine_viz.viewer.gallery_commands import BatchFilter
-from verefine_viz.viewer.markup import carries, link, sentence, text, warning
-from verefine_viz.viewer.standing import LIGHTS
-from verefine_viz.viewer.tables import number
-from verefine_viz.viewer.thumbnails import Painter, Thumbnails
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block
+from verefine_viz.viewer.commands import BatchFilter, Command
+from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, warning
+from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
+from verefine_viz.viewer.panels.widgets import Block
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import ALL, PAGE, Entry, Gallery
 
-STYLE = """<style>
-.vz .choices{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:4px;margin-bottom:6px}
-.vz.batch{padding-bottom:0}
-.vz.batch p.bad{max-height:8em;overflow-y:auto}
-.vz.batch .card{margin-bottom:-5px}
-.vz select{display:block;width:100%;font:inherit;font-size:12px;color:inherit;background:#2e2e2e;
- border:1px solid #424242;border-radius:4px;padding:1px 2px;color-scheme:dark}
-.vz button.card{display:flex;gap:8px;width:100%;padding:3px;margin:0;text-align:left;font:inherit;font-size:12px;
- line-height:1.36;color:inherit;background:none;border:1px solid transparent;border-radius:5px;cursor:pointer}
-.vz button.card:hover{background:rgba(28,126,214,.12)}
-.vz button.card:focus-visible{outline:2px solid #1c7ed6}
-.vz button.card.marked{background:rgba(40,200,80,.18);border-color:rgba(40,200,80,.55);animation:opened 1ms}
-@keyframes opened{from{opacity:.9}}
-.vz button.card[disabled]{cursor:not-allowed}
-.vz .card .pic{flex:none;width:88px;height:66px;border-radius:3px;background:#333;overflow:hidden}
-.vz .card img{image-rendering:auto;width:88px;height:66px}
-.vz .card .txt{flex:1;min-width:0}
-.vz .card .txt>span{display:flex;justify-content:space-between;gap:6px;white-space:nowrap}
-.vz .card .name{overflow:hidden;text-overflow:ellipsis}
-.vz .card .txt>.why{display:-webkit-box;-webkit-box-orient:vertical;-webkit-line-clamp:2;overflow:hidden;
- white-space:normal}
-.vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
-.vz .pages{display:flex;justify-content:space-between}
-</style>"""
-# The animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
-_INTO_SIGHT = "this.scrollIntoView({block:'nearest'})"
 TITLES: dict[BatchFilter, str] = {
     "result": "Show", "cause": "Cause", "object": "Object", "method": "Method", "run": "Run",
 }  # fmt: skip
@@ -57,7 +29,6 @@ class BatchPanel:
     """Filters, and a card per answer with its picture."""
 
     def __init__(self, gui: viser.GuiApi, gallery: Gallery) -> None:
-        gui.add_html(STYLE)
         self._words = Block(gui, "batch")
         self._choices = Block(gui, "batch")
         self._cards = [Block(gui, "batch") for _ in range(PAGE)]
@@ -72,21 +43,21 @@ class BatchPanel:
         """No further pictures."""
         self.thumbnails.stop()
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """One page of the answers that are asked for; the one that is open is marked."""
-        gallery, look = self._gallery, view.look
-        entries = gallery.shown(look.batch_order, look.batch_only)
-        page = min(look.batch_page, max(len(entries) - 1, 0) // PAGE)
+        gallery, options = self._gallery, view.options
+        entries = gallery.shown(options.batch_order, options.batch_only)
+        page = min(options.batch_page, max(len(entries) - 1, 0) // PAGE)
         with self._lock:
             self._shown, self._opened = entries[page * PAGE : (page + 1) * PAGE], view.entry
             doubt = warning(gallery.doubt, red=True) if gallery.doubt else ""
             self._words.show(doubt + sentence(summary(gallery, entries)))
-            self._choices.show(choices(gallery, look.batch_order, look.batch_only))
+            self._choices.show(choices(gallery, options.batch_order, options.batch_only))
             for k in range(PAGE):
                 self._show_card(k)
             self._pages.show(pages(page, len(entries)))
         # While a run is on, every core is its own.
-        b_runs = view.sides is not None and view.sides.running
+        b_runs = view.comparison is not None and view.comparison.running
         self.thumbnails.want(() if view.progress.running or b_runs else self._shown)
 
     def _show_card(self, k: int) -> None:
@@ -135,29 +106,31 @@ def _label(by: BatchFilter, value: str) -> str:
 
 def card(entry: Entry, command: Command, picture: str | None, is_open: bool, with_run: bool) -> str:
     """One answer: its picture, how wrong it is, and why. ``picture``: a data URI, empty = there is none, None = yet."""
+    from verefine_viz.viewer.drawing.templates import filled, ready  # The page starts without jinja2.
+
     row = entry.row
     made_by = entry.run if with_run else row.method
-    lines = (
-        f'<span><b class="name">{text(row.name or "all objects")}</b>{_error(entry)}</span>'
-        f'<span class="dim"><span class="name">{text(row.frame)} · {text(made_by)}</span>{_iteration(entry)}</span>'
-    )
+    why, off = row.message, ""
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
-        doubt = f'<b style="color:rgb{LIGHTS["red"]}">data in doubt</b>' if row.doubt else ""
         off = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
-        lines += f'<span><span class="dim">{off}</span>{doubt}</span>'
-    else:
-        why = row.message
-    lines += f'<span class="why">{text(why or "–")}</span>'
-    image = f'<img src="{picture}" alt="">' if picture else '<i class="dim">no picture</i>' if picture == "" else ""
     # Whole, what there may be no room for.
-    told = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
-    tip = " ".join(filter(None, (*told, _opens_at(entry) if entry.can_be_opened else "")))
-    attributes = carries(command) if entry.can_be_opened else "disabled"
-    look = f'class="card marked" onanimationstart="{_INTO_SIGHT}"' if is_open else 'class="card"'
-    return (
-        f'<button {look} title="{text(tip)}" {attributes}>'
-        f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
+    whole = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
+    error, color = _error(entry)
+    return filled(
+        "card.html",
+        row=row,
+        iteration=entry.iteration,
+        made_by=made_by,
+        why=why,
+        off=off,
+        error=error,
+        error_color=color,
+        red=LIGHTS["red"],
+        picture=picture,
+        is_open=is_open,
+        tip=" ".join(filter(None, (*whole, _opens_at(entry) if entry.can_be_opened else ""))),
+        attributes=ready(carries(command)) if entry.can_be_opened else "",
     )
 
 
@@ -171,19 +144,14 @@ def _opens_at(entry: Entry) -> str:
     return f"{at}, which made it worse than any other."
 
 
-def _error(entry: Entry) -> str:
-    """How wrong it is, in red or green where that is known."""
+def _error(entry: Entry) -> tuple[str, RGB | None]:
+    """How wrong it is, with its colour: red or green where that is known."""
     row = entry.row
     if row.status != "ok":
-        said = {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed")
-        return f'<b style="color:rgb{LIGHTS["red"]}">{said}</b>'
+        return {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed"), LIGHTS["red"]
     if row.relative_error is None:
-        return "<b>–</b>"
-    return f'<b style="color:rgb{LIGHTS["red" if entry.is_wrong else "green"]}">{row.relative_error:.0%} of ∅</b>'
-
-
-def _iteration(entry: Entry) -> str:
-    return f"<span>it. {entry.iteration}</span>" if entry.can_be_opened else ""
+        return "–", None
+    return f"{row.relative_error:.0%} of ∅", LIGHTS["red" if entry.is_wrong else "green"]
 
 
 def pages(page: int, n: int) -> str:

@@ -9,10 +9,11 @@ import viser
 
 from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.breakpoint_words import breakpoint_words
-from verefine_viz.viewer.markup import sentence
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact, unlabelled
+from verefine_viz.viewer.drawing.markup import sentence
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.sentences import breakpoint_words
+from verefine_viz.viewer.web.viser_internals import beside_the_box, compact
 
 
 @dataclass(frozen=True)
@@ -27,17 +28,17 @@ class Threshold:
 
 
 THRESHOLDS = {
-    "score_falls_by": Threshold(0.02, 0.01, "the kept pose scores lower than the one before by more than"),
-    "jump_mm": Threshold(10.0, 1.0, "the kept pose lies further from the one before than"),
-    "jump_deg": Threshold(10.0, 1.0, "the kept pose is turned against the one before by more than"),
+    "score_falls_by": Threshold(0.02, 0.01, "the accepted pose scores lower than the one before by more than"),
+    "jump_mm": Threshold(10.0, 1.0, "the accepted pose lies further from the one before than"),
+    "jump_deg": Threshold(10.0, 1.0, "the accepted pose is turned against the one before by more than"),
     "error_grows_by_mm": Threshold(2.0, 1.0, "ADD(-S) against ground truth grew by more than"),
 }
 FLAGS = {
     "simulated_rejected": (
         "sim. rejected",
-        "the refined pose was kept instead of the simulated one, by however little: the usual case; see physics worse",
+        "the refined pose was accepted, not the simulated one, by however little: the usual case; see physics worse",
     ),
-    "refined_rejected": ("ref. rejected", "the simulated pose was kept instead of the refined one"),
+    "refined_rejected": ("ref. rejected", "the simulated pose was accepted instead of the refined one"),
     "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
     "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
     "physics_worse": (
@@ -71,9 +72,10 @@ class BreakpointsPanel:
             box.on_update(by_person(lambda on, name=name: self._set(name, on)))
             self.boxes[name] = box
         rows = "".join(compact(row, ROW_PX) for row in (*self.boxes.values(), *self.numbers.values()))
-        gui.add_html(f"<style>{rows}{''.join(map(_beside_the_box, self.numbers.values()))}</style>")
+        rows += "".join(beside_the_box(number, ROW_PX, NUMBER_FROM_PX) for number in self.numbers.values())
+        gui.add_html(f"<style>{rows}</style>")
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """Boxes and numbers as the breakpoints are set."""
         self._words.show(sentence(breakpoint_words(view.session.breakpoints)))
         for name, box in self.boxes.items():
@@ -129,9 +131,3 @@ class BreakpointsPanel:
 
 def _in_words(name: str) -> str:
     return f", in {UNITS[name].strip()}" if UNITS[name] else ""
-
-
-def _beside_the_box(number: viser.GuiNumberHandle[float]) -> str:
-    """A style that moves a number up into the row of the box before it."""
-    row = f'div:has(> .mantine-Flex-root label[for="{number._impl.uuid}"])'
-    return f"{unlabelled(number)}{row}{{margin:-{ROW_PX}px 0 0 {NUMBER_FROM_PX}px}}"

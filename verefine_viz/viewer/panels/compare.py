@@ -8,15 +8,23 @@ import viser
 
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.methods.registry import METHOD_NAMES
-from verefine_viz.viewer import side_commands as s
-from verefine_viz.viewer.changes import current_values
-from verefine_viz.viewer.markup import hinted, link, sentence, text
-from verefine_viz.viewer.scene_words import TERMS
-from verefine_viz.viewer.side_scores import scores_note
-from verefine_viz.viewer.side_view import SidesView
-from verefine_viz.viewer.side_words import legend, now_table, outcome_table, settings_list, summary, where
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Chart, Line, Send, by_person, compact
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.drawing.comparison_tables import (
+    legend,
+    now_table,
+    outcome_table,
+    scores_note,
+    settings_list,
+    summary,
+    where,
+)
+from verefine_viz.viewer.drawing.markup import hinted, link, sentence, text
+from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, by_person
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.branch import current_values
+from verefine_viz.viewer.text.names import TERMS
+from verefine_viz.viewer.web.viser_internals import compact
 
 MOVES: dict[str, s.Command] = {
     "◀": s.StepMoment(-1),
@@ -24,7 +32,7 @@ MOVES: dict[str, s.Command] = {
     "First difference": s.SeekDifference(),
     "Swap": s.SwapSides(),
 }
-POSES: dict[str, s.SidePose] = {"best so far": "best", "kept now": "kept"}
+POSES: dict[str, s.SidePose] = {"best so far": "best", "accepted now": "kept"}
 AS_A = "as A"
 ROW_PX = 25
 """So that the answers of six objects fit into the panel."""
@@ -66,9 +74,9 @@ class ComparePanel:
         self._settings = Block(gui)
         self.choice = ChoiceOfB(gui, send)
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The comparison, or how to begin one."""
-        v = view.sides
+        v = view.comparison
         self.choice.show(view)
         for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
             handle.visible = v is not None
@@ -91,7 +99,7 @@ class ComparePanel:
             box.value = side in v.shown
         self._settings.show(settings_list(v))
 
-    def _show_curves(self, v: SidesView) -> None:
+    def _show_curves(self, v: ComparisonSnapshot) -> None:
         x, curves = [float(n) for n in v.curves.calls], v.curves
         alike = "" if v.scores_alike else ", each by its own settings"
         said = f"{v.curves_of}: score of the best pose so far{alike}"
@@ -113,7 +121,7 @@ def _caption(words: str) -> str:
     return f'<div style="font-size:11px;margin-bottom:-8px">{text(words)}</div>'
 
 
-def computing(v: SidesView, a_is_running: bool) -> str:
+def computing(v: ComparisonSnapshot, a_is_running: bool) -> str:
     """How far B is, and what can be done about it."""
     b = v.effort_b
     if v.running and a_is_running:
@@ -170,7 +178,7 @@ class ChoiceOfB:
         values = {name: field.value for name, field in self.fields.items()}
         return tuple((name, v) for name, v in values.items() if v != self._known.get(name))
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """Drafts are kept until the settings of A change."""
         names = tuple(n for n in self.fields if n != "preset")
         values = {**current_values(view.session, names), "preset": AS_A}
@@ -183,4 +191,4 @@ class ChoiceOfB:
             self._branches = labels
             self.branch.options = labels
         self.branch.visible = len(view.branches) > 1
-        self.branch.value = labels[view.sides.index_b + 1] if view.sides is not None else ""
+        self.branch.value = labels[view.comparison.index_b + 1] if view.comparison is not None else ""

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import viser
 
 from verefine_viz.core.dependency import DependencyGraph, Edge
-from verefine_viz.viewer.dependency_picture import TELLING, Node, full, picture
-from verefine_viz.viewer.markup import link, sentence, text, warning
-from verefine_viz.viewer.order_commands import CutDependency, ResetOrder
-from verefine_viz.viewer.scene_now import color_of, labels_of
-from verefine_viz.viewer.scene_words import ALONE, method_name
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send
+from verefine_viz.methods.registry import method_of
+from verefine_viz.viewer.commands import CutDependency, ResetOrder
+from verefine_viz.viewer.drawing.dependency_picture import TELLING, Node, full, picture
+from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
+from verefine_viz.viewer.panels.widgets import Block, Send
+from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.names import method_name
 
 RULES = {
     "recommended": "It follows from what touches, hides and carries what.",
@@ -28,12 +29,12 @@ class DependenciesPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._block = Block(gui, "order")
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The graph of the frame; it does not change during a run."""
         self._block.show(order_html(view))
 
 
-def order_html(view: View) -> str:
+def order_html(view: Snapshot) -> str:
     """The whole content of the panel."""
     graph, names = view.problem.dependencies, labels_of(view.problem)
     if len(names) < 2:
@@ -60,14 +61,14 @@ def order_sentence(graph: DependencyGraph, names: Mapping[int, str], method: str
     """As in: Solved in 2 groups, in this order: tuna can; then bowl, sugar box. sugar box stands on bowl.
 
     Args:
-        graph: whose order is told.
+        graph: whose order is described.
         names: by instance_id, in the order of the frame.
         method: by its name in a session file; one in which no object knows of the others does not follow the graph.
     """
     groups = [", ".join(names[i] for i in cluster) for cluster in graph.clusters]
     ordered = f"in {len(groups)} groups, " * (len(groups) > 1) + f"in this order: {'; then '.join(groups)}."
     said = f"Solved {ordered}"
-    if method in ALONE:
+    if not method_of(method).knows_others:
         said = (
             f"{method_name(method)} solves each object alone, in the order of the frame: {', '.join(names.values())}. "
             f"VF_b, VF_d and PHYSIM-MCTS would solve them {ordered}"
@@ -93,7 +94,7 @@ def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
     return set(rest) <= direct
 
 
-def _actions(view: View, graph: DependencyGraph) -> str:
+def _actions(view: Snapshot, graph: DependencyGraph) -> str:
     hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
     back = ""
     if graph.source == "given":

@@ -5,19 +5,14 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.arms import arm_color, arm_name
-from verefine_viz.viewer.carrying import alone_hint, carried
-from verefine_viz.viewer.correct import is_correct, verdict_mark
-from verefine_viz.viewer.long_names import cut, fitted
-from verefine_viz.viewer.markup import Row, link, sentence, swatch, table, text
-from verefine_viz.viewer.objects_words import objects_words
-from verefine_viz.viewer.scene_now import ObjectNow, Phase
-from verefine_viz.viewer.scene_words import TERMS, overlap_sentence
-from verefine_viz.viewer.standing import LIGHT_MEANING, LIGHTS
-from verefine_viz.viewer.tables import number
-from verefine_viz.viewer.verdict import verdict
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send
+from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, sentence, swatch, table, text
+from verefine_viz.viewer.drawing.plausibility import LIGHT_MEANING, LIGHTS
+from verefine_viz.viewer.panels.widgets import Block, Send
+from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.names import TERMS, arm_color, arm_name, is_correct, verdict_mark
+from verefine_viz.viewer.text.plausibility import plausibility_verdict, unsupported_stacking, unsupported_stacking_hint
+from verefine_viz.viewer.text.scene import objects_words, overlap_sentence
 
 PHASES: dict[Phase, tuple[str, str]] = {
     "waiting": ("waiting", "its turn is still to come"),
@@ -37,7 +32,7 @@ class ObjectsPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._rows = Block(gui, "objects brief")
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """All objects at the cursor."""
         self._rows.show(objects_html(view))
 
@@ -47,24 +42,24 @@ def height_px(n_objects: int) -> int:
     return min(HEAD_PX + ROW_PX * n_objects, MOST_PX)
 
 
-def objects_html(view: View) -> str:
+def objects_html(view: Snapshot) -> str:
     """The whole content of the panel."""
     said = sentence(objects_words(view))
     return f"{said}{filter_line(view)}{objects_table(view)}{legend(view)}{overlap_lines(view)}"
 
 
-def filter_line(view: View) -> str:
+def filter_line(view: Snapshot) -> str:
     """What the panels show, and how to change that."""
     follow = link("follow the run", c.Focus(None), "always show the object that is worked on")
     if view.is_whole_scene:
         return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
-    if view.look.focus is not None:
+    if view.options.focus is not None:
         name = view.scene.object(view.target.instance.instance_id).label
         return f"<p>Filtered to <b>{cut(name, 125)}</b> · {follow}</p>"
     return '<p class="dim">Panels follow the run; a click filters them.</p>'
 
 
-def objects_table(view: View) -> str:
+def objects_table(view: Snapshot) -> str:
     """A row for the scene, then one per object; a thicker line between clusters."""
     scene = view.scene
     rows = [_scene_row(view)]
@@ -87,12 +82,12 @@ def objects_table(view: View) -> str:
     return table(head, rows)
 
 
-def _has_errors(view: View) -> bool:
+def _has_errors(view: Snapshot) -> bool:
     """Whether there is ground truth to compare with."""
     return any(o.errors is not None for o in view.scene.objects)
 
 
-def _scene_row(view: View) -> Row:
+def _scene_row(view: Snapshot) -> Row:
     scene, latest = view.scene, view.scene.latest_pass
     score = view.frame_score.score if view.frame_score else None
     phase = "" if view.is_answer else f"pass {latest.number}" if latest else ""
@@ -104,13 +99,13 @@ def _scene_row(view: View) -> Row:
     return Row(cells, c.ShowScene(), marked=view.is_whole_scene)
 
 
-def _scene_error(view: View) -> str:
+def _scene_error(view: Snapshot) -> str:
     known = [is_correct(o.errors) for o in view.scene.objects if o.errors is not None]
     return f'<span title="so many are within 10 % of their diameter">{sum(known)}/{len(known)} ✓</span>'
 
 
-def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool) -> Row:
-    pinned = view.look.focus is not None and not view.is_whole_scene
+def _object_row(view: Snapshot, o: ObjectState, grouped: bool, first_of_cluster: bool) -> Row:
+    pinned = view.options.focus is not None and not view.is_whole_scene
     in_focus = not view.is_whole_scene and o.instance_id == view.target.instance.instance_id
     order = o.order
     if grouped:
@@ -130,30 +125,30 @@ def _object_row(view: View, o: ObjectNow, grouped: bool, first_of_cluster: bool)
     return Row(cells, c.Focus(None if pinned and in_focus else o.instance_id), marked=in_focus, parted=first_of_cluster)
 
 
-def _winner(o: ObjectNow) -> str:
+def _winner(o: ObjectState) -> str:
     """Which hypothesis became the answer, and when."""
     assert o.answer is not None
     arm, found = o.answer.arm, o.answer.iteration
-    when = f"iteration {found}, {o.answer.stage}" if found else "its first pose"
+    when = f"iteration {found}, {o.answer.stage}" if found else "its initial pose"
     return f'<span title="{text(f"{arm_name(o.target, arm)}, {when}")}">{swatch(arm_color(arm))}{arm + 1}</span>'
 
 
-def _sinks(view: View, o: ObjectNow) -> str:
+def _sinks(view: Snapshot, o: ObjectState) -> str:
     """A mark before the name of what stands on other objects that the method does not know of; a name may be cut."""
-    why = alone_hint(view, o.instance_id)
+    why = unsupported_stacking_hint(view, o.instance_id)
     return f'<b class="sinks" title="{text(why)}">⤓</b> ' if why else ""
 
 
-def _light(view: View, o: ObjectNow) -> str:
+def _light(view: Snapshot, o: ObjectState) -> str:
     found = view.physics.plausible.get(o.instance_id)
     if found is None:
         why = "no pose, or no support plane known" if view.physics.complete else "being worked out"
         return f'<span class="dim" title="{why}">…</span>' if not view.physics.complete else "–"
-    said = verdict(found, o, view.scene)
+    said = plausibility_verdict(found, o, view.scene)
     return _dot(said.light, text(f"{LIGHT_MEANING[said.light][0]}: {said.sentence}"))
 
 
-def overlap_lines(view: View) -> str:
+def overlap_lines(view: Snapshot) -> str:
     """Collisions in words, the deepest first."""
     found = view.physics.overlaps
     lines = [f'<p class="bad">{text(overlap_sentence(one, view.scene))}.</p>' for one in found[:MOST_OVERLAPS]]
@@ -162,19 +157,26 @@ def overlap_lines(view: View) -> str:
     return "".join(lines)
 
 
-def legend(view: View) -> str:
+def legend(view: Snapshot) -> str:
     """What the lights mean, and how objects are drawn in 3D."""
-    judged = {verdict(found, view.scene.object(i), view.scene).light for i, found in view.physics.plausible.items()}
-    told = judged | LIGHTS.keys() - {"grey"}
+    judged = {
+        plausibility_verdict(found, view.scene.object(i), view.scene).light
+        for i, found in view.physics.plausible.items()
+    }
+    shown = judged | LIGHTS.keys() - {"grey"}
     lights = " ".join(
         f'<span title="{text(LIGHT_MEANING[light][1])}">{_dot(light)} {LIGHT_MEANING[light][0]}</span>'
         for light in LIGHTS
-        if light in told
+        if light in shown
     )
     drawn = "3D: the answer" if view.is_answer else "3D: placed ones solid, waiting ones as ghosts"
-    drawn = f"{drawn}, overlaps red" if view.sides is None else "3D: A solid, B as an outline"
+    drawn = f"{drawn}, overlaps red" if view.comparison is None else "3D: A solid, B as an outline"
     tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
-    sinks = '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>' if carried(view) else ""
+    sinks = (
+        '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>'
+        if unsupported_stacking(view)
+        else ""
+    )
     return f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>{sinks}<p class="legend dim">{drawn}.</p>'
 
 

@@ -1,20 +1,94 @@
-"""The Physics panel: what the simulation did, and whether the kept pose could stand like that."""
+"""The Physics panel: what the simulation did, whether the accepted pose is plausible, and editing a pose."""
 
 from __future__ import annotations
 
+from typing import Any, cast, get_args
+
+import numpy as np
 import viser
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.edited_words import edited_score
-from verefine_viz.viewer.markup import sentence, warning
-from verefine_viz.viewer.panels.pose_numbers import PoseNumbers
-from verefine_viz.viewer.plane import doubt
-from verefine_viz.viewer.revealing import is_revealed
-from verefine_viz.viewer.standing import standing_html
-from verefine_viz.viewer.tables import changes_table, contacts_table
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, unlabelled
-from verefine_viz.viewer.words import physics
+from verefine_viz.viewer.drawing.markup import sentence, warning
+from verefine_viz.viewer.drawing.plausibility import plausibility_html
+from verefine_viz.viewer.drawing.tables import changes_table, contacts_table
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
+from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
+from verefine_viz.viewer.text.plausibility import plane_doubt
+from verefine_viz.viewer.text.poses import edited_score
+from verefine_viz.viewer.text.sentences import physics
+from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
+
+# The edited pose as numbers: how far it was moved and turned, to read and to type.
+
+DIGITS = 2
+"""Decimals that are shown; what is not typed keeps all of its own."""
+FARTHEST_MM, MOST_DEG = np.full(3, 10_000.0), np.full(3, 180.0)
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+class PoseNumbers:
+    """Six numbers from where the editing began; they and the arrows in 3D follow each other."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self._send = send
+        self.axes = gui.add_dropdown(
+            "Axes of", get_args(Axes), visible=False,
+            hint="camera: x to the right, y down, z away from it. object: those of its model, as it was",
+        )  # fmt: skip
+        self.axes.on_update(by_person(lambda _: self._show_numbers()))
+        # No hints: they would cover the numbers.
+        self.shift = gui.add_vector3("Moved mm", _NOTHING, min=-FARTHEST_MM, max=FARTHEST_MM, step=1.0, visible=False)
+        self.turn = gui.add_vector3("Turned °", _NOTHING, min=-MOST_DEG, max=MOST_DEG, step=1.0, visible=False)
+        for field in (self.shift, self.turn):
+            field.precision = DIGITS
+            field.on_update(by_person(lambda _: self._typed()))
+        gui.add_html(f"<style>{lettered(self.shift)}{lettered(self.turn)}</style>")
+        self._sent = SentPoses()
+        self._from: Float | None = None
+        self._to: Float | None = None
+
+    def show(self, view: Snapshot) -> None:
+        """The edited pose; nothing where none is."""
+        options = view.options
+        for widget in (self.axes, self.shift, self.turn):
+            widget.visible = options.edited is not None
+        self._from, self._to = options.T_cam_obj_edited_from, options.T_cam_obj_edited
+        if options.edited is None:
+            self._sent.clear()
+        elif self._sent.is_news(options.edited):
+            self._show_numbers()
+
+    @property
+    def _axes(self) -> Axes:
+        return cast(Axes, self.axes.value)
+
+    def _show_numbers(self) -> None:
+        if self._from is None or self._to is None:
+            return
+        shift_mm, turn_deg = displacement(self._from, self._to, self._axes)
+        self.shift.value, self.turn.value = _rounded(shift_mm), _rounded(turn_deg)
+
+    def _typed(self) -> None:
+        """Sends the pose that the numbers say; those that are as they were shown keep their hidden decimals."""
+        if self._from is None or self._to is None:
+            return
+        exact = displacement(self._from, self._to, self._axes)
+        shift_mm, turn_deg = (
+            np.where(np.array(typed) == _rounded(before), before, typed)
+            for typed, before in zip((self.shift.value, self.turn.value), exact, strict=True)
+        )
+        T = displaced(self._from, shift_mm, turn_deg, self._axes)
+        self._to = T
+        pose = tuple(float(x) for x in T.ravel())
+        self._sent.add(pose)
+        self._send(c.DragPose(pose))
+
+
+def _rounded(numbers: Any) -> tuple[float, float, float]:
+    x, y, z = (round(float(number), DIGITS) + 0.0 for number in numbers)
+    return x, y, z
 
 
 class PhysicsPanel:
@@ -39,27 +113,27 @@ class PhysicsPanel:
         self.play.on_click(by_person(lambda v: send(c.PlayPath() if v == "Play" else c.ScrubPath(None))))
         self._contacts = Block(gui)
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
-        self.go_on.visible = view.look.edited is not None
+        self.go_on.visible = view.options.edited is not None
         self.edit.visible = not self.go_on.visible
         # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
         self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
-        if view.has_judged_standing:
-            self._standing.show(standing_html(view))
+        if view.has_plausibility:
+            self._standing.show(plausibility_html(view))
         self._changes.show(changes_table(view))
         path = view.shown.path if view.shown and is_revealed(view, "simulated") else None
         self.path.visible = self.play.visible = path is not None
         if path is not None:
             self.path.max = len(path.Ts_cam_obj) - 1
-            pose = view.look.path_pose
+            pose = view.options.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(view) if path is not None else "")
         self.numbers.show(view)
 
 
-def plane_warning(view: View) -> str:
+def plane_warning(view: Snapshot) -> str:
     """A box where the plane that everything rests on is doubtful."""
     support = view.target.observation.support
-    said = doubt(support) if support is not None else ""
+    said = plane_doubt(support) if support is not None else ""
     return warning(said) if said else ""

@@ -8,15 +8,15 @@ import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import visit
-from verefine_viz.viewer.findings import Finding, findings
-from verefine_viz.viewer.headline import HINTS, headline
-from verefine_viz.viewer.markup import STYLE, hinted, link, note, sentence, swatch, text, warning
-from verefine_viz.viewer.page_keys import CANCEL_CLASS
-from verefine_viz.viewer.tables import branches_table, event_lines
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact
-from verefine_viz.viewer.words import remaining
+from verefine_viz.viewer.assets import asset
+from verefine_viz.viewer.drawing.markup import hinted, link, note, sentence, swatch, text, warning
+from verefine_viz.viewer.drawing.tables import branches_table, event_lines
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
+from verefine_viz.viewer.text.findings import Finding, findings
+from verefine_viz.viewer.text.headline import HINTS, headline
+from verefine_viz.viewer.text.sentences import remaining
+from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),
@@ -49,7 +49,7 @@ class RunPanel:
     """The choice of frame and the buttons first, where they never move; then headline, findings, branches and notes."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        gui.add_html(STYLE)
+        gui.add_html(f"<style>{asset('page.css')}</style>")
         # Above the words, so that they can push it off the screen no more than the buttons.
         self.frame = gui.add_dropdown("Frame", [""], visible=False)
         self.frame.on_update(by_person(lambda v: send(c.OpenFrame(v))))
@@ -73,7 +73,7 @@ class RunPanel:
         self._progress.visible = share is not None
         self._progress.value = 100.0 * (share or 0.0)
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """Everything in place."""
         found = findings(view)
         said = hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
@@ -93,7 +93,7 @@ class RunPanel:
         self._branches.show(branches_table(view) + notes)
 
 
-def on_top(view: View, found: Sequence[Finding]) -> str:
+def on_top(view: Snapshot, found: Sequence[Finding]) -> str:
     """What stands above the words about the iteration. Of several boxes one is whole, to leave room for those words."""
     said, boxes = "", [f for f in found if f.on_top]
     if view.message:
@@ -103,7 +103,7 @@ def on_top(view: View, found: Sequence[Finding]) -> str:
     return f'{said}<div class="top">{"".join(_box(f, folded=f is not whole) for f in boxes)}</div>'
 
 
-def of_the_end(view: View) -> str:
+def of_the_end(view: Snapshot) -> str:
     """What is shown at the end of a finished run, and the way to what it is not."""
     last = view.iterations[-1] if view.iterations else None
     if last is None or not view.at_end:

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.downloads import Kept, asked_by
-from verefine_viz.viewer.markup import sentence, text
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person
+from verefine_viz.viewer.drawing.markup import sentence, text
+from verefine_viz.viewer.panels.widgets import Block, Send, asked_by, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.workspace import WrittenFile
 
 EXPORTS: dict[str, c.Command] = {
     "Recording": c.Export("recording"),
@@ -57,7 +57,7 @@ class SessionPanel:
 
         self._kept = Block(gui)
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """What is open, and what was written."""
         self._words.show(sentence(opened(view)))
         self._listed = view.sessions
@@ -66,22 +66,22 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = options[0]
-        self._kept.show("".join(written(kept, view.refused) for kept in view.kept))
+        self._kept.show("".join(written(kept, view.refused) for kept in view.written))
 
 
-def open_now(view: View) -> str:
+def open_now(view: Snapshot) -> str:
     """What the list of sessions shows: the file that was read or written last, as in: mug.toml is open."""
     return CHOOSE if view.session_file is None else f"{view.session_file.name} is open"
 
 
-def written(kept: Kept, before: bool = False) -> str:
+def written(kept: WrittenFile, before: bool = False) -> str:
     """Where a file is, and what else became of it; ``before``: something was refused since, which may be another."""
     note = f'; <span class="dim">{text(kept.note)}</span>' if kept.note else ""
     return f"<p>Written{' before' if before else ''}: <code>{text(kept.path)}</code>{note}</p>"
 
 
-def opened(view: View) -> str:
-    """What is open, and what happens on the way that no other panel tells."""
+def opened(view: Snapshot) -> str:
+    """What is open, and what happens on the way that no other panel shows."""
     title = view.session.title or "untitled"
     built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
     file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"

@@ -6,15 +6,16 @@ from typing import Any, Literal
 
 import viser
 
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.changes import current_values
-from verefine_viz.viewer.long_names import shortened
-from verefine_viz.viewer.markup import sentence
-from verefine_viz.viewer.settings_words import settings_words, waiting
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact, side_by_side, unlabelled
+from verefine_viz.viewer.drawing.markup import sentence
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.branch import current_values
+from verefine_viz.viewer.text.names import shortened
+from verefine_viz.viewer.text.sentences import settings_words, waiting
+from verefine_viz.viewer.web.viser_internals import compact, side_by_side, unlabelled
 
 ROW_PX = 18
 """So that all settings fit into the panel."""
@@ -63,15 +64,15 @@ class SettingsPanel:
                 hint="the rule that the order of the objects follows, where none is given; needs a restart",
             ),
             "hypotheses.seed": gui.add_number(
-                "Seed", 0, step=1, hint="of the first poses, disturbed ground truth; needs a restart"
+                "Seed", 0, step=1, hint="of the initial poses, disturbed ground truth; needs a restart"
             ),
         }
         self.estimator = gui.add_dropdown(
             "Estimator", tuple(ESTIMATORS),
-            hint="point pair features, congruent point sets (Super4PCS), or back to the first poses of the session",
+            hint="point pair features, congruent point sets (Super4PCS), or back to the initial poses of the session",
         )  # fmt: skip
         self.estimate = gui.add_button(
-            "Estimate here", hint="new first poses for this object in this frame, as a new branch"
+            "Estimate here", hint="new initial poses for this object in this frame, as a new branch"
         )
         rows = (*self._fields.values(), self.estimator)
         pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)
@@ -81,7 +82,7 @@ class SettingsPanel:
         self._labels = {name: handle.label for name, handle in self._fields.items()}
         for handle in self._fields.values():
             handle.on_update(by_person(lambda _: self._tell()))
-        self._view: View | None = None
+        self._view: Snapshot | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
 
@@ -97,7 +98,7 @@ class SettingsPanel:
 
         self.apply.on_click(by_person(apply))
 
-    def show(self, view: View) -> None:
+    def show(self, view: Snapshot) -> None:
         """The settings that hold at the end of this branch; drafts are kept until those change."""
         values = dict(current_values(view.session, tuple(self._fields)))
         if values != self._known:
@@ -111,7 +112,7 @@ class SettingsPanel:
         self._tell()
         self._focus = view.target.instance.instance_id
         self._label_estimate()
-        self._fields["method.discount"].visible = view.session.method.name == "vf_depth"
+        self._fields["method.discount"].visible = method_of(view.session.method.name).has_passes
         self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
         self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
         self._fields["dependency.rule"].visible = len(view.problem.instances) > 1

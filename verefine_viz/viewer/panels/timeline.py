@@ -9,14 +9,62 @@ import viser
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.answer import visit
-from verefine_viz.viewer.arms import arm_color, arms_legend
-from verefine_viz.viewer.long_names import shortened
-from verefine_viz.viewer.marks import MEANINGS, Mark
-from verefine_viz.viewer.markup import carries, text
-from verefine_viz.viewer.timeline_words import timeline_words
-from verefine_viz.viewer.view import View
-from verefine_viz.viewer.widgets import Block, Send, by_person, compact
+from verefine_viz.viewer.drawing.markup import arms_legend, carries, link, text
+from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
+from verefine_viz.viewer.state.timeline_marks import MEANINGS, Mark
+from verefine_viz.viewer.text.names import arm_color, shortened
+from verefine_viz.viewer.text.scene import place_in_run
+from verefine_viz.viewer.text.sentences import the_answer
+from verefine_viz.viewer.web.viser_internals import compact
+
+# The sentence above the timeline: where the cursor is, what was worked on there, and where trouble is marked.
+
+
+def timeline_words(view: Snapshot, marks: Sequence[Mark]) -> str:
+    """As in: Iteration 17 of 25: mug, hypothesis 2 of 5. 3 red marks, the next at 21.
+
+    Args:
+        view: what is on the screen.
+        marks: those that the timeline shows.
+    """
+    p = view.progress
+    made = "" if p.done == view.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
+    return f"Iteration {view.cursor} of {p.total}: {text(_what(view))}{made}.{_red(view, marks)}"
+
+
+def _what(view: Snapshot) -> str:
+    if view.is_answer:
+        return the_answer(view)
+    if view.cursor == 0:
+        return "the start" if view.progress.done else "nothing has run yet"
+    if view.is_current and view.shown is not None:
+        place, stage = place_in_run(view.scene, view.shown), view.options.stage
+        said = f"{view.name}, hypothesis {view.shown.arm + 1} of {view.n_arms}"
+        return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
+    if view.cursor > len(view.iterations):
+        return "shown stage by stage"
+    worked_on = view.at(view.cursor)
+    return f"it worked on {view.scene.object(worked_on.instance_id).label}, hypothesis {worked_on.arm + 1}"
+
+
+def _red(view: Snapshot, marks: Sequence[Mark]) -> str:
+    """How many iterations are marked red, and the way to the nearest one."""
+    red = sorted({mark.iteration for mark in marks if mark.is_red})
+    if not view.progress.done:
+        return ""
+    if not red:
+        return " No red marks."
+    said = f" {len(red)} red mark{'s' if len(red) > 1 else ''}"
+    after, before = [k for k in red if k > view.cursor], [k for k in red if k < view.cursor]
+    if view.cursor in red:
+        said += ", one here"
+    if not after and not before:
+        return f"{said}."
+    which, k = ("next", after[0]) if after else ("one before", before[-1])
+    which = f"the {which} at" if len(red) > 1 else "at"
+    return f"{said}, {which} {link(str(k), visit(view, view.at(k)), 'go there')}."
+
 
 _WIDTH, _HEIGHT = 860, 43
 _NAME_PX, _PASS_PX = 36, 30
@@ -35,7 +83,7 @@ class TimelinePanel:
         self.slider.on_update(by_person(lambda v: send(c.Seek(int(v)))))
         gui.add_html(f"<style>{compact(self.slider, ROW_PX)}</style>")
 
-    def show(self, view: View, hand_is_ahead: bool = False) -> None:
+    def show(self, view: Snapshot, hand_is_ahead: bool = False) -> None:
         """Draws the strip; leaves the slider alone while a hand moves it further."""
         self._line.show(strip(view))
         self.slider.max = max(view.progress.total, 1)
@@ -43,7 +91,7 @@ class TimelinePanel:
             self.slider.value = min(view.cursor, int(self.slider.max))
 
 
-def strip(view: View) -> str:
+def strip(view: Snapshot) -> str:
     """The iterations as an SVG: a cell each, coloured by hypothesis; red, blue, orange and green marks above.
 
     With several objects a band below the cells has each object's colour, and the whole cell where the scene is shown.
@@ -71,7 +119,7 @@ def strip(view: View) -> str:
     return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{colors}"
 
 
-def blocks_legend(view: View) -> str:
+def blocks_legend(view: Snapshot) -> str:
     """What the colours of the blocks below the marks mean."""
     several = len(view.scene.objects) > 1
     if view.is_whole_scene:
@@ -94,18 +142,18 @@ def legend(marks: Sequence[Mark]) -> str:
     return f'<span class="legend">{" ".join(said)}</span>' if said else ""
 
 
-def is_shown(view: View, iteration: Iteration) -> bool:
+def is_shown(view: Snapshot, iteration: Iteration) -> bool:
     """Whether an iteration is about what the page is filtered to."""
-    return view.look.focus is None or view.is_whole_scene or iteration.instance_id == view.look.focus
+    return view.options.focus is None or view.is_whole_scene or iteration.instance_id == view.options.focus
 
 
-def _color(view: View, iteration: Iteration) -> RGB:
+def _color(view: Snapshot, iteration: Iteration) -> RGB:
     if view.is_whole_scene:
         return view.scene.object(iteration.instance_id).color
     return arm_color(iteration.arm)
 
 
-def _cells(view: View, cell: float) -> list[str]:
+def _cells(view: Snapshot, cell: float) -> list[str]:
     """A box per iteration."""
     parts = []
     several = len(view.scene.objects) > 1
@@ -113,7 +161,7 @@ def _cells(view: View, cell: float) -> list[str]:
         x, width = (iteration.index - 1) * cell, max(cell - 1, 0.8)
         title = f"iteration {iteration.index}: "
         title += f"{view.scene.object(iteration.instance_id).label}, " if several else ""
-        title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} kept"
+        title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} accepted"
         score = iteration.accepted_stage.score
         if score is not None:
             title += f", score {score.score:.3f}"
@@ -126,7 +174,7 @@ def _cells(view: View, cell: float) -> list[str]:
     return parts
 
 
-def _runs(view: View, cell: float) -> list[str]:
+def _runs(view: Snapshot, cell: float) -> list[str]:
     """Many iterations: one path per colour, and one surface to click, so that long runs stay light."""
     paths: dict[tuple[RGB, float, bool], list[str]] = {}
     several = len(view.scene.objects) > 1
@@ -149,7 +197,7 @@ def _runs(view: View, cell: float) -> list[str]:
     return parts
 
 
-def _objects(view: View, cell: float) -> list[str]:
+def _objects(view: Snapshot, cell: float) -> list[str]:
     """Where the run goes on to another object: a line, and where there is room the object's name below."""
     if len(view.scene.objects) < 2 or not view.iterations:
         return []
@@ -169,7 +217,7 @@ def _objects(view: View, cell: float) -> list[str]:
     return parts
 
 
-def _passes(view: View, cell: float) -> list[str]:
+def _passes(view: Snapshot, cell: float) -> list[str]:
     """Where passes were closed: a tick each, and numbers as far as there is room."""
     parts, free = [], 0.0
     for closed in view.scene.closed:

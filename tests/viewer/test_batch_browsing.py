@@ -1,0 +1,232 @@
+"""From one answer of a batch to the next, over frames and runs, and back to what the batch says about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.viewer.fake_tools import FakeTools
+from tests.viewer.test_app import SESSION
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.batch.run_file import RunFile
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import AT_ITS_START, changed
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.drawing import score_plot
+from verefine_viz.viewer.snapshot.score_plot import plot_of
+from verefine_viz.viewer.state.gallery import ALL, RIGHT, WRONG, Gallery, read_gallery
+from verefine_viz.viewer.text.findings import batch_words, findings
+
+SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)
+EVIDENCE = "No hypothesis of the box leads to the truth: the nearest starts 30° away."
+
+
+def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
+    known = {"scene_id": 0, "obj_id": 1, "name": "box", "status": "ok", "diameter_mm": 100.0, "score": 0.5}
+    return ObjectRow.model_validate({**known, "im_id": im_id, "instance_id": instance_id, **values})
+
+
+RIR_ROWS = (
+    row(1, add_s_mm=2.0, worst_iteration=1, method="rir", score=0.7),
+    row(2, add_s_mm=60.0, best_iteration=2, method="rir", cause="pool", evidence=EVIDENCE),
+    row(2, 1, add_s_mm=30.0, worst_iteration=7, method="rir", cause="score", score=0.9),
+)
+SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"), row(2, status="no_answer"))
+
+
+@pytest.fixture
+def several(tmp_path: Path) -> Gallery:
+    return Gallery(
+        [
+            BatchIndex(tmp_path / "rir", SESSION, RunFile(), RIR_ROWS),
+            BatchIndex(tmp_path / "sir", SIR, RunFile(), SIR_ROWS),
+        ]
+    )
+
+
+@pytest.fixture
+def debugger(several: Gallery) -> Debugger:
+    return Debugger(several.session(several.worst.run), None, FakeTools, batch=several)
+
+
+def open_now(debugger: Debugger) -> tuple[str, str, int | None, int]:
+    """Method, frame, object in focus, iteration."""
+    space = debugger.workspace
+    return space.tools.session.method.name, space.frame, debugger.options.focus, space.run.cursor
+
+
+def test_keys_go_through_wrong_answers_worst_first_each_where_it_went_wrong(debugger: Debugger) -> None:
+    seen = []
+    for _ in range(4):
+        debugger.carry_out([c.OpenFailure(1)])
+        seen.append(open_now(debugger))
+    assert seen == [("sir", "0/2", 0, 0), ("rir", "0/2", 0, 2), ("sir", "0/1", 0, 0), ("rir", "0/2", 1, 7)]
+    with pytest.raises(InputError, match="last answer of the list"):
+        debugger.apply(c.OpenFailure(1))
+    debugger.carry_out([c.OpenFailure(-1)])
+    assert open_now(debugger) == ("sir", "0/1", 0, 0)
+
+
+def test_keys_heed_filters_which_stay_when_a_frame_is_opened(debugger: Debugger) -> None:
+    debugger.carry_out([c.FilterBatch("method", "rir"), c.FilterBatch("result", RIGHT), c.OpenFailure(1)])
+    assert open_now(debugger) == ("rir", "0/1", 0, 1)
+    assert debugger.options.batch_only == {"method": "rir", "result": RIGHT}
+    debugger.carry_out([c.FilterBatch("cause", "neighbour misplaced first")])
+    with pytest.raises(InputError, match="choose other filters"):
+        debugger.apply(c.OpenFailure(1))
+
+
+def test_what_is_logged_leads_there_again(debugger: Debugger, several: Gallery) -> None:
+    debugger.carry_out([c.OpenFailure(1), c.OpenFailure(1), c.Step(), c.OpenFailure(1), c.OpenFailure(1)])
+    again = Debugger(several.session(several.worst.run), None, FakeTools, batch=several).carry_out(debugger.log)
+    assert open_now(again) == open_now(debugger)
+    assert not any(isinstance(command, c.OpenFailure) for command in debugger.log)
+
+
+def test_the_log_shows_what_was_shown_where_the_last_iteration_was_asked_for(
+    debugger: Debugger, several: Gallery
+) -> None:
+    total = 12
+    debugger.carry_out([c.OpenAt("0/2", total, "rir", 1)])
+    assert debugger.options.stage is not None
+    again = Debugger(several.session(several.worst.run), None, FakeTools, batch=several).carry_out(debugger.log)
+    assert again.options == debugger.options
+    debugger.carry_out([c.Restart(), c.RunTo(total)])
+    assert debugger.view().is_answer, "of this run no iteration was asked for"
+
+
+def test_a_run_that_was_left_is_opened_with_its_own_session_again(debugger: Debugger, several: Gallery) -> None:
+    failure = several.opens(several.entries[1])
+    debugger.carry_out([failure, c.Fork((("method.exploration", 0.0),), 0, run=True)])
+    assert debugger.workspace.work.index == 1
+    debugger.carry_out([failure])
+    assert debugger.workspace.work.index == 0
+    debugger.carry_out([c.Restart((("method.name", "pir"),)), failure])
+    assert open_now(debugger) == ("rir", "0/2", 0, 2)
+
+
+def test_a_run_that_does_not_exist_is_refused(debugger: Debugger) -> None:
+    with pytest.raises(InputError, match=r"unknown run 'pir'; did you mean '.ir'[?] available: rir, sir"):
+        debugger.apply(c.OpenAt("0/1", 1, "pir"))
+
+
+def test_the_evidence_stands_first_among_the_findings_and_leads_back(debugger: Debugger, several: Gallery) -> None:
+    debugger.carry_out([several.opens(several.entries[1])])
+    first = findings(debugger.view())[0]
+    assert EVIDENCE in first.text
+    assert first.text.startswith("No iteration made it much worse; iteration 2 made the answer. Why it failed ")
+    assert first.red
+    assert first.on_top
+    assert first.command is None
+    debugger.carry_out([c.Back()])
+    first = findings(debugger.view())[0]
+    assert first.text == f"Why it failed in the batch: {EVIDENCE}"
+    assert isinstance(first.command, c.OpenAt)
+    debugger.carry_out([first.command])
+    assert open_now(debugger) == ("rir", "0/2", 0, 2)
+
+
+def test_the_words_say_what_the_iteration_did(debugger: Debugger, several: Gallery) -> None:
+    for entry in several.entries[:3]:
+        debugger.carry_out([several.opens(entry)])
+        view = debugger.view()
+        before, after = view.poses["current"].errors, view.poses["accepted"].errors
+        assert before is not None
+        assert after is not None
+        grew = f"({before.add_s_mm:.1f} → {after.add_s_mm:.1f} mm)"
+        assert (grew in batch_words(view)) == (after.add_s_mm > before.add_s_mm)
+
+
+def test_of_another_scene_the_batch_says_nothing(debugger: Debugger) -> None:
+    assert debugger.view().entry is not None
+    other = SESSION.model_copy(update={"scene": SESSION.scene.model_copy(update={"seed": 7})})
+    debugger.workspace.open(other, None)
+    assert debugger.view().entry is None
+
+
+def test_a_page_is_turned_to_the_answer_that_is_opened(tmp_path: Path) -> None:
+    rows = [row(1 + k % 2, k // 2, add_s_mm=90.0 - k, worst_iteration=0) for k in range(30)]
+    batch = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), tuple(rows))])
+    debugger = Debugger(SESSION, None, FakeTools, batch=batch)
+    debugger.carry_out([c.TurnPage(1), c.OpenAt("0/2", 0, instance=0)])
+    assert debugger.options.batch_page == 0
+    debugger.carry_out([c.SortBatch("score"), c.TurnPage(2), c.FilterBatch("result", ALL)])
+    assert debugger.options.batch_page == 0
+
+
+def test_filters_and_orders_go_over_all_runs(several: Gallery) -> None:
+    assert several.choices["run"] == (ALL, "rir", "sir")
+    assert several.choices["method"] == (ALL, "rir", "sir")
+    assert [e.row.instance_id for e in several.shown("error", {"run": "rir"})] == [0, 1]
+    assert [e.run for e in several.shown("error", {"cause": "no good hypothesis in the pool"})] == ["rir", "sir"]
+    assert [e.row.score for e in several.shown("misleading", {"result": WRONG, "run": "rir"})] == [0.9, 0.5]
+    assert len(several.shown("frame", {"result": ALL})) == 5
+
+
+def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, several: Gallery) -> None:
+    plot = plot_of(several, {})
+    assert len(plot.entries) == 4
+    at = plot.place(several.entries[2])
+    assert at is not None
+    debugger.carry_out([c.OpenPoint(round(at[0]) + 3, round(at[1]) - 3)])
+    assert open_now(debugger) == ("rir", "0/2", 1, 7)
+    with pytest.raises(InputError, match="no object there"):
+        debugger.apply(c.OpenPoint(0, 0))
+    assert plot_of(several, {"run": "sir", "cause": "whatever"}).entries == (several.entries[3],)
+
+
+def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: Gallery) -> None:
+    plot = plot_of(several, {})
+    assert "In 33% of pairs" in score_plot.words(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
+    assert score_plot.svg(plot, several.entries[0]).count("<circle") == 2
+    assert "<circle" not in score_plot.svg(plot, None)
+    assert score_plot.svg(plot, None).count("h0") == 4
+    assert "shows once" in score_plot.words(plot_of(several, {"run": "sir"}))
+
+
+def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:
+    run = RunFolder(folder, session)
+    run.write_json("run.json", {"status": "finished" if is_finished else "running"})
+    if is_finished:
+        results = [FrameResult(frame=r.frame, failed=False, seconds=1.0, objects=(r,)) for r in rows]
+        write_frames_csv(folder / "frames.csv", results)
+    run.close()
+
+
+def test_finished_runs_of_a_folder_are_read_and_the_rest_is_counted(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / name).mkdir()
+    written(tmp_path / "a", SESSION, RIR_ROWS)
+    written(tmp_path / "b", SIR, SIR_ROWS)
+    written(tmp_path / "c", SESSION, (), is_finished=False)
+    found = read_gallery(tmp_path, {"method": {"exploration": 0.3}})
+    assert list(found.runs) == ["a", "b"]
+    assert found.n_unfinished == 1
+    assert len(found.entries) == 5
+    assert found.session("b").method.name == "sir"
+    assert found.session("b").method.exploration == 0.3
+    assert found.session("a").scene.frames == ("0/2", "0/1")
+    alone = read_gallery(tmp_path / "a")
+    assert not alone.has_several_runs
+    assert alone.opens(alone.worst).run == ""
+    with pytest.raises(InputError, match="not there yet"):
+        read_gallery(tmp_path / "c")
+
+
+def test_at_the_last_iteration_it_is_shown_itself_and_not_the_answer(debugger: Debugger, several: Gallery) -> None:
+    debugger.carry_out([several.opens(several.entries[1])])
+    total = debugger.workspace.run.n_iterations
+    last = c.OpenAt("0/2", total, "rir", 1)
+    for _ in range(2):  # Computed to there, and gone back to.
+        debugger.carry_out([last])
+        view = debugger.view()
+        assert view.cursor == total
+        assert {"current", "accepted"} <= set(view.poses)
+        debugger.carry_out([c.Seek(1)])
+    debugger.carry_out([c.SeekEnd()])
+    assert "accepted" not in debugger.view().poses

@@ -1,0 +1,291 @@
+"""Cancel on the page: ends what takes long, and everything is as it was before, in every browser."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import sleep
+
+import pytest
+
+from tests.viewer.client import client, until
+from tests.viewer.fake_tools import FakeTools
+from tests.viewer.test_app import command_of, cursor, messages
+from verefine_viz.core.patience import Patience
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.session.files import save_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.app import CANCELLED, App
+from verefine_viz.viewer.command_json import to_json
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.worker import RequestQueue
+
+SESSION = Session(title="test", method=MethodSettings(iterations=2))
+SLOW = "0/2"
+
+
+class Slow(FakeTools):
+    """Reads its second frame, and what has other initial poses, until nobody waits any more or it is enough."""
+
+    patience: Patience
+    reading: threading.Event
+    enough = False
+
+    def problem(self, frame: str) -> Problem:
+        while (frame == SLOW or self.session.hypotheses.seed) and not self.enough:
+            self.patience.ask("Reading for ever.", 0.25)
+            self.reading.set()
+            sleep(0.01)
+        return super().problem(frame)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[App]:
+    class Tools(Slow):
+        reading = threading.Event()
+
+    running = App(SESSION, port=0, make_tools=Tools, folder=tmp_path)
+    Tools.patience = running._patience
+    running.start().wait_until_idle()
+    yield running
+    running.stop()
+
+
+def begin(app: App, command: c.Command) -> None:
+    """Sends a command that takes for ever, and waits until it is under way."""
+    reading = app.debugger.workspace.tools.reading  # type: ignore[attr-defined]
+    reading.clear()
+    app.send(command)
+    assert reading.wait(20)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    for _ in range(2000):
+        if condition():
+            return
+        sleep(0.01)
+    raise AssertionError("it never happened")
+
+
+def words(app: App) -> str:
+    return app.page.layout.run._words._handle.content
+
+
+def restarting(app: App) -> c.Command:
+    return c.Restart((("hypotheses.seed", 1),))
+
+
+def opening(app: App) -> c.Command:
+    hypotheses = SESSION.hypotheses.model_copy(update={"seed": 1})
+    path = app._folder / "other.toml"
+    save_session(SESSION.model_copy(update={"hypotheses": hypotheses, "title": "other"}), path)
+    return c.OpenSession(str(path))
+
+
+LONG = {
+    "another frame": lambda app: c.OpenFrame(SLOW),
+    "new initial poses": restarting,
+    "another session": opening,
+    "B of a comparison": lambda app: s.CompareRun((("hypotheses.seed", 1),)),
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_what_is_cancelled_leaves_everything_as_it_was_and_a_step_works(app: App, what: str) -> None:
+    for command in (c.Step(), c.Step(), c.Back()):
+        app.send(command)
+    app.wait_until_idle()
+    space, log = app.debugger.workspace, list(app.debugger.log)
+    before = (
+        space.session,
+        space.path,
+        space.frame,
+        space.run,
+        space.run.length,
+        space.work.comparison,
+        space.work.branches,
+    )
+    begin(app, LONG[what](app))
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    after = (
+        space.session,
+        space.path,
+        space.frame,
+        space.run,
+        space.run.length,
+        space.work.comparison,
+        space.work.branches,
+    )
+    assert after == before
+    assert app.debugger.log == log, "what was not done is not repeated"
+    assert (app.debugger.message, app.debugger.refused) == (CANCELLED, False)
+    assert f'class="note">{CANCELLED}' in words(app)
+    assert cursor(app) == 1
+    app.send(c.Step())
+    app.send(c.Step())
+    app.wait_until_idle()
+    assert cursor(app) == 3
+    assert CANCELLED not in words(app)
+
+
+def test_progress_says_what_is_done_how_much_of_it_and_how_to_cancel(app: App) -> None:
+    panel = app.page.layout.run
+    begin(app, c.OpenFrame(SLOW))
+    assert "Reading for ever." in words(app)
+    assert "&quot;Cancel&quot;" in words(app)
+    assert (panel._progress.visible, panel._progress.value) == (True, 25.0)
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert not panel._progress.visible
+    assert "&quot;Cancel&quot;" not in words(app)
+
+
+@pytest.mark.parametrize("how", ["link", "key or palette"])
+def test_cancel_does_not_wait_for_its_turn_and_what_waited_goes_with_it(app: App, how: str) -> None:
+    with client(app.url) as one, client(app.url):
+        begin(app, c.OpenFrame(SLOW))
+        for _ in range(3):
+            app.send(c.Step())
+        if how == "link":
+            one.set(app.page.layout.link, f"{to_json(c.Cancel())} 1")
+        else:
+            one.trigger(command_of(app, "Cancel what is being done"))
+        until(app, lambda: app.debugger.message == CANCELLED)
+        assert cursor(app) == 0, "the steps were meant for the other frame"
+        assert app.page.layout.run.frame.value == "0/1"
+    shown = "".join(str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(app))
+    assert CANCELLED in shown, "a browser that comes later is told as well"
+
+
+def test_people_look_around_while_something_else_is_read(app: App) -> None:
+    for _ in range(3):
+        app.send(c.Step())
+    app.wait_until_idle()
+    begin(app, c.OpenFrame(SLOW))
+    app.send(c.Seek(1))
+    app.send(c.SelectArm(2))
+    app.send(c.SeekStage(9, "refined"))  # There is no such iteration: told, and no reason to end what is read.
+    app.send(c.ColorCloud("class"))
+    wait_for(lambda: app.debugger.options.cloud == "class")
+    assert cursor(app) == 1
+    assert app.debugger.options.arm == 2
+    wait_for(lambda: app.page.layout.timeline.slider.value == 1)
+    wait_for(lambda: "Reading for ever." in words(app) and "&quot;Cancel&quot;" in words(app))
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert (cursor(app), app.debugger.options.cloud) == (1, "class")
+    assert app.debugger.message == CANCELLED
+
+
+def test_what_computes_waits_until_something_else_is_read(app: App) -> None:
+    begin(app, c.OpenFrame(SLOW))
+    app.send(c.Step())
+    app.send(c.Seek(0))
+    reading = app.debugger.workspace.tools.reading  # type: ignore[attr-defined]
+    for _ in range(3):
+        reading.clear()
+        assert reading.wait(20)
+    assert [type(command) for command in app._requests._queue] == [c.Step, c.Seek]
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert app.debugger.workspace.run.length == 0
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_what_is_read_to_its_end_is_open_though_people_looked_around(app: App, what: str) -> None:
+    app.send(c.Step())
+    app.wait_until_idle()
+    begin(app, LONG[what](app))
+    app.send(c.Seek(0))
+    wait_for(lambda: cursor(app) == 0)
+    tools = type(app.debugger.workspace.tools)
+    tools.enough = True  # type: ignore[attr-defined]
+    app.wait_until_idle()
+    space = app.debugger.workspace
+    assert "bug" not in app.debugger.message
+    opened = {
+        "another frame": space.frame == SLOW,
+        "new initial poses": space.session.title == "test" and space.session.hypotheses.seed == 1,
+        "another session": space.session.title == "other",
+        "B of a comparison": space.work.comparison is not None,
+    }
+    assert opened == {name: name == what for name in opened}
+    assert "Reading for ever." not in words(app)
+    app.send(c.Step())
+    app.wait_until_idle()
+    assert cursor(app) == 1
+
+
+def test_cancel_while_nothing_takes_long_does_nothing(app: App) -> None:
+    app.send(c.Step())
+    app.wait_until_idle()
+    said = words(app)
+    app.send(c.Cancel())
+    app.wait_until_idle()
+    assert words(app) == said
+    app.send(c.Step())
+    app.wait_until_idle()
+    assert cursor(app) == 2
+    assert [type(command) for command in app.debugger.log] == [c.Step, c.Step]
+
+
+def test_what_is_worked_out_aside_gives_way_to_whatever_is_asked_for(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Score maps and what physics says of the scene are worked out while nobody asks for anything."""
+    asking = threading.Event()
+
+    def for_ever() -> None:
+        while True:
+            asking.set()
+            app._patience.ask()
+            sleep(0.01)
+
+    monkeypatch.setattr(app.page, "go_on", for_ever)
+    for k in (1, 2):
+        asking.clear()
+        app.send(c.Step())
+        wait_for(lambda k=k: cursor(app) == k)
+        assert asking.wait(20)
+    assert app.debugger.message == ""
+
+
+def test_the_program_ends_though_something_takes_for_ever(app: App) -> None:
+    begin(app, c.OpenFrame(SLOW))
+    app.stop()
+    assert app._worker is not None
+    assert not app._worker.is_alive()
+
+
+def test_the_program_ends_though_its_session_takes_for_ever_to_open(tmp_path: Path) -> None:
+    class Tools(Slow):
+        reading = threading.Event()
+
+    session = SESSION.model_copy(update={"hypotheses": SESSION.hypotheses.model_copy(update={"seed": 1})})
+    running = App(session, port=0, make_tools=Tools, folder=tmp_path)
+    Tools.patience = running._patience
+    running.start()
+    assert Tools.reading.wait(20)
+    running.send(c.Cancel())  # There is nothing to go back to.
+    running.stop()
+    assert running._worker is not None
+    assert not running._worker.is_alive()
+
+
+def test_that_it_has_to_end_first_is_said_before_it_is_cancelled() -> None:
+    said: list[bool] = []
+    requests = RequestQueue(lambda: said.append(requests.are_wanted))
+    requests.send(c.Cancel())
+    assert (said, requests.are_wanted) == ([], True)
+    with requests.cancellable():
+        requests.send(c.Cancel())
+        requests.send(c.Cancel())
+        assert (said, requests.are_wanted) == ([True], False)
+    assert requests.are_wanted
+
+
+def test_a_list_of_commands_may_hold_cancel() -> None:
+    debugger = Debugger(SESSION, None, FakeTools).carry_out([c.Step(), c.Cancel(), c.Step()])
+    assert debugger.workspace.run.cursor == 2

@@ -1,0 +1,83 @@
+// What the page does by itself; it is served before viser's own scripts. Handlers within the blocks' HTML are avoided:
+// one listener per kind of event serves all blocks.
+
+// Links: the command of what was clicked goes into a hidden text field, which is how it reaches Python.
+{
+  const send = command => {
+    const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
+    const input = label?.closest(".mantine-Flex-root").querySelector("input");
+    if (!input) return;
+    const value = `${JSON.stringify(command)} ${Date.now()}`;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
+    input.dispatchEvent(new Event("input", {bubbles: true}));
+  };
+
+  document.addEventListener("click", event => {
+    event.target.closest(".vz .fold")?.classList.toggle("folded");
+    const link = event.target.closest(".vz [data-cmd]");
+    if (!link) return;
+    const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
+    const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
+    if (link.dataset.crop) {  // A picture: the pixel that was clicked.
+      const [u, v, width, height] = JSON.parse(link.dataset.crop);
+      command.u = u + Math.floor(across * width);
+      command.v = v + Math.floor(down * height);
+    }
+    if (link.dataset.cells) {  // A strip of iterations.
+      command.cursor = Math.min(+link.dataset.cells, 1 + Math.floor(across * link.dataset.cells));
+    }
+    send(command);
+  }, true);
+
+  // A list of commands to choose from.
+  document.addEventListener("change", event => {
+    if (event.target.matches(".vz select")) send(JSON.parse(event.target.value));
+  }, true);
+}
+
+// Its animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
+document.addEventListener("animationstart", event => {
+  if (event.target.matches(".vz button.card.marked")) event.target.scrollIntoView({block: "nearest"});
+}, true);
+
+// Keys where viser 1.1 ignores them; nothing of it reaches Python. viser leaves keys alone in boxes for text, and its
+// tabs keep Space for themselves after a click on them.
+
+// Escape cancels from any box.
+addEventListener("keydown", event => {
+  if (event.key === "Escape" && event.target.matches("input, textarea, select")) {
+    [...document.querySelectorAll(".vz .cancel a")].find(link => link.offsetParent)?.click();
+  }
+}, true);
+
+// A click on a tab does not take the keys. A click that a key made has no detail: who moves by keys keeps the focus.
+addEventListener("click", event => {
+  const tab = event.detail > 0 && event.target.closest("[role=tab]");
+  if (tab) setTimeout(() => tab.blur());
+}, true);
+
+// A press moves the camera by a share of the distance from what is looked at, or turns it by some degrees; held, it
+// repeats. viser moves by the time since the last picture, which may be seconds: a tap threw the camera out of the
+// scene. It listens on the document as well, but later; what handles keys inside of the page has had them by then.
+{
+  const turn = 0.0698, share = 0.04;  // 4 degrees in radians
+  const moves = {
+    KeyA: (camera, step) => camera.truck(-step, 0, false),
+    KeyD: (camera, step) => camera.truck(step, 0, false),
+    KeyW: (camera, step) => camera.dolly(step, false),
+    KeyS: (camera, step) => camera.dolly(-step, false),
+    KeyQ: (camera, step) => camera.elevate(-step, false),
+    KeyE: (camera, step) => camera.elevate(step, false),
+    ArrowLeft: camera => camera.rotate(-turn, 0, false),
+    ArrowRight: camera => camera.rotate(turn, 0, false),
+    ArrowUp: camera => camera.rotate(0, -turn, false),
+    ArrowDown: camera => camera.rotate(0, turn, false),
+  };
+  document.addEventListener("keydown", event => {
+    const camera = window.__viserMutable?.cameraControl;
+    if (!moves[event.code] || !camera || event.target.matches("input, textarea, select")) return;
+    event.stopImmediatePropagation();
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || !camera.enabled) return;
+    moves[event.code](camera, share * camera.distance);
+  });
+}

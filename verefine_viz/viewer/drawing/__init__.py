@@ -1,0 +1,1 @@
+"""HTML, SVG and pictures about a snapshot."""

@@ -1,0 +1,162 @@
+"""HTML for the panels: escaped text, tables, and links that carry a command.
+
+The GUI library shows HTML as it is, so everything that comes from data goes through :func:`text` first. A link holds a
+command as JSON; ``assets/page.js`` puts it into a hidden text field, which is how it reaches Python. Only commands of
+:mod:`verefine_viz.viewer.commands` get through there.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+
+from verefine_viz.core.palette import RGB
+from verefine_viz.core.problem import Target
+from verefine_viz.viewer.command_json import to_json
+from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.text.names import arm_color, have_names, source_of, stem_and_number, told_apart
+
+
+def text(value: object) -> str:
+    """Anything as text that HTML cannot misread."""
+    return html.escape(str(value), quote=True)
+
+
+def block(content: str, css_class: str = "") -> str:
+    """The whole content of one HTML widget."""
+    return f'<div class="vz {css_class}">{content}</div>'
+
+
+def carries(command: Command) -> str:
+    """Attributes that make an element send ``command`` when it is clicked."""
+    return f'data-cmd="{text(to_json(command))}"'
+
+
+def link(label: str, command: Command, title: str = "") -> str:
+    """Text to click; ``label`` is escaped here."""
+    return f'<a {carries(command)} title="{text(title)}">{text(label)}</a>'
+
+
+def swatch(color: RGB, title: str = "") -> str:
+    """A small square in a colour that means something."""
+    return f'<i class="sw" style="background:rgb{color}" title="{text(title)}"></i>'
+
+
+def table(head: Sequence[tuple[str, str]], rows: Sequence[Row]) -> str:
+    """A table: ``head`` holds (label, tooltip) per column."""
+    titles = "".join(f'<th title="{text(tip)}">{text(label)}</th>' for label, tip in head)
+    return f"<table><thead><tr>{titles}</tr></thead><tbody>{''.join(r.html for r in rows)}</tbody></table>"
+
+
+class Row:
+    """One row: cells are ready HTML; ``command`` makes the whole row a link; ``marked`` makes it stand out; ``parted``
+    draws a line above it.
+    """
+
+    def __init__(
+        self, cells: Sequence[str], command: Command | None = None, marked: bool = False, parted: bool = False
+    ) -> None:
+        attributes = carries(command) if command else ""
+        name = " ".join(["marked"] * marked + ["parted"] * parted)
+        self.html = f'<tr class="{name}" {attributes}>{"".join(f"<td>{c}</td>" for c in cells)}</tr>'
+
+
+def sentence(content: str) -> str:
+    """The words at the top of a panel; ``content`` is escaped here."""
+    return f'<p class="say">{text(content)}</p>'
+
+
+def with_hints(content: str, hints: Mapping[str, str]) -> str:
+    """Words that are escaped here, the first of each of the ``hints`` with its tooltip."""
+    said = text(content)
+    for word, hint in hints.items():
+        found = re.search(rf"\b{re.escape(text(word))}\b", said, re.IGNORECASE)
+        if found:
+            said = (
+                f'{said[: found.start()]}<span class="term" title="{text(hint)}">{found[0]}</span>{said[found.end() :]}'
+            )
+    return said
+
+
+def hinted(content: str, hints: Mapping[str, str]) -> str:
+    """The words at the top of a panel, with tooltips."""
+    return f'<p class="say">{with_hints(content, hints)}</p>'
+
+
+def note(content: str) -> str:
+    """A box with something good to know."""
+    return f'<p class="note">{text(content)}</p>'
+
+
+def warning(content: str, extra: str = "", red: bool = False, folded: bool = False) -> str:
+    """A box with something to act on; ``extra`` is ready HTML, such as a link. ``folded``: one line until a click."""
+    name = "bad" if red else "warn"
+    if folded:
+        return f'<p class="{name} fold folded" title="{text(content)}">{text(content)} {extra}</p>'
+    return f'<p class="{name}">{text(content)} {extra}</p>'
+
+
+NONE = "–"
+"""What stands where there is no number."""
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with its unit, or a dash."""
+    return NONE if value is None else f"{value:.{digits}f}{unit}"
+
+
+# Names that may be longer than their place: cut where they tell least, whole in their tooltips.
+
+
+def cut(name: str, most_px: int = 104) -> str:
+    """At most so wide [px] on the screen."""
+    stem, number = stem_and_number(name)
+    classes = "cut numbered" if number else "cut"
+    return f'<span class="{classes}" style="max-width:{most_px}px" title="{text(name)}">{_html(stem, number)}</span>'
+
+
+def fitted(name: str, before: str = "") -> str:
+    """As wide as its place; ``before`` is ready HTML in front of it."""
+    stem, number = stem_and_number(name)
+    if not number:
+        return f'{before}<span title="{text(name)}">{text(name)}</span>'
+    return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
+
+
+def _html(stem: str, number: str) -> str:
+    return f"<span>{text(stem)}</span>&nbsp;{text(number)}" if number else text(stem)
+
+
+# Hypotheses as the page shows them: number, colour, and where each comes from.
+
+
+def arms_legend(target: Target, brief: bool = False) -> str:
+    """A swatch per hypothesis, and behind those of one source its name; "all …" where there is but one.
+
+    ``brief``: without the words that all names begin with.
+    """
+    numbered = enumerate(target.instance.hypotheses)
+    groups = [(source, [j for j, _ in group]) for source, group in groupby(numbered, lambda pair: source_of(pair[1]))]
+    every = "" if have_names(target) or len(target.instance.hypotheses) < 2 else "all "
+    names = [source for source, _ in groups]
+    return " ".join(
+        f'<span style="white-space:nowrap" title="{text(source)}">'
+        f"{' '.join(f'{swatch(arm_color(j))}{j + 1}' for j in group)} "
+        f'<span class="cut" style="max-width:290px">{every}{text(name)}</span></span>'
+        for (source, group), name in zip(groups, told_apart(names) if brief else names, strict=True)
+    )
+
+
+# A list of commands to choose from, small enough to stand three in a row.
+
+
+def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> str:
+    """A drop-down list of (label, command); ``title`` is said to those who ask, ``now`` is what holds."""
+    items = "".join(
+        f'<option value="{text(to_json(command))}"{" selected" if command == now else ""}>{text(label)}</option>'
+        for label, command in options
+    )
+    name = text(title)
+    return f'<select aria-label="{name}" title="{name}">{items}</select>'

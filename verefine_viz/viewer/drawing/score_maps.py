@@ -1,0 +1,230 @@
+"""Score maps as pictures: which quantities, which part of the image, in which colours; one by one or on a sheet."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PilImage
+from PIL import ImageDraw, ImageFont
+
+from verefine_viz.core.colormaps import ANGLE, CLASS_PALETTE, FIT, Image, Scale, depth_scale, difference_scale, rgb
+from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.core.problem import Target
+from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.viewer.commands import MAP_NAMES, MapName
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.names import method_name
+
+LABELS: dict[MapName, tuple[str, str]] = {
+    "observed": ("observed", "depth that the sensor measured"),
+    "rendered": ("rendered", "depth of the model under this pose"),
+    "difference": ("Δdepth", "observed − rendered: red = the sensor saw past the model, blue = something before it"),
+    "angle": ("angle", "between observed and rendered surface normal"),
+    "f_d": ("f_d", "depth fit of Eq. 1: 1 = same depth, 0 = off by τ or more"),
+    "f_n": ("f_n", "normal fit of Eq. 1: 1 = same direction, 0 = beyond the cut-off angle"),
+    "classes": ("classes", "why each pixel counts as it does"),
+}
+
+
+@dataclass(frozen=True)
+class Crop:
+    """Columns u0 … u1 − 1 and rows v0 … v1 − 1 of an image; may reach beyond its border."""
+
+    u0: int
+    v0: int
+    u1: int
+    v1: int
+
+    @property
+    def width(self) -> int:
+        return self.u1 - self.u0
+
+    @property
+    def height(self) -> int:
+        return self.v1 - self.v0
+
+    def of(self, image: NDArray[Any], fill: float = 0) -> NDArray[Any]:
+        """The cut-out of an image (H, W, …), ``fill`` where the crop reaches beyond the image."""
+        h, w = image.shape[:2]
+        out = np.full((self.height, self.width, *image.shape[2:]), fill, image.dtype)
+        u0, v0, u1, v1 = max(self.u0, 0), max(self.v0, 0), min(self.u1, w), min(self.v1, h)
+        if u1 > u0 and v1 > v0:
+            out[v0 - self.v0 : v1 - self.v0, u0 - self.u0 : u1 - self.u0] = image[v0:v1, u0:u1]
+        return out
+
+    def part(self, image: NDArray[Any]) -> NDArray[Any]:
+        """The same without a copy, of an image that holds all of it."""
+        return image[self.v0 : self.v1, self.u0 : self.u1]
+
+
+def bounds(mask: NDArray[np.bool_]) -> Crop:
+    """The smallest part of the image that holds ``mask``; of no size where that is empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return Crop(0, 0, 0, 0)
+    return Crop(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
+
+
+def crop_around(mask: NDArray[np.bool_], aspect: float, margin: float = 0.25, step: int = 16) -> Crop:
+    """The part of the image to show for an object: around ``mask``, of the given width / height.
+
+    Sizes go in steps, so that the picture does not jitter from iteration to iteration. An empty mask gives all of it.
+    """
+    found = bounds(mask)
+    if found.height == 0:
+        found, margin = Crop(0, 0, mask.shape[1], mask.shape[0]), 0.0
+    height, width = float(found.height), float(found.width)
+    moved = step // 2 + 3  # The middle is rounded below: a small object must still be inside.
+    height, width = max(height * (1 + 2 * margin), height + moved), max(width * (1 + 2 * margin), width + moved)
+    height = max(height, width / aspect, step)
+    height = int(np.ceil(height / step) * step)
+    width = round(height * aspect)
+    v, u = (found.v0 + found.v1) // 2, (found.u0 + found.u1) // 2
+    half = step // 2
+    v, u = round(v / half) * half, round(u / half) * half
+    return Crop(u - width // 2, v - height // 2, u - width // 2 + width, v - height // 2 + height)
+
+
+def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
+    """The fixed scale of a map for one object in one frame; None for classes, which have colours of their own."""
+    if name in ("observed", "rendered"):
+        depth = target.observation.depth_m[target.instance.mask]
+        depth = depth[depth > 0]
+        centre = float(np.median(depth)) if len(depth) else 1.0
+        half = max(target.model.diameter_m, 0.05)
+        return depth_scale(round(centre - half, 2), round(centre + half, 2))
+    if name == "difference":
+        return difference_scale(tau_m)
+    if name == "angle":
+        return ANGLE
+    return FIT if name in ("f_d", "f_n") else None
+
+
+def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None) -> Image:
+    """One map as RGB (H, W, 3): of the whole image, or of a part of it."""
+    return rgb(*map_shades(name, maps, target, tau_m, crop))
+
+
+def map_over(photo: Image, name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
+    """One map where it belongs to the score, a photo (H, W, 3) elsewhere."""
+    image = photo.copy()
+    says = maps.classes > 0
+    part = bounds(says)
+    np.copyto(part.part(image), map_image(name, maps, target, tau_m, part), where=part.part(says)[..., None])
+    return image
+
+
+def map_shades(
+    name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None
+) -> tuple[NDArray[np.uint8], bytes]:
+    """One map as places (H, W) in a palette, and the palette."""
+    crop = crop or Crop(0, 0, target.observation.camera.width, target.observation.camera.height)
+    scale = scale_of(name, target, tau_m)
+    if scale is None:
+        return crop.of(maps.classes), CLASS_PALETTE
+    return scale.shades(map_values(name, maps, target, crop)), scale.palette
+
+
+def map_values(name: MapName, maps: ScoreMaps, target: Target, crop: Crop) -> NDArray[np.floating]:
+    """One map's numbers in its scale's unit; NaN where it says nothing."""
+    observed, rendered = crop.of(target.observation.depth_m), crop.of(maps.rendered_m)
+    if name == "observed":
+        return np.where(observed > 0, observed, np.nan)
+    if name == "rendered":
+        return np.where(rendered > 0, rendered, np.nan)
+    if name == "difference":
+        return np.where((observed > 0) & (rendered > 0), (observed - rendered) * 1000, np.nan)
+    if name == "angle":
+        return np.where(rendered > 0, np.rad2deg(crop.of(maps.angle_rad, np.nan)), np.nan)
+    return np.where(crop.of(maps.counted), crop.of(maps.f_d if name == "f_d" else maps.f_n), np.nan)
+
+
+def png(image: Image) -> bytes:
+    """An image as PNG."""
+    out = io.BytesIO()
+    PilImage.fromarray(image).save(out, format="PNG", compress_level=1)
+    return out.getvalue()
+
+
+def data_uri(content: bytes) -> str:
+    """A PNG as something an ``<img>`` can show without a further request."""
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
+
+
+ASPECT = 0.95
+
+
+def shared_crop(view: Snapshot) -> Crop:
+    """The part of the image that holds the mask and both renderings."""
+    relevant = view.map_target.instance.mask.copy()
+    for side in (view.a, view.b):
+        if side is not None and side.maps is not None:
+            relevant |= side.maps.rendered_m > 0
+    return crop_around(relevant, ASPECT)
+
+
+# All score maps of both stages as one picture, with names and colour bars, to be kept.
+
+_TILE_W, _TILE_H, _LEFT, _TITLE, _HEAD, _BAR, _GAP = 240, 192, 150, 30, 34, 46, 8
+_TOP = _TITLE + _HEAD
+
+
+def maps_sheet(view: Snapshot) -> Image:
+    """(H, W, 3) RGB: what it is of, then a row per stage, a column per map, cut to the object."""
+    sides = [s for s in (view.a, view.b) if s is not None and s.maps is not None]
+    width = _LEFT + len(MAP_NAMES) * (_TILE_W + _GAP)
+    height = _TOP + max(len(sides), 1) * (_TILE_H + _GAP) + _BAR
+    sheet = PilImage.new("RGB", (width, height), (250, 250, 250))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    draw.text((8, 8), sheet_title(view), (20, 20, 20), font=font)
+    crop, tau_m = shared_crop(view), view.session.score.tau_m
+    for row, side in enumerate(sides):
+        assert side.maps is not None
+        top = _TOP + row * (_TILE_H + _GAP)
+        score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
+        draw.text((8, top + 8), f"{side.pose.label}{score}", (20, 20, 20), font=font)
+        for column, name in enumerate(MAP_NAMES):
+            image = PilImage.fromarray(map_image(name, side.maps, view.map_target, tau_m, crop))
+            tile = image.resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
+            sheet.paste(tile, (_LEFT + column * (_TILE_W + _GAP), top))
+    if not sides:
+        draw.text((8, _TOP + 8), "no pose to show here", (20, 20, 20), font=font)
+    bottom = height - _BAR
+    for column, name in enumerate(MAP_NAMES):
+        left = _LEFT + column * (_TILE_W + _GAP)
+        draw.text((left, _TITLE + 8), _heading(name), (20, 20, 20), font=font)
+        scale = scale_of(name, view.map_target, tau_m)
+        if scale is None:
+            _legend(draw, left, bottom)
+            continue
+        ramp = np.linspace(scale.low, scale.high, _TILE_W)
+        bar = np.repeat(scale.colors(ramp)[None], 10, axis=0)
+        sheet.paste(PilImage.fromarray(bar), (left, bottom))
+        draw.text((left, bottom + 14), scale.ticks[0], (20, 20, 20), font=font)
+        draw.text((left + _TILE_W, bottom + 14), scale.ticks[2], (20, 20, 20), font=font, anchor="ra")
+    return np.asarray(sheet)
+
+
+def sheet_title(view: Snapshot) -> str:
+    """Of which object, frame and moment of a run the maps are."""
+    whose = "all objects" if view.is_whole_scene else view.scene.object(view.target.instance.instance_id).label
+    when = f"answer after {view.cursor} iterations" if view.is_answer else f"iteration {view.cursor}"
+    return f"{whose}, frame {view.frame}, {method_name(view.session.method.name)}, {when}"
+
+
+def _heading(name: MapName) -> str:
+    """A map's label in letters that the picture's typeface has."""
+    return LABELS[name][0].replace("Δ", "delta ")
+
+
+def _legend(draw: ImageDraw.ImageDraw, left: int, top: int) -> None:
+    font = ImageFont.load_default(11)
+    for k, (name, color) in enumerate(CLASS_COLORS.items()):
+        x, y = left + (k % 3) * 80, top + (k // 3) * 16
+        draw.rectangle((x, y + 2, x + 9, y + 11), fill=color)
+        draw.text((x + 13, y), name, (20, 20, 20), font=font)

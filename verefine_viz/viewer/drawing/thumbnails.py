@@ -1,0 +1,138 @@
+"""Small pictures of answers, made one after another on a thread of their own while somebody looks at them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.rendering.contours import background, data_uri, outline, window_around
+from verefine_viz.scenes.silhouette import silhouette
+from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.viewer.state.gallery import Entry, Gallery
+
+_LOG = logging.getLogger(__name__)
+WIDTH_PX = 176
+"""Twice the width on the page, for sharp screens; 2 to 4 kB each."""
+MOST_KEPT = 2000
+_MOST_FRAMES = 6
+
+
+class Thumbnails:
+    """Pictures by answer.
+
+    Args:
+        draw: makes one, as a data URI; empty where it cannot.
+        arrived: is called with the entry of each new one, on the thread of this object.
+    """
+
+    def __init__(self, draw: Callable[[Entry], str], arrived: Callable[[Entry], None]) -> None:
+        self._draw, self._arrived = draw, arrived
+        self._made: OrderedDict[Entry, str] = OrderedDict()
+        self._wanted: list[Entry] = []
+        self._at_hand: Entry | None = None
+        self._wake = threading.Condition()
+        self._stopping = False
+        self._thread: threading.Thread | None = None
+
+    def of(self, entry: Entry) -> str | None:
+        """The picture; None where it is not made yet."""
+        with self._wake:
+            return self._made.get(entry)
+
+    def want(self, entries: Sequence[Entry]) -> None:
+        """What is looked at now, in order; what was wanted before and is not made yet is let go."""
+        with self._wake:
+            self._wanted = [e for e in entries if e not in self._made and e is not self._at_hand]
+            if self._wanted and self._thread is None:
+                self._thread = threading.Thread(target=self._work, name="verefine-thumbnails", daemon=True)
+                self._thread.start()
+            self._wake.notify_all()
+
+    def stop(self) -> None:
+        """Ends after the picture at hand."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify_all()
+        if self._thread is not None:
+            self._thread.join(timeout=20)
+
+    def _work(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._wanted or self._stopping)
+                if self._stopping:
+                    return
+                entry = self._at_hand = self._wanted.pop(0)
+            picture = self._picture(entry)
+            with self._wake:
+                self._made[entry] = picture
+                while len(self._made) > MOST_KEPT:
+                    self._made.popitem(last=False)
+            self._arrived(entry)
+
+    def _picture(self, entry: Entry) -> str:
+        try:
+            return self._draw(entry)
+        except VerefineError as error:  # Its images may be gone: the words remain.
+            _LOG.info("no picture of %s: %s", entry.row.frame, error)
+        except Exception:
+            _LOG.exception("no picture of %s", entry.row.frame)
+        return ""
+
+
+class Painter:
+    """Draws answers of a gallery. Belongs to one thread."""
+
+    def __init__(self, gallery: Gallery) -> None:
+        self._gallery = gallery
+        self._sources: dict[str, SceneSource] = {}
+        self._problems: OrderedDict[tuple[str, str], Problem] = OrderedDict()
+
+    def __call__(self, entry: Entry) -> str:
+        """The picture of an answer as a data URI.
+
+        Raises:
+            VerefineError: its frame cannot be read, or does not hold the object.
+        """
+        row = entry.row
+        if row.instance_id is None:
+            return ""
+        answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)
+        target = self._problem(entry).target(row.instance_id)
+        poses = {"ground truth": target.instance.T_cam_obj_gt, "accepted": answer}
+        return _drawn(target, {name: T for name, T in poses.items() if T is not None})
+
+    def _problem(self, entry: Entry) -> Problem:
+        scene = self._gallery.runs[entry.run].session.scene.model_copy(update={"frames": ()})
+        place = scene.model_dump_json()
+        if (place, entry.row.frame) not in self._problems:
+            problem = self._source(place, entry).problem(entry.row.frame)
+            self._problems[(place, entry.row.frame)] = problem
+            while len(self._problems) > _MOST_FRAMES:
+                self._problems.popitem(last=False)
+        return self._problems[(place, entry.row.frame)]
+
+    def _source(self, place: str, entry: Entry) -> SceneSource:
+        """Runs on the same data share it: initial poses, in which they may differ, are not drawn."""
+        if place not in self._sources:
+            index = self._gallery.runs[entry.run]
+            hypotheses = index.session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
+            frames = index.frames if index.session.scene.source == "bop" else ()
+            scene = index.session.scene.model_copy(update={"frames": frames})
+            self._sources[place] = open_scene(scene, hypotheses)
+        return self._sources[place]
+
+
+def _drawn(target: Target, poses: Mapping[str, Float]) -> str:
+    window = window_around(target, list(poses.values()))
+    camera = window.camera(target.observation.camera, WIDTH_PX)
+    image = background(target, window, WIDTH_PX)
+    for name, T_cam_obj in poses.items():
+        outline(image, silhouette(target.model, T_cam_obj, camera), STAGE_COLORS[name])
+    return data_uri(image)

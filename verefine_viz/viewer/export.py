@@ -1,0 +1,274 @@
+"""Writes sessions to ``sessions/`` and exports to ``sessions/runs/`` and nowhere else; a browser downloads them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import viser
+from PIL import Image as PilImage
+
+from verefine_viz.core.atomic import atomic
+from verefine_viz.core.errors import Cancelled, InputError, VerefineError
+from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session, save_session
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.command_json import to_json
+from verefine_viz.viewer.drawing.scene_page import scene_page
+from verefine_viz.viewer.drawing.score_maps import maps_sheet
+from verefine_viz.viewer.snapshot.build import snapshot_of
+from verefine_viz.viewer.state.state import State, Unconfirmed
+from verefine_viz.viewer.state.workspace import Saved, Workspace, WrittenFile, savable
+
+# Hands exports to the browser that asked: through an ssh tunnel there is no other way to what lies on the server.
+
+LARGEST_BYTES = 100_000_000
+"""What is larger is left on disk: the page holds a download in memory until it is whole, and 100 MB take 80 s at
+10 Mbit/s."""
+PART_BYTES = 16_384
+"""The page's own messages wait for 128 parts at most, so that it stays in use meanwhile also on a slow line."""
+
+
+def downloaded(server: viser.ViserServer, client_id: int | None, path: Path) -> str:
+    """Sends a file to the browser that asked for it, and to no other; says so, or why not.
+
+    Args:
+        server: that the browser looks at.
+        client_id: which one it is; None = it was asked for in another way, and nothing is said.
+        path: the file.
+    """
+    clients = {} if client_id is None else server.get_clients()
+    client = clients.get(client_id) if client_id is not None else None
+    if client is None:
+        return ""
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        return (
+            f"its {size / 1e6:,.0f} MB are too many to download in the browser (at most "
+            f"{LARGEST_BYTES / 1e6:,.0f} MB): copy it from there"
+        )
+    client.send_file_download(path.name, path.read_bytes(), PART_BYTES, save_immediately=True)
+    return f"{'your browser' if len(clients) == 1 else 'the browser that asked'} downloads it too"
+
+
+_NAME = re.compile(r"[\w][\w .-]{0,79}")
+
+
+class Exporter:
+    """The writer behind :class:`~commands.SaveSession` and :class:`~commands.Export`.
+
+    Args:
+        server: whose 3D scene is exported.
+        folder: where sessions lie; exports go to its ``runs`` folder.
+        patience: asked before each iteration of a recording is written.
+    """
+
+    def __init__(self, server: viser.ViserServer, folder: Path, patience: Patience = ENDLESS) -> None:
+        self._server, self._folder, self._patience = server, folder, patience
+
+    def __call__(self, state: State, command: c.Command) -> WrittenFile:
+        """Writes one file, says which, and hands an export to the browser that asked for it."""
+        if isinstance(command, c.SaveSession):
+            return self._session(state.workspace, command)
+        assert isinstance(command, c.Export)
+        path = self._export(state, command).resolve()
+        return WrittenFile(path, downloaded(self._server, command.client, path))
+
+    def _session(self, space: Workspace, command: c.SaveSession) -> WrittenFile:
+        path = self._folder / f"{checked_name(command.name)}.toml"
+        session, note = savable(space.session, space.branch, space.others, len(space.frames))
+        session = titled(session, path, space)
+        if not command.replace:
+            refuse_loss(path, session, space, command)
+        save_session(session, path)
+        space.files.pop(path.resolve(), None)  # The file written last is the last one.
+        space.files[path.resolve()] = Saved(session, space.branch)
+        return WrittenFile(path.resolve(), "; ".join(filter(None, (note, unused(command.waiting)))))
+
+    def _export(self, state: State, command: c.Export) -> Path:
+        folder = self._folder / "runs" / "exports"
+        stem = stem_of(state)
+        match command.what:
+            case "scene":
+                page = scene_page(self._server.scene.as_html(dark_mode=True), snapshot_of(state))
+                return written(folder / f"{stem}.html", page)
+            case "commands":
+                return written(folder / f"{stem}_commands.jsonl", "".join(f"{to_json(x)}\n" for x in state.log))
+            case "maps":
+                path = free(folder / f"{stem}_maps.png")
+                sheet = maps_sheet(snapshot_of(state))
+                with atomic(path) as part:
+                    PilImage.fromarray(sheet).save(part, format="PNG")
+                return path
+            case "results":
+                return self._results(state, free(folder / f"{stem}.csv"))
+            case "recording":
+                return self._recording(state, free(folder / f"{stem}.rrd"))
+
+    def _results(self, state: State, path: Path) -> Path:
+        from verefine_viz.scenes.results import ResultRow, write_results
+
+        run = state.workspace.run
+        problem = run.problem
+        rows = [
+            ResultRow(
+                scene_id=problem.scene_id,
+                im_id=problem.im_id,
+                obj_id=target.instance.obj_id,
+                score=best.score.score,
+                T_cam_obj=best.T_cam_obj,
+                time_s=sum(i.ms for i in run.iterations) / 1e3,
+            )
+            for target, best in zip(problem.targets, run.final_state.best, strict=True)
+            if best is not None
+        ]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_results(path, rows)
+        return path
+
+    def _recording(self, state: State, path: Path) -> Path:
+        from verefine_viz.recording.recorder import Recorder
+
+        space = state.workspace
+        run = space.run
+        path.parent.mkdir(parents=True, exist_ok=True)
+        branch = space.branch
+        recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
+        try:
+            # A fork at the end shows its watchers the whole history and changes nothing.
+            run.fork(run.length, watchers=(ReportsProgress(self._patience, run.length), recorder)).close()
+        except Cancelled:
+            recorder.close()
+            path.unlink(missing_ok=True)
+            raise
+        return path
+
+
+@dataclass(frozen=True)
+class ReportsProgress:
+    """Watches a history of ``n`` iterations go by, and asks for patience before each."""
+
+    patience: Patience
+    n: int
+
+    def on_start(self, state: RunState) -> None:
+        self.patience.ask(f"Writing the recording of {self.n} iteration{'s' if self.n != 1 else ''}.")
+
+    def on_iteration(self, state: RunState, iteration: Iteration) -> None:
+        self.patience.ask(share=(iteration.index - 1) / self.n)
+
+    def on_finish(self, state: RunState) -> None:
+        """Nothing is left to wait for."""
+
+
+def unused(waiting: tuple[str, ...]) -> str:
+    """What was typed as settings and is not in the file, with how it gets there; "" = nothing was.
+
+    As in: not in the file, as they were not in use: c 0.7 → 0.3; press “Restart with these” or “Fork here” in
+    Settings, then save again
+    """
+    if not waiting:
+        return ""
+    do = "press “Restart with these” or “Fork here” in Settings, then save again"
+    return f"not in the file, as they were not in use: {', '.join(waiting)}; {do}"
+
+
+def checked_name(name: str) -> str:
+    """A session's name as a file name.
+
+    Raises:
+        InputError: it would lead out of the folder, or is no name.
+    """
+    if not _NAME.fullmatch(name.strip()) or ".." in name:
+        raise InputError(f"{name!r} is no name for a session; use letters, digits, blanks, dots, - and _")
+    return name.strip().removesuffix(".toml")
+
+
+def titled(session: Session, path: Path, space: Workspace) -> Session:
+    """``session`` with the title that it gets in the file ``path``.
+
+    A file that was read or written here keeps its title, and so does a copy of it. What was changed since is another
+    session: its title is the name that a person gave to its new file.
+    """
+    files = {file: saved.session for file, saved in space.files.items()}
+    same = (there for there in files.values() if there == session.model_copy(update={"title": there.title}))
+    known = files.get(path.resolve()) or next(same, None)
+    if known is not None:
+        title = known.title
+    else:
+        is_taken = any(there.title == session.title for there in files.values())
+        title = path.stem if is_taken else session.title
+    return session.model_copy(update={"title": title or path.stem})
+
+
+def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveSession) -> None:
+    """Passes where ``path`` is free, or holds nothing that would be lost if ``session`` were written there.
+
+    Raises:
+        Unconfirmed: it holds something that would be.
+    """
+    if not path.exists():
+        return
+    try:
+        what = lost(load_session(path), space.files.get(path.resolve()), session, space)
+    except VerefineError:
+        what = "something that is no session"
+    if what:
+        said = f"{path} holds {what}. Nothing was written: choose another name, or"
+        raise Unconfirmed(said, "replace it", replace(command, replace=True))
+
+
+def lost(there: Session, saved: Saved | None, session: Session, space: Workspace) -> str:
+    """What a file that holds ``there`` loses if ``session``, that of the shown branch, is written to it; "" = nothing.
+
+    Args:
+        there: what the file holds now.
+        saved: what it held when it was read or written here; None = it was not.
+        session: what is to be written.
+        space: what is open.
+    """
+    if there == session:
+        return ""
+    if saved is None:
+        return f"another session, “{there.title or 'untitled'}”"
+    if there != saved.session:
+        return "changes that were made since it was opened"
+    moved = sum(edit not in session.edits for edit in there.edits)
+    parts = [f"{moved} pose{'s' if moved > 1 else ''} moved by hand"] if moved else []
+    if any(change not in session.changes for change in there.changes):
+        parts.append("settings changed on the way")
+    what = f"{' and '.join(parts)} that the shown branch does not have" if parts else ""
+    other = saved.branch
+    if other is None or other is space.branch or not space.is_open(other):
+        return what
+    if not what and other in space.others and there.model_copy(update={"edits": session.edits}) == session:
+        return ""  # What it holds of another frame is written again.
+    return f"another branch, “{other.name}”" + (f", with {what}" if what else "")
+
+
+def stem_of(state: State) -> str:
+    """What exports of the open run are called."""
+    session, frame = state.workspace.branch.settings, state.workspace.frame
+    title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
+    return f"{title}_{frame.replace('/', '_')}_{session.method.name}"
+
+
+def free(path: Path) -> Path:
+    """``path``, or the first of ``name-2``, ``name-3``, … that does not exist."""
+    candidate, k = path, 2
+    while candidate.exists():
+        candidate = path.with_name(f"{path.stem}-{k}{path.suffix}")
+        k += 1
+    return candidate
+
+
+def written(path: Path, content: str) -> Path:
+    """Writes a text file that did not exist."""
+    path = free(path)
+    with atomic(path) as part:
+        part.write_text(content, encoding="utf-8")
+    return path

@@ -1,0 +1,89 @@
+"""Opens answers of a batch: that of a point or a card, or the next one in the order of the gallery."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenPoint
+from verefine_viz.viewer.snapshot.score_plot import plot_of
+from verefine_viz.viewer.state.gallery import PAGE, Entry, Gallery
+from verefine_viz.viewer.state.state import State
+from verefine_viz.viewer.state.view_options import ViewOptions
+
+
+def resolved(state: State, command: Command) -> Command:
+    """The opening that a command about the gallery stands for; any other command as it is.
+
+    Raises:
+        InputError: there is no such answer.
+    """
+    if not isinstance(command, OpenFailure | OpenPoint):
+        return command
+    gallery, options = state.browsing.gallery, state.options
+    if gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    if isinstance(command, OpenPoint):
+        nearest = plot_of(gallery, options.batch_only).nearest(command.u, command.v)
+        if nearest is None:
+            raise InputError("no object there; click nearer to a point")
+        return gallery.opens(nearest)
+    return gallery.opens(_following(gallery, state.browsing.last, options, command.direction))
+
+
+def _following(gallery: Gallery, last: Entry | None, options: ViewOptions, direction: int) -> Entry:
+    shown = [entry for entry in gallery.shown(options.batch_order, options.batch_only) if entry.can_be_opened]
+    if not shown:
+        raise InputError("no answer passes all filters; choose other filters")
+    if last not in shown:
+        return shown[0 if direction > 0 else -1]
+    place = shown.index(last) + direction
+    if not 0 <= place < len(shown):
+        raise InputError(f"that is the {'last' if direction > 0 else 'first'} answer of the list")
+    return shown[place]
+
+
+def open_at(state: State, command: OpenAt) -> None:
+    """Opens a frame at one of its iterations, which is computed first if need be.
+
+    Raises:
+        InputError: no such run or frame.
+    """
+    _enter(state, command)
+    run = state.run
+    run.seek(min(max(command.iteration, 0), run.length))
+    state.running.goal = command.iteration if command.iteration > run.length and not run.is_done else None
+    state.options = _options(state, command)
+
+
+def _enter(state: State, command: OpenAt) -> None:
+    """Opens the frame, with the session of its run if another one is open; of several branches the run itself."""
+    browsing, workspace = state.browsing, state.workspace
+    gallery = browsing.gallery
+    if command.run and (gallery is None or command.run not in gallery.runs):
+        raise InputError(unknown("run", command.run, gallery.runs if gallery else ()))
+    run = command.run or browsing.run
+    if gallery is None or workspace.tools.session == gallery.session(run):
+        workspace.open_frame(command.frame)
+    else:
+        workspace.open(gallery.session(run), None, command.frame)
+    if gallery is not None:
+        browsing.run = run
+        if workspace.work.comparison is None:
+            workspace.work.index = 0
+        browsing.last = gallery.entry(run, command.frame, command.instance)
+    browsing.asked = workspace.run, command.iteration
+
+
+def _options(state: State, command: OpenAt) -> ViewOptions:
+    """Options with the object in focus, at the iteration, and on the gallery's page that holds it."""
+    browsing, options = state.browsing, state.options.afresh()
+    ids = [i.instance_id for i in state.workspace.work.problem.instances]
+    options = replace(options, focus=command.instance if command.instance in ids else None)
+    shown = browsing.gallery.shown(options.batch_order, options.batch_only) if browsing.gallery else ()
+    if browsing.last in shown:
+        options = replace(options, batch_page=shown.index(browsing.last) // PAGE)
+    return replace(options, stage=browsing.stage_asked_for(state.run.cursor))
+
+
+HANDLERS = {OpenAt: open_at}

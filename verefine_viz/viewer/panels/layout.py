@@ -1,0 +1,220 @@
+"""Where the panels are: Run and the tabs on the right, maps, curves and timeline below, the legend on the left."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import viser
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer.command_json import from_json
+from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
+from verefine_viz.viewer.panels.batch import BatchPanel
+from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
+from verefine_viz.viewer.panels.compare import ComparePanel
+from verefine_viz.viewer.panels.dependencies import DependenciesPanel
+from verefine_viz.viewer.panels.errors import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.objects import ObjectsPanel, height_px
+from verefine_viz.viewer.panels.physics import PhysicsPanel
+from verefine_viz.viewer.panels.run import RunPanel
+from verefine_viz.viewer.panels.score import MapsPanel, ScorePanel
+from verefine_viz.viewer.panels.session import SessionPanel
+from verefine_viz.viewer.panels.settings import SettingsPanel
+from verefine_viz.viewer.panels.timeline import TimelinePanel
+from verefine_viz.viewer.panels.view import ViewPanel
+from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
+
+_LOG = logging.getLogger(__name__)
+RIGHT_PX = 372
+GAP_PX = 6
+TIMELINE_PX = 154
+STRIP_PX = 244
+MAPS_PX = 592
+CURVES_PX = 296
+VIEW_PX = 254
+OBJECTS_PX = 326
+UPPER_PX = 378
+
+KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
+    ("Run / pause", "space", c.TogglePause()),
+    ("Step one iteration", "N", c.Step()),
+    ("Step one stage", "M", c.StepStage()),
+    ("Back one iteration", "B", c.Back()),
+    ("First", "home", c.Seek(0)),
+    ("Last iteration made", "end", c.SeekEnd()),
+    ("Previous event", "pageup", c.SeekEvent(-1)),
+    ("Next event", "pagedown", c.SeekEvent(1)),
+    ("Batch: next failure", "J", c.OpenFailure(1)),
+    ("Batch: previous failure", "K", c.OpenFailure(-1)),
+    ("Ground truth on / off", "G", c.ShowLayer("ground truth")),
+    ("Colour of the cloud", "C", c.ColorCloud()),
+    ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
+    ("Play the simulated path", "P", c.PlayPath()),
+    ("A/B: first difference", "F", s.SeekDifference()),
+    ("A/B: swap", "X", s.SwapSides()),
+    ("A/B: B on / off", "T", s.ShowSide("B")),
+    ("Run to the next event", None, c.RunUntil("event")),
+    ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
+    ("Pause", None, c.Pause()),
+    ("Cancel what is being done", "escape", c.Cancel()),
+    ("Restart", None, c.Restart()),
+    ("Score the ground truth", None, c.ScoreGroundTruth()),
+    ("Edit the pose by hand", None, c.EditPose()),
+    ("Continue from the edited pose", None, c.ForkFromPose()),
+    ("Fork here", None, c.Fork()),
+    ("Animate steps", None, c.Animate(True)),
+    ("Do not animate steps", None, c.Animate(False)),
+    ("Export the recording", None, c.Export("recording")),
+    ("Export the 3D scene as HTML", None, c.Export("scene")),
+    ("Export the results CSV", None, c.Export("results")),
+    ("Export the score maps as PNG", None, c.Export("maps")),
+)
+"""Label in the palette (Ctrl+K), hotkey, command. W A S D Q E and the arrows move the camera, V takes it back."""
+
+
+def set_theme(gui: viser.GuiApi) -> None:
+    """Dark, without what is not ours."""
+    gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+    gui.set_panel_label("verefine-viz")
+
+
+class Layout:
+    """All panels, placed. One per server; every browser shows the same."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        send: Send,
+        reset_camera: Callable[[viser.ClientHandle], None],
+        batch: Gallery | None = None,
+    ) -> None:
+        gui = server.gui
+        set_theme(gui)
+        gui.add_html(small_window(RIGHT_PX))
+        self.run = RunPanel(gui, send)
+        self.link = gui.add_text(LINK_LABEL, "")
+        gui.add_html(f"<style>{hidden(self.link)}</style>")
+        if batch is not None:  # One tab more, and still one row of them.
+            gui.add_html(f"<style>{NARROW_TABS}</style>")
+        main = gui.main_panel
+        main.dock_right()
+        main.set_width(RIGHT_PX)
+        tabs = gui.add_panel()
+        self.batch: BatchPanel | None = None
+        if batch is not None:
+            with tabs.add_tab("Batch"):
+                self.batch = BatchPanel(gui, batch)
+        with tabs.add_tab("Score"):
+            self.score = ScorePanel(gui, send)
+        with tabs.add_tab("Bandit"):
+            self.bandit = BanditPanel(gui, send)
+        with tabs.add_tab("Physics"):
+            self.physics = PhysicsPanel(gui, send)
+        with tabs.add_tab("Errors"):
+            self.errors = ErrorsPanel(gui, send)
+        with tabs.add_tab("Order"):
+            self.dependencies = DependenciesPanel(gui, send)
+        with tabs.add_tab("A/B"):
+            self.compare = ComparePanel(gui, send)
+        with tabs.add_tab("Session"):
+            self.session = SessionPanel(gui, send, lambda: self.settings.waiting)
+        tabs.dock_below(main)
+        timeline = gui.add_panel()
+        with timeline.add_tab("Timeline"):
+            self.timeline = TimelinePanel(gui, send)
+        timeline.float(x=GAP_PX, y=-GAP_PX, width=MAPS_PX + GAP_PX + CURVES_PX, height=TIMELINE_PX)
+        maps = gui.add_panel()
+        with maps.add_tab("Score maps"):
+            self.maps = MapsPanel(gui, send)
+        above = -(TIMELINE_PX + 2 * GAP_PX)
+        maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
+        curves = gui.add_panel()
+        self.curves = CurvesPanel(gui, curves)
+        self.score_error: ScoreErrorPanel | None = None
+        if batch is not None:
+            with curves.add_tab("Score/error"):
+                self.score_error = ScoreErrorPanel(gui)
+        curves.float(x=MAPS_PX + 2 * GAP_PX, y=above, width=CURVES_PX, height=STRIP_PX)
+        layers = gui.add_panel()
+        with layers.add_tab("View"):
+            self.layers = ViewPanel(gui, send)
+        with layers.add_tab("Settings"):
+            self.settings = SettingsPanel(gui, send)
+        with layers.add_tab("Breakpoints"):
+            self.breakpoints = BreakpointsPanel(gui, send)
+        layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
+        self._objects_panel = gui.add_panel(visible=False)
+        with self._objects_panel.add_tab("Objects"):
+            self.objects = ObjectsPanel(gui, send)
+        self._n_objects = 0
+        self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
+        for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
+            handle.on_trigger(lambda event, command=command: send(asked_by(event.client_id, command)))
+        self.reset_view = gui.add_command("Reset the view", hotkey="V")
+
+        @self.reset_view.on_trigger
+        def reset(event: viser.CommandEvent) -> None:
+            if event.client is not None:
+                reset_camera(event.client)
+
+    def on_link(self, handler: Send) -> None:
+        """Calls ``handler`` with the command of every link that is clicked."""
+
+        def received(value: str) -> None:
+            line, _, _ = value.rpartition(" ")
+            try:
+                handler(from_json(line))
+            except InputError as error:
+                _LOG.warning("a link was refused: %s", error)
+
+        self.link.on_update(by_person(received))
+
+    def show(self, view: Snapshot, hand_is_ahead: bool = False) -> None:
+        """All panels, each on its own."""
+        self.run.show(view)
+        self.settings.show(view)
+        self.breakpoints.show(view)
+        self._show_objects(view)
+        self.timeline.show(view, hand_is_ahead)
+        self.score.show(view)
+        self.bandit.show(view)
+        self.physics.show(view)
+        self.errors.show(view)
+        self.compare.show(view)
+        self.dependencies.show(view)
+        self.session.show(view)
+        self.layers.show(view)
+        if self.batch is not None and self.score_error is not None:
+            self.batch.show(view)
+            self.score_error.show(view)
+        self.curves.show(view)
+        self.maps.show(view)
+
+    def show_deep(self, view: Snapshot) -> None:
+        """The panels about score maps and plausibility, and the one that may have shown what takes long."""
+        self.run.show(view)
+        self.maps.show(view)
+        self.score.show(view)
+        self.physics.show(view)
+
+    def show_physics(self, view: Snapshot) -> None:
+        """The panels about physics of the whole scene, and the one that may have shown what takes long."""
+        self.run.show(view)
+        self._show_objects(view)
+        self.physics.show(view)
+
+    def _show_objects(self, view: Snapshot) -> None:
+        """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
+        n = len(view.scene.objects)
+        if n != self._n_objects:
+            self._n_objects = n
+            self._objects_panel.visible = n > 1
+            self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
+        if n > 1:
+            self.objects.show(view)

@@ -1,0 +1,1 @@
+"""What is shown at one moment, computed from the state: frozen data, nothing of the GUI library."""

@@ -1,0 +1,290 @@
+"""One moment of the debugger, frozen: all that the panels and the 3D scene need to draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
+from verefine_viz.core.settings import Edit, Session
+from verefine_viz.diagnosis.symmetry import UndeclaredTurn
+from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.session.edits import edits_of, never_reached
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.deferred_physics import ScenePhysics
+from verefine_viz.viewer.snapshot.partial_iteration import revealed
+from verefine_viz.viewer.snapshot.scene_state import SceneState
+from verefine_viz.viewer.state.gallery import Entry, Gallery
+from verefine_viz.viewer.state.timeline_marks import Mark
+from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.state.workspace import WrittenFile
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedPose:
+    """One pose with everything known about it."""
+
+    name: str
+    """One of ``view_options.STAGES``, or what a scene is called."""
+    T_cam_obj: Float
+    """(4, 4); of a scene (m, 4, 4)."""
+    score: PoseScore | None
+    errors: PoseErrors | None
+    ms: float = 0.0
+    is_of_best_scene: bool = False
+    """Whether it is the answer for what it adds to the whole scene: alone another pose may score higher."""
+
+    @property
+    def label(self) -> str:
+        """What people read."""
+        return "answer" if self.is_of_best_scene else self.name
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedPose:
+    """One of the two stages that are compared."""
+
+    pose: EvaluatedPose
+    maps: ScoreMaps | None
+    """None in a view that is not deep."""
+    probe: Probe | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BranchSummary:
+    """One of the runs on this frame."""
+
+    name: str
+    length: int
+    n_iterations: int
+    best: tuple[Best | None, ...]
+    """Per instance."""
+    errors: tuple[PoseErrors | None, ...]
+    """Per instance, of ``best``."""
+    has_other_scale: bool = False
+    """Whether the score of ``best`` is by other settings than that of the shown branch."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is."""
+
+    done: int
+    total: int
+    running: bool
+    remaining_s: float | None
+    """Estimate; None where nothing was timed yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """What is on the screen."""
+
+    session: Session
+    """The settings of the open branch, and what was changed and moved on the way."""
+    session_path: Path | None
+    session_file: Path | None
+    """Where the open session was read or written last, absolute; None = in no file."""
+    frames: tuple[str, ...]
+    frame: str
+    demos: tuple[str, ...]
+    sessions: tuple[str, ...]
+    """Session files that lie at hand."""
+    batch: Gallery | None
+    """The batch whose answers are listed; None = no batch was opened."""
+    entry: Entry | None
+    """What the batch says about the object in focus; None where it says nothing."""
+    problem: Problem
+    exploration: float
+    """The weight c of UCB's bonus in the choice that follows the cursor; ``session`` has the one at the end."""
+    doubts: tuple[str, ...]
+    """What of the frame's data does not fit together, with what to check."""
+    recording: Path | None
+    """The file that the open branch was read from; None = it was computed here."""
+    branches: tuple[BranchSummary, ...]
+    branch: int
+    cursor: int
+    progress: Progress
+    iterations: tuple[Iteration, ...]
+    """The whole history, without its newest iteration where that is shown stage by stage."""
+    marks: tuple[Mark, ...]
+    is_answer: bool
+    """Whether the end of a finished run shows its answer, not the iteration that it tried last."""
+    is_partial: bool
+    """Whether the iteration at the cursor is shown up to a stage before its last one: what it comes to is not known."""
+    shown: Iteration | None
+    """The latest iteration up to the cursor that worked on the object in focus."""
+    target: Target
+    """The object in focus."""
+    state: Any
+    """The method's state of the object in focus at the cursor: ``arms``, ``best``, ``initial``; None without any."""
+    begun: Any
+    """The same after the first iteration on the object, with the scores of that time; ``state`` where it had none."""
+    poses: dict[str, EvaluatedPose]
+    """By stage, those that exist (and are revealed) at the cursor."""
+    arm: int
+    """The hypothesis in focus."""
+    options: ViewOptions
+    a: ComparedPose | None
+    b: ComparedPose | None
+    plausible: dict[str, Any]
+    """Plausibility by stage, where it is known: of the pose before the simulation ("current"), of the one that was kept
+    ("accepted") or the answer ("best"), and of the edited one ("edited")."""
+    initial_errors: tuple[PoseErrors | None, ...]
+    """Per hypothesis of the object in focus."""
+    error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]
+    """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
+    truth: EvaluatedPose | None
+    """Ground truth, scored; None where there is none."""
+    undeclared: UndeclaredTurn | None
+    """The turn that alone makes the best pose so far count as wrong; None where it is right, or wrong otherwise, and
+    while a run is on."""
+    scene: SceneState
+    """All objects of the frame."""
+    frame_score: PoseScore | None
+    """Of all answers so far, rendered together; None for a single object."""
+    map_target: Target
+    """Whose score ``a`` and ``b`` are: the object in focus, or all objects as one where the whole scene is shown."""
+    best_errors: Mapping[int, PoseErrors | None]
+    """By iteration: errors of the best pose of its object; empty unless the whole scene is shown."""
+    physics: ScenePhysics
+    """What is known by now about the scene."""
+    deep: bool = True
+    """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
+    pose is edited plausibility always is: it has to follow the hand."""
+    message: str = ""
+    """What just happened or went wrong, in a sentence."""
+    refused: bool = False
+    """Whether the message says what went wrong."""
+    offer: tuple[str, Command] | None = None
+    """Words and command of the link behind a message that refuses."""
+    written: tuple[WrittenFile, ...] = ()
+    """Files written lately."""
+    comparison: ComparisonSnapshot | None = None
+    """The comparison with another run; None = this one is looked at alone."""
+
+    def at(self, index: int) -> Iteration:
+        """Iteration ``index``, from 1: every run numbers them without a gap, also where it was forked or read."""
+        return self.iterations[index - 1]
+
+    @property
+    def name(self) -> str:
+        """The object in focus, for people."""
+        return self.target.model.name
+
+    @property
+    def is_whole_scene(self) -> bool:
+        """Whether panels show the scene instead of one object."""
+        return self.options.whole_scene and len(self.scene.objects) > 1
+
+    @property
+    def has_plausibility(self) -> bool:
+        """Whether ``plausible`` is up to date."""
+        return self.deep or self.options.edited is not None
+
+    @property
+    def n_arms(self) -> int:
+        return len(self.target.instance.hypotheses)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the iteration at the cursor is the one that is shown."""
+        return self.shown is not None and self.shown.index == self.cursor
+
+    @cached_property
+    def edits(self) -> tuple[Edit, ...]:
+        """The poses that the session moves by hand in this frame."""
+        return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about the frame, and of what the session does behind the end of the run."""
+        changes, p = self.session.changes, self.progress
+        # A change on the way may make the run longer.
+        is_known = not any(p.done < change.after_iteration <= p.total for change in changes)
+        return (*self.problem.notes, *(never_reached(self.edits, changes, p.total) if is_known else ()))
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the cursor is at the end of a finished run."""
+        return self.cursor == self.progress.done == self.progress.total
+
+    @cached_property
+    def data_doubts(self) -> tuple[str, ...]:
+        """``doubts``, or what a batch found in the same frame: before a run is over it may know more."""
+        if self.doubts or self.batch is None or self.entry is None:
+            return self.doubts
+        found = self.batch.doubt_in(self.entry.run, self.frame).removesuffix(".")
+        return (found,) * bool(found)
+
+    @cached_property
+    def own_iterations(self) -> tuple[Iteration, ...]:
+        """Those of the object in focus, whole history."""
+        own = self.target.instance.instance_id
+        return tuple(i for i in self.iterations if i.instance_id == own)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One pixel of the score, in numbers. None = nothing was measured, or rendered, there."""
+
+    u: int
+    v: int
+    observed_m: float | None
+    rendered_m: float | None
+    difference_mm: float | None
+    angle_deg: float | None
+    f_d: float
+    f_n: float
+    pixel_class: str
+    contribution: float
+    """What this pixel adds to the score: (f_d + f_n) / 2N; 0 where it is not counted."""
+    counted: bool
+
+
+def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
+    """The numbers of pixel (row v, column u)."""
+    observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
+    angle = float(np.rad2deg(maps.angle_rad[v, u]))
+    counted = bool(maps.counted[v, u])
+    f_d, f_n = float(maps.f_d[v, u]), float(maps.f_n[v, u])
+    value = int(maps.classes[v, u])
+    both = observed > 0 and rendered > 0
+    return Probe(
+        u=u,
+        v=v,
+        observed_m=observed if observed > 0 else None,
+        rendered_m=rendered if rendered > 0 else None,
+        difference_mm=(observed - rendered) * 1000 if both else None,
+        angle_deg=angle if rendered > 0 and np.isfinite(angle) else None,
+        f_d=f_d,
+        f_n=f_n,
+        pixel_class=PIXEL_CLASSES[value - 1] if value else "not scored",
+        contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
+        counted=counted,
+    )
+
+
+def visit(view: Snapshot, iteration: Iteration) -> c.Command:
+    """Goes to an iteration, also to the last one of a finished run, where the end would show the answer."""
+    p = view.progress
+    if iteration.index == p.done == p.total:
+        return c.SeekStage(iteration.index, iteration.stages[-1].name)
+    return c.Seek(iteration.index)
+
+
+def is_revealed(view: Snapshot, stage: str) -> bool:
+    """Whether the iteration is shown up to this stage."""
+    if view.shown is None:
+        return False
+    return stage in revealed(view.shown, view.options.stage if view.is_current else None)

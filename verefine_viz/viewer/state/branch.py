@@ -1,0 +1,196 @@
+"""One run on a frame with its settings, and the runs that a frame has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import Verifier, Watcher
+from verefine_viz.core.settings import Change, Session
+from verefine_viz.session.alignment import Key
+from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
+from verefine_viz.viewer.commands import Changes
+from verefine_viz.viewer.comparison_commands import SidePose
+from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
+from verefine_viz.viewer.state.timeline_marks import Mark, marks_of, once_per_object
+from verefine_viz.viewer.state.view_options import STAGES
+
+# What the page needs of simulator, renderer, refiner, method and scene together.
+
+
+class Tools(Protocol):
+    """A toolbox; ``session.toolbox.Toolbox`` is the real one."""
+
+    session: Session
+
+    @property
+    def frames(self) -> tuple[str, ...]: ...
+    @property
+    def verifier(self) -> Verifier: ...
+    @property
+    def method(self) -> Any: ...
+    def problem(self, frame: str) -> Problem: ...
+    def changed(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
+    def ordered(self, problem: Problem) -> Problem: ...
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run: ...
+
+
+# Changed settings in their two forms: by dotted name, as commands have them, and by section, as session files do.
+
+
+def in_order(changes: Sequence[Change]) -> list[Change]:
+    """The earliest first."""
+    return sorted(changes, key=lambda change: change.after_iteration)
+
+
+def nested(changes: Changes) -> dict[str, dict[str, Any]]:
+    """(("method.exploration", 0.2),) as {"method": {"exploration": 0.2}}."""
+    out: dict[str, dict[str, Any]] = {}
+    for name, value in changes:
+        section, _, key = name.partition(".")
+        out.setdefault(section, {})[key] = value
+    return out
+
+
+def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Several nested changes as one; later ones win."""
+    out: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        for section, values in part.items():
+            out.setdefault(section, {}).update(values)
+    return out
+
+
+def current_values(session: Session, names: Sequence[str]) -> Mapping[str, Any]:
+    """The values of settings by dotted name."""
+    found = {}
+    for name in names:
+        section, _, key = name.partition(".")
+        found[name] = getattr(getattr(session, section), key)
+    return found
+
+
+# A comparison as a choice: which branch is B, and how both are shown.
+
+OF_ONE_RUN = frozenset(STAGES) - {"ground truth", "edited"} | {"hypotheses", "contacts", "path", "others", "overlaps"}
+"""Layers that tell of the open run only."""
+
+
+@dataclass(frozen=True)
+class ComparisonChoice:
+    """The open branch is A; this is what stands beside it."""
+
+    b: int
+    """Index of B among the frame's branches."""
+    moment: Key | None = None
+    """Where on the common timeline; None = where A's cursor is."""
+    poses: SidePose = "best"
+    shown: frozenset[str] = frozenset("AB")
+    """Whose poses are drawn in 3D."""
+    hidden: frozenset[str] = OF_ONE_RUN
+    """Layers that are put away meanwhile; asked for, they come back."""
+
+
+@dataclass
+class Branch:
+    """One run on a frame, and the settings it ended up with."""
+
+    name: str
+    run: Run
+    tools: Tools
+    start: Session
+    """The settings it began with."""
+    changes: tuple[Change, ...]
+    """Settings changed on the way, as a session file keeps them."""
+    evaluators: tuple[tuple[int, CachedEvaluator], ...]
+    """(k, evaluator): from iteration k + 1 on it evaluates, where settings of the score changed on the way."""
+    recording: Path | None = None
+    """The file that it was read from; None = it was computed here."""
+    _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+    _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
+    """By whether the run was over."""
+
+    @cached_property
+    def settings(self) -> Session:
+        """Those that it ends up with: a session that was read may change them on the way."""
+        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
+
+    def exploration_after(self, index: int) -> float:
+        """The weight c of UCB's bonus in the choice that follows iteration ``index``."""
+        c = self.start.method.exploration
+        for change in in_order(self.changes):
+            if change.after_iteration <= index:
+                c = change.settings.get("method", {}).get("exploration", c)
+        return c
+
+    @property
+    def evaluator(self) -> CachedEvaluator:
+        """Evaluates by the settings of the iteration at the cursor; at the end of a finished run by its last ones."""
+        return self.evaluator_of(self.run.cursor + self.run.at_end)
+
+    @property
+    def final_evaluator(self) -> CachedEvaluator:
+        """Evaluates by the settings that hold after the last iteration made."""
+        return self.evaluator_of(self.run.length + 1)
+
+    @property
+    def state(self) -> Any:
+        """The state at the cursor, with scores of the settings that :attr:`evaluator` evaluates by."""
+        return self.run.state if self.run.at_end else self.run.state_scored_at(self.run.cursor)
+
+    def evaluator_of(self, index: int) -> CachedEvaluator:
+        """Evaluates by the settings of an iteration; of the first where ``index`` is 0."""
+        return next(evaluator for k, evaluator in reversed(self.evaluators) if k < max(index, 1))
+
+    def marks(self, instance_id: int | None = None) -> tuple[Mark, ...]:
+        """All marks of the history, or those of one object."""
+        for iteration in self.run.iterations[len(self._marks) :]:
+            target = next(t for t in self.run.problem.targets if t.instance.instance_id == iteration.instance_id)
+            before = self.evaluator.errors(target, iteration.stages[0].T_cam_obj)
+            after = self.evaluator.errors(target, iteration.accepted_stage.T_cam_obj)
+            growth = after.add_s_mm - before.add_s_mm if before and after else None
+            self._marks.append(marks_of(iteration, growth))
+        pairs = zip(self.run.iterations, self._marks, strict=False)
+        return once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
+
+    def doubts(self) -> tuple[str, ...]:
+        """What of the data does not fit together: by ground truth, else by the initial poses and then the answers."""
+        problem, run = self.run.problem, self.run
+        if problem.doubts:
+            return problem.doubts
+        if run.is_done not in self._doubts:
+            from verefine_viz.scenes.answer_fit import answer_notes, start_notes  # Loads what draws models.
+
+            if run.is_done:
+                found = answer_notes(
+                    problem, [None if best is None else best.T_cam_obj for best in run.final_state.best]
+                )
+            else:
+                found = start_notes(problem)
+            self._doubts[run.is_done] = found
+        return self._doubts[run.is_done]
+
+
+@dataclass
+class FrameWork:
+    """A frame with its runs."""
+
+    branches: list[Branch]
+    index: int = 0
+    comparison: ComparisonChoice | None = None
+    """The comparison of the open branch with another; None = it is looked at alone."""
+
+    @property
+    def branch(self) -> Branch:
+        return self.branches[self.index]
+
+    @property
+    def problem(self) -> Problem:
+        """What the open branch solves; others of the frame may have other initial poses, or another order."""
+        return self.branch.run.problem

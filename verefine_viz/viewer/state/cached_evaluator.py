@@ -1,0 +1,174 @@
+"""Answers about a pose that are worked out only when somebody looks, and remembered."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.scores import PoseScore, ScoreMaps
+from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
+from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+
+T = TypeVar("T")
+Key = tuple[Any, ...]
+"""What was asked: its kind first."""
+_KEPT_MAPS = 12
+_KEPT_NUMBERS = 20_000
+NEAR_M = 0.01
+"""Objects further apart than this have nothing to do with each other [m]."""
+
+
+class HasVerifier(Protocol):
+    """The part of a toolbox that judging needs."""
+
+    @property
+    def verifier(self) -> Verifier: ...
+
+
+class CachedEvaluator:
+    """Scores, maps, errors and plausibility of poses of one frame.
+
+    Args:
+        toolbox: where the verifier comes from.
+        plausibility: (moving, fixed, support) → what physics says about the pose without moving it; None = not known.
+        overlap: (one, other) → how deep one object is in another, or None where it is not; None = not known.
+    """
+
+    def __init__(
+        self,
+        toolbox: HasVerifier,
+        plausibility: Callable[[Placed, tuple[Placed, ...], Support], Any] | None = None,
+        overlap: Callable[[Placed, Placed], Any | None] | None = None,
+    ) -> None:
+        self._toolbox = toolbox
+        self._plausibility = plausibility
+        self._overlap = overlap
+        self._numbers: OrderedDict[Key, Any] = OrderedDict()
+        self._maps: OrderedDict[Key, Any] = OrderedDict()
+
+    @property
+    def verifier(self) -> Verifier:
+        return self._toolbox.verifier
+
+    def score(self, target: Target, T_cam_obj: Float) -> PoseScore:
+        """The verification score of one pose."""
+        key = _key("score", target, T_cam_obj)
+        return self._remember(key, lambda: self._toolbox.verifier.score(target, T_cam_obj[None])[0])
+
+    def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps:
+        """The score of one pose pixel by pixel."""
+        key = _key("maps", target, T_cam_obj)
+        return self._remember(key, lambda: self._toolbox.verifier.maps(target, T_cam_obj))
+
+    def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
+        """The score of one combination of poses (m, 4, 4) as a scene."""
+        verifier = self._toolbox.verifier
+        key = ("scene", whole_frame, tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
+        return self._remember(key, lambda: verifier.score_scene(targets, Ts_cam_obj[None], (), whole_frame)[0])
+
+    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps:
+        """The score of one combination of poses (m, 4, 4) as a scene, pixel by pixel."""
+        verifier = self._toolbox.verifier
+        key = ("scene maps", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
+        return self._remember(key, lambda: verifier.scene_maps(targets, Ts_cam_obj))
+
+    def errors(self, target: Target, T_cam_obj: Float) -> PoseErrors | None:
+        """Errors against ground truth; None where there is none."""
+        truth = target.instance.T_cam_obj_gt
+        if truth is None:
+            return None
+        key = _key("errors", target, T_cam_obj)
+        return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, truth))
+
+    def undeclared_turn(self, target: Target, T_cam_obj: Float) -> UndeclaredTurn | None:
+        """The turn, which the model does not declare, that makes a pose count as wrong; None where that is not why."""
+        truth = target.instance.T_cam_obj_gt
+        if truth is None:
+            return None
+        key = _key("undeclared turn", target, T_cam_obj)
+        return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, truth, CORRECT))
+
+    def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
+        """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
+        support = target.observation.support
+        evaluator = self._plausibility
+        if support is None or evaluator is None:
+            return None
+        placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
+        near = tuple(other for other in others if are_near(placed, other))
+        return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
+
+    def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
+        """What :meth:`plausibility` said if it was asked before, else None."""
+        placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
+        return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
+
+    def overlap(self, one: Placed, other: Placed) -> Any | None:
+        """How deep one object is in another; None where it is not, or where that is not known."""
+        evaluator = self._overlap
+        if evaluator is None or not are_near(one, other):
+            return None
+        return self._remember(_pair(one, other), lambda: evaluator(one, other))
+
+    def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
+        """Whether :meth:`overlap` was asked before (or need not be), and what it said."""
+        if self._overlap is None or not are_near(one, other):
+            return True, None
+        key = _pair(one, other)
+        return key in self._numbers, self._numbers.get(key)
+
+    def _remember(self, key: Key, work_out: Callable[[], T]) -> T:
+        kept, most = (self._maps, _KEPT_MAPS) if "maps" in key[0] else (self._numbers, _KEPT_NUMBERS)
+        if key in kept:
+            kept.move_to_end(key)
+        else:
+            kept[key] = work_out()
+            while len(kept) > most:
+                kept.popitem(last=False)
+        return kept[key]
+
+
+def together(evaluator: CachedEvaluator, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:
+    """The score of several objects (m, 4, 4) rendered together, by the rule of the session."""
+    return evaluator.scene_score(targets, Ts_cam_obj, session.method.scene_pixels == "frame")
+
+
+def are_near(one: Placed, other: Placed) -> bool:
+    """Whether the spheres around two objects come close to each other."""
+    (centre_one, radius_one), (centre_other, radius_other) = _sphere(one), _sphere(other)
+    return float(np.linalg.norm(centre_one - centre_other)) < radius_one + radius_other + NEAR_M
+
+
+def _sphere(placed: Placed) -> tuple[Float, float]:
+    centre_obj, radius_m = _sphere_of(placed.model)
+    return placed.T_cam_obj[:3, :3] @ centre_obj + placed.T_cam_obj[:3, 3], radius_m
+
+
+@lru_cache(maxsize=64)
+def _sphere_of(model: ObjectModel) -> tuple[Float, float]:
+    low, high = model.points.min(axis=0), model.points.max(axis=0)
+    return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+
+
+def _key(kind: str, target: Target, T_cam_obj: Float) -> Key:
+    return kind, target.instance.instance_id, T_cam_obj.tobytes()
+
+
+def _among(placed: Placed, near: Sequence[Placed]) -> Key:
+    around = tuple((p.instance_id, p.T_cam_obj.tobytes()) for p in near)
+    return "plausibility", placed.instance_id, placed.T_cam_obj.tobytes(), around
+
+
+def _pair(one: Placed, other: Placed) -> Key:
+    return "overlap", one.instance_id, one.T_cam_obj.tobytes(), other.instance_id, other.T_cam_obj.tobytes()

@@ -1,0 +1,245 @@
+"""The answers of one or several batch runs, to sort, filter and open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.batch.doubts import doubts_in_words
+from verefine_viz.batch.folder import SESSION_FILE
+from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, run_folders
+from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.session.files import load_session
+from verefine_viz.viewer.commands import OpenAt
+
+if TYPE_CHECKING:
+    from verefine_viz.session.engine import Run
+    from verefine_viz.viewer.state.workspace import Workspace
+
+ALL = "all"
+WRONG = "wrong or no answer"
+RIGHT = "right"
+RESULTS = (WRONG, RIGHT, ALL)
+PAGE = 12
+"""Answers that are shown at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One object of a frame, as one run answered it."""
+
+    run: str
+    """Name of the run's folder."""
+    row: ObjectRow
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the answer is wrong or missing; False also where that is unknown."""
+        return self.row.status != "ok" or self.row.is_correct is False
+
+    @property
+    def can_be_opened(self) -> bool:
+        """A frame that failed as a whole fails again, and an object that was left out is again."""
+        return self.row.was_asked_for
+
+    @property
+    def iteration(self) -> int:
+        """Where to look first: where it went wrong, else where the answer was made; 0 = before iteration 1."""
+        row = self.row
+        return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
+
+
+class Gallery:
+    """All answers.
+
+    Args:
+        indices: the runs, at least one.
+        n_unfinished: runs that lie beside them and are not finished.
+        overrides: settings that win over those of the runs when a frame is opened.
+    """
+
+    def __init__(
+        self, indices: Sequence[BatchIndex], n_unfinished: int = 0, overrides: Mapping[str, Any] | None = None
+    ) -> None:
+        self.runs = {index.folder.name: index for index in indices}
+        self.n_unfinished = n_unfinished
+        self.entries = tuple(Entry(run, row) for run, index in self.runs.items() for row in index.rows)
+        self._overrides = overrides or {}
+        self._sessions: dict[str, Session] = {}
+        self._sorted: dict[Order, tuple[Entry, ...]] = {}
+        self._shown: tuple[Any, tuple[Entry, ...]] = (None, ())
+
+    @property
+    def has_several_runs(self) -> bool:
+        return len(self.runs) > 1
+
+    @cached_property
+    def worst(self) -> Entry:
+        """What is opened first; of frames that can be opened, if there are any."""
+        ordered = self.sorted_by("error")
+        return next((entry for entry in ordered if entry.can_be_opened), ordered[0])
+
+    @cached_property
+    def outcome(self) -> str:
+        """How many objects are right, in words; as in a batch, one without an answer is not."""
+        objects = [e.row for e in self.entries if e.row.is_object]
+        known = [row for row in objects if row.has_truth or row.is_correct is not None]
+        said = f"{len(objects)} objects"
+        if known:
+            said = f"{sum(row.is_correct is True for row in known)} of {len(known)} objects"
+        if self.has_several_runs:
+            said += f" of {len(self.runs)} runs"
+        else:
+            n_frames = len({e.row.frame for e in self.entries})
+            said += f" in {n_frames} frame{'s' * (n_frames != 1)}"
+        said += " are right" if known else ""
+        missing = sum(row.status != "ok" for row in objects)
+        said += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+        unknown = len(self.entries) - len(objects)
+        return f"{said}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else said
+
+    @cached_property
+    def doubt(self) -> str:
+        """In how many frames the data are in doubt, and why; empty where none are."""
+        return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
+
+    def sorted_by(self, order: Order) -> tuple[Entry, ...]:
+        """Everything in one of ``batch.index.ORDERS``."""
+        if order not in self._sorted:
+            place = place_in(order)
+            self._sorted[order] = tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
+        return self._sorted[order]
+
+    def shown(self, order: Order, only: Mapping[str, str]) -> tuple[Entry, ...]:
+        """What passes every filter, in order; the same object while nothing changes.
+
+        Args:
+            order: one of ``batch.index.ORDERS``.
+            only: chosen values by filter: result, cause (its title), object, method, run; none = all, of results
+                :attr:`first_result`.
+        """
+        asked = order, dict(only)
+        if self._shown[0] != asked:
+            passed = set(self.matching(only))
+            self._shown = asked, tuple(entry for entry in self.sorted_by(order) if entry in passed)
+        return self._shown[1]
+
+    def matching(self, only: Mapping[str, str]) -> tuple[Entry, ...]:
+        """What passes every filter of :meth:`shown`, in no order."""
+        chosen = {by: value for by, value in only.items() if value != ALL and by != "result"}
+        result = only.get("result", self.first_result)
+        return tuple(
+            entry
+            for entry in self.entries
+            if (result == ALL or entry.is_wrong == (result == WRONG))
+            and all(value_of(entry, by) == value for by, value in chosen.items())
+        )
+
+    @cached_property
+    def first_result(self) -> str:
+        """Which results are shown before anyone chooses: wrong ones, if any are known to be."""
+        return WRONG if any(entry.is_wrong for entry in self.entries) else ALL
+
+    @cached_property
+    def choices(self) -> dict[str, tuple[str, ...]]:
+        """What can be filtered for, by filter; filters that leave no choice are left out."""
+        found = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
+        return {"result": RESULTS} | {by: (ALL, *values) for by, values in found.items() if len(values) > 1}
+
+    def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
+        """What a run says about an object."""
+        return self._by_object.get((run, frame, instance_id))
+
+    def doubt_in(self, run: str, frame: str) -> str:
+        """What a run found not to fit together in the data of a frame; empty where nothing was found."""
+        return self._doubt_by_frame.get((run, frame), "")
+
+    @cached_property
+    def _doubt_by_frame(self) -> dict[tuple[str, str], str]:
+        return {(entry.run, entry.row.frame): doubt for entry in self.entries if (doubt := entry.row.doubt)}
+
+    @cached_property
+    def _by_object(self) -> dict[tuple[str, str, int | None], Entry]:
+        return {(entry.run, entry.row.frame, entry.row.instance_id): entry for entry in self.entries}
+
+    def session(self, run: str) -> Session:
+        """What opens a run, its frames sorted so that the one with the worst object comes first."""
+        if run not in self._sessions:
+            index, overrides = self.runs[run], self._overrides
+            session = load_session(index.folder / SESSION_FILE, overrides) if overrides else index.session
+            scene = session.scene.model_copy(update={"frames": index.frames})
+            self._sessions[run] = session.model_copy(update={"scene": scene})
+        return self._sessions[run]
+
+    def opens(self, entry: Entry) -> OpenAt:
+        """The command that opens an answer where it went wrong."""
+        run = entry.run if self.has_several_runs else ""
+        return OpenAt(entry.row.frame, entry.iteration, run, entry.row.instance_id)
+
+
+class Browsing:
+    """The gallery and the place in it.
+
+    Args:
+        gallery: None = no batch was opened.
+        workspace: where frames are opened.
+    """
+
+    def __init__(self, gallery: Gallery | None, workspace: Workspace) -> None:
+        self.gallery, self._workspace = gallery, workspace
+        self.run = gallery.worst.run if gallery is not None else ""
+        """The batch run whose session is open."""
+        self.last: Entry | None = None
+        """The answer that was opened last."""
+        self.asked: tuple[Run, int] | None = None
+        """The run and iteration at which that was opened."""
+
+    def stage_asked_for(self, iteration: int) -> str | None:
+        """What shows the iteration that was asked for itself where the end of the run would show its answer."""
+        run = self._workspace.run
+        if self.asked != (run, iteration) or not run.at_end or run.iteration is None:
+            return None
+        return run.iteration.stages[-1].name
+
+    def entry(self, instance_id: int) -> Entry | None:
+        """What the batch says about an object of the open frame; None where something else is open."""
+        gallery = self.gallery
+        if gallery is None or not self._is_open(gallery.session(self.run)):
+            return None
+        return gallery.entry(self.run, self._workspace.frame, instance_id)
+
+    def _is_open(self, session: Session) -> bool:
+        """Whether the page shows frames of this session, be it with another method by now."""
+        now = self._workspace.tools.session
+        there, here = (s.scene.model_copy(update={"frames": ()}) for s in (session, now))
+        return there == here and session.hypotheses == now.hypotheses
+
+
+_FILTERS = ("cause", "object", "method", "run")
+
+
+def value_of(entry: Entry, by: str) -> str:
+    """What a filter looks at."""
+    if by == "cause":
+        return cause_title(entry.row.cause)
+    return entry.run if by == "run" else entry.row.name if by == "object" else entry.row.method
+
+
+def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Gallery:
+    """The batch run in ``folder``, or the finished ones of several.
+
+    Raises:
+        InputError: there is none, none is finished, or a file is damaged.
+    """
+    folders = run_folders(folder)
+    finished = [path for path in folders if (path / "frames.csv").is_file()]
+    indices = [index for path in finished or folders[:1] if (index := read_batch(path)).rows]
+    if not indices:
+        raise InputError(f"{folder} holds no finished frame; run verefine-viz batch again")
+    return Gallery(indices, len(folders) - len(finished), overrides)

@@ -1,0 +1,102 @@
+"""What a person has chosen to see. Nothing here changes what is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from verefine_viz.batch.index import Order
+from verefine_viz.core.arrays import Float
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.commands import MapName
+
+STAGES: tuple[str, ...] = (
+    "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth",
+)  # fmt: skip
+"""Every pose of an object that can be drawn, compared and judged."""
+
+LAYERS: tuple[str, ...] = (
+    *STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps",
+    "path",
+)  # fmt: skip
+SHOWN_AT_FIRST = frozenset(
+    {"current", "simulated", "refined", "accepted", "edited", "ground truth"}
+    | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps"}
+)
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """The state of every display switch."""
+
+    focus: int | None = None
+    """instance_id whose numbers are shown; None = the one that the iteration at the cursor worked on."""
+    whole_scene: bool = False
+    """Whether panels show the scene instead of one object."""
+    arm: int | None = None
+    """Hypothesis whose history is shown; None = the one at work."""
+    stage: str | None = None
+    """Last stage of the iteration that is revealed; None = all of them."""
+    a: str = "simulated"
+    b: str = "refined"
+    map: MapName = "classes"
+    pixel: tuple[int, int] | None = None
+    """(u, v) that is probed."""
+    cloud: c.CloudColors = "colour"
+    layers: frozenset[str] = SHOWN_AT_FIRST
+    path_pose: int | None = None
+    """Index into the simulated path that is drawn; None = not drawn."""
+    animate: bool = True
+    edited: c.Pose | None = None
+    """T_cam_obj of the gizmo; None = nothing is edited."""
+    edited_from: c.Pose | None = None
+    """T_cam_obj of the pose with which the editing began."""
+    compared_before: tuple[str, str] | None = None
+    """What was compared before a pose was edited; None where a person has chosen since."""
+    batch_order: Order = "error"
+    batch_only: Mapping[str, str] = field(default_factory=dict)
+    """Filters of the batch's answers, by what they filter."""
+    batch_page: int = 0
+
+    @property
+    def T_cam_obj_edited(self) -> Float | None:
+        """The edited pose as a matrix (4, 4)."""
+        return None if self.edited is None else np.array(self.edited).reshape(4, 4)
+
+    @property
+    def T_cam_obj_edited_from(self) -> Float | None:
+        """The pose with which the editing began as a matrix (4, 4)."""
+        return None if self.edited_from is None else np.array(self.edited_from).reshape(4, 4)
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the edited pose is elsewhere than it was; what a browser's rounding makes of it is not [m, 1]."""
+        T, T_from = self.T_cam_obj_edited, self.T_cam_obj_edited_from
+        return T is not None and T_from is not None and not np.allclose(T, T_from, rtol=0, atol=1e-5)
+
+    def moved(self) -> ViewOptions:
+        """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
+        return replace(self.unedited(), arm=None, stage=None, path_pose=None)
+
+    def editing(self, edited: c.Pose, arm: int) -> ViewOptions:
+        """The same with a pose of a hypothesis being edited, beside the accepted one."""
+        before = (self.a, self.b) if self.edited is None else self.compared_before
+        layers = self.layers | {"edited", "accepted"}
+        return replace(
+            self, edited=edited, edited_from=edited, arm=arm, a="accepted", b="edited", compared_before=before,
+            layers=layers,
+        )  # fmt: skip
+
+    def unedited(self) -> ViewOptions:
+        """The same without an edited pose: compared is what was compared before."""
+        a, b = self.compared_before or (self.a, self.b)
+        return replace(self, edited=None, edited_from=None, a=a, b=b, compared_before=None)
+
+    def afresh(self) -> ViewOptions:
+        """The same for another frame or another run: what was chosen for good is kept."""
+        return ViewOptions(
+            cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
+            batch_only=self.batch_only, batch_page=self.batch_page,
+        )  # fmt: skip

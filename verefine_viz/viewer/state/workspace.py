@@ -1,0 +1,360 @@
+"""What is open: a session, its frames, on each frame its runs, and the files that hold the session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.breakpoint_settings import BreakpointSettings
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.listing import first_of, listed
+from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import Change, Edit, Session
+from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.session.edits import edits_of
+from verefine_viz.session.engine import Run
+from verefine_viz.session.files import changed
+from verefine_viz.viewer.commands import Changes
+from verefine_viz.viewer.state.branch import Branch, FrameWork, Tools, in_order, merged, nested
+from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
+
+if TYPE_CHECKING:
+    from verefine_viz.recording.reader import Recorded
+
+
+# What files hold of the open session.
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """The open session as a file has it."""
+
+    session: Session
+    branch: Branch | None = None
+    """Which it was written of; None = the session was read from there."""
+
+    @property
+    def repeats(self) -> bool:
+        """Whether a run of it moves poses or changes settings on the way."""
+        return bool(self.session.edits or self.session.changes)
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """A file that was written for a person."""
+
+    path: Path
+    note: str = ""
+    """What else became of it; "" = nothing."""
+
+    @property
+    def words(self) -> str:
+        """Where it is."""
+        return f"{self.path}; {self.note}" if self.note else str(self.path)
+
+
+# What was done in all frames of a session, as one session file can say it.
+
+
+def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -> tuple[Edit, ...]:
+    """The poses moved in all frames: as the open runs of those that were looked at have them, else as the session has.
+
+    Those of the shown frame come first: a session opens at the first frame in which it moves a pose.
+
+    Args:
+        shown: the open branch.
+        others: those of the other frames that were looked at.
+        is_only_frame: whether the session has no frame but the shown one.
+    """
+    made = [*_at_first(shown, is_only_frame), *(edit for other in others for edit in _at_first(other) if edit.frame)]
+    elsewhere = (edit for edit in shown.start.edits if edit not in made)
+    there = (edit for other in others for edit in _edits(other) if edit.frame)
+    return (*_edits(shown, is_only_frame), *elsewhere, *there)
+
+
+def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames: int) -> tuple[Session, str]:
+    """What is written to a file, and what it does not hold, in words; "" = it holds all.
+
+    Settings changed on the way hold in every frame of a session, so those that were changed in one are saved with that
+    frame alone.
+
+    Args:
+        session: what repeats the open branch, with the poses moved in all frames.
+        shown: the open branch.
+        others: those of the other frames that were looked at.
+        n_frames: how many the session has.
+    """
+    frame, apart = shown.run.problem.frame, [o.run.problem.frame for o in others if not _goes_with(o, shown)]
+    if n_frames > 1 and _goes_with(shown, shown):
+        first = tuple(edit for edit in shown.start.edits if edit.frame in apart)
+        edits = (*(edit for edit in session.edits if edit.frame not in apart), *first)
+        return session.model_copy(update={"edits": edits}), _left_out(apart)
+    here = edits_of(session.edits, shown.run.problem, is_only_frame=n_frames == 1)
+    if n_frames == 1 and not here and not session.changes:
+        return session, ""
+    scene = session.scene.model_copy(update={"frames": (frame,)})
+    apart += [edit.frame for edit in session.edits if edit.frame not in ("", frame)]
+    alone = session.model_copy(update={"scene": scene, "edits": here})
+    if n_frames == 1:
+        return alone, ""
+    belongs = on_the_way(alone) or "a pose that the session moves in every frame is not moved here, which"
+    said = [f"it opens frame {frame} alone: {belongs} belong{'' if on_the_way(alone) else 's'} to it", _left_out(apart)]
+    return alone, "; ".join(filter(None, said))
+
+
+def on_the_way(session: Session) -> str:
+    """What a run of a session does beside its method, in words."""
+    moved, changed = bool(session.edits) * ["poses moved by hand"], bool(session.changes) * ["settings changed later"]
+    return " and ".join(moved + changed)
+
+
+def _left_out(frames: Sequence[str]) -> str:
+    names = sorted(set(frames))
+    if not names:
+        return ""
+    return f"it does not hold what was done in frame{'s' if len(names) > 1 else ''} {listed(names)}: save that there"
+
+
+def _goes_with(branch: Branch, shown: Branch) -> bool:
+    """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
+    start, other = (b.start.model_copy(update={"edits": ()}) for b in (branch, shown))
+    dropped = any(not edit.frame and edit not in _edits(branch) for edit in _at_first(branch))
+    return start == other and branch.changes == branch.start.changes and not dropped
+
+
+def _edits(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+    """The poses that a branch moves; one that was read moves none again."""
+    return _at_first(branch, is_only_frame) if branch.recording else branch.run.edits
+
+
+def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+    """Those that the session moves in the branch's frame, as it was opened."""
+    return edits_of(branch.start.edits, branch.run.problem, is_only_frame)
+
+
+class Workspace:
+    """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
+
+    So does cancelling: ``core.errors.Cancelled`` is raised before anything was switched.
+
+    Args:
+        session: what to open first.
+        path: its file, if it has one.
+        make_tools: builds the real or fake parts from a session.
+        plausibility: see :class:`CachedEvaluator`.
+        patience: asked before anything that may take seconds.
+        overlap: see :class:`CachedEvaluator`.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: Path | None,
+        make_tools: Callable[[Session], Tools],
+        plausibility: Callable[..., Any] | None = None,
+        patience: Patience = ENDLESS,
+        overlap: Callable[..., Any] | None = None,
+    ) -> None:
+        self._make_tools = make_tools
+        self._patience = patience
+        self._plausibility, self._overlap = plausibility, overlap
+        self.open(session, path)
+
+    def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
+        """Another session, at its first frame or the one named."""
+        self._patience.ask("Reading the scene: models, pictures, initial poses.")
+        tools = self._make_tools(session)
+        frames = tools.frames
+        if not frames:
+            raise InputError("the session names no frame; give scene.frames, or a data set with images")
+        first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
+        work = self._begin(tools, _read(tools, first))
+        self.tools, self.path, self.frames = tools, path, frames
+        self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
+        """Files that hold the open session, as it was when it was read or written, the latest last."""
+        self.breakpoints: BreakpointSettings = session.breakpoints
+        self.frame, self._works = first, {first: work}
+
+    def open_frame(self, frame: str) -> None:
+        """Another frame; one that was open before is as it was left."""
+        if frame not in self.frames:
+            raise InputError(unknown("frame", frame, self.frames))
+        if frame not in self._works:
+            self._works[frame] = self._begin(self.tools, _read(self.tools, frame))
+        self.frame = frame
+
+    @property
+    def work(self) -> FrameWork:
+        return self._works[self.frame]
+
+    @property
+    def branch(self) -> Branch:
+        return self.work.branch
+
+    def is_open(self, branch: Branch) -> bool:
+        """Whether it can still be looked at, on whatever frame."""
+        return any(branch is other for work in self._works.values() for other in work.branches)
+
+    @property
+    def others(self) -> tuple[Branch, ...]:
+        """The open branches of the other frames that were looked at."""
+        return tuple(work.branch for frame, work in self._works.items() if frame != self.frame)
+
+    @property
+    def has_other_frames(self) -> bool:
+        """Whether frames beside the shown one were looked at, and are as they were left."""
+        return len(self._works) > 1
+
+    @property
+    def run(self) -> Run:
+        return self.branch.run
+
+    @property
+    def session(self) -> Session:
+        """What a session file has to say to repeat the run that is open, with the poses moved in other frames."""
+        branch, edits = self.branch, edits_of_all(self.branch, self.others, is_only_frame=len(self.frames) == 1)
+        return branch.start.model_copy(
+            update={"edits": edits, "changes": branch.changes, "breakpoints": self.breakpoints}
+        )
+
+    def restart(self, changes: Changes) -> None:
+        """Back to before iteration 1, with the settings that the open branch ends up with, changed if any.
+
+        Other branches, edited poses and settings changed on the way are discarded. New initial poses
+        (``hypotheses.*``) open the session again.
+        """
+        old, ended = self.branch.tools, [change.settings for change in in_order(self.branch.changes)]
+        pool = nested(changes).pop("hypotheses", None)
+        if pool:
+            rest = tuple(change for change in changes if not change[0].startswith("hypotheses."))
+            tools = old.restarted(merged((*ended, nested(rest))))
+            session = changed(tools.session, {"hypotheses": pool}, ("hypotheses",))
+            files = self.files
+            self.open(session.model_copy(update={"breakpoints": self.breakpoints}), self.path, self.frame)
+            self.files = files
+            return
+        same = not changes and not old.session.edits and not old.session.changes
+        tools = old if same else old.restarted(merged((*ended, nested(changes))))
+        problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
+        work = self._begin(tools, problem)
+        if tools is not self.tools:  # The other frames were run with other settings.
+            self._works = {}
+        self.tools, self._works[self.frame] = tools, work
+
+    def estimate(self, instance_id: int, estimator: str, name: str) -> None:
+        """A new branch of the open frame, from before iteration 1: an estimator gives the initial poses of one object,
+        or it has those of the session again ("session").
+
+        The frame's other branches stay; other frames start again, with the initial poses that they had.
+        """
+        before = self.work
+        wanted = asked_estimators(self.branch.tools.session.hypotheses)
+        wanted.pop((self.frame, instance_id), None)
+        if estimator != "session":
+            wanted[self.frame, instance_id] = estimator
+        self.restart((("hypotheses.estimate", tuple((*key, by) for key, by in sorted(wanted.items()))),))
+        self.branch.name = name
+        self._works[self.frame] = FrameWork([*before.branches, self.branch], len(before.branches))
+
+    def fork(self, cursor: int, changes: Changes, edit: tuple[int, int, Float] | None = None) -> None:
+        """A new branch that leaves the open one after iteration ``cursor``.
+
+        It goes on with the settings that the open branch ended up with, and ``changes``.
+        """
+        old = self.branch
+        if old.recording is not None and (cursor or edit is not None):
+            raise InputError(
+                f"{old.name} was read from a file and cannot be continued; fork it at iteration 0, "
+                "or press Restart to run its session here"
+            )
+        # A session that was read begins with other settings than it ends up with.
+        tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested(changes))))
+        if tools.session == old.tools.session:
+            tools = old.tools
+        kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
+        later = [c.settings for c in old.changes if c.after_iteration > cursor]
+        new = merged((*later, nested(changes)))
+        if new:
+            kept = (*kept, Change(after_iteration=cursor, settings=new))
+        run = old.run.fork(cursor, tools.method if new else None, edit)
+        evaluators = tuple((k, evaluator) for k, evaluator in old.evaluators if k < cursor or k == 0)
+        if "score" in new:
+            evaluators = (*(evaluators if cursor else ()), (cursor, self._evaluator(tools)))
+        name = _name(cursor, changes, edit)
+        self.work.branches.append(Branch(name, run, tools, old.start, kept, evaluators))
+        self.work.index = len(self.work.branches) - 1
+
+    def open_recording(self, path: Path) -> None:
+        """A recording as the open run, on its frame."""
+        from verefine_viz.recording.reader import read_recording
+
+        recorded = read_recording(path)
+        self._patience.ask("Reading the scene: models, pictures, initial poses.")
+        scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
+        session = recorded.session.model_copy(update={"scene": scene})
+        tools = self._make_tools(session)
+        branch = self.recorded_branch(recorded, tools, _read(tools, recorded.frame))
+        self.tools, self.path, self.frames = tools, None, (recorded.frame,)
+        self.files = {}
+        self.breakpoints = session.breakpoints
+        self.frame, self._works = recorded.frame, {recorded.frame: FrameWork([branch])}
+
+    def recorded_branch(self, recorded: Recorded, tools: Tools, problem: Problem) -> Branch:
+        """A recording as a branch."""
+        # Rerun takes a second to load, and most sessions never read a recording.
+        from verefine_viz.recording.playback import played
+
+        run, path, session = played(recorded, problem), recorded.path, tools.session
+        return Branch(path.name, run, tools, session, session.changes, self._evaluators(tools), path)
+
+    def tools_of(self, session: Session) -> Tools:
+        """What runs a session's method."""
+        return self._make_tools(session)
+
+    def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
+        """A run of ``problem`` from its start, not yet among the branches."""
+        self._patience.ask(preparing(problem, tools.session))
+        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._evaluators(tools))
+
+    def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
+        if not problem.instances:
+            raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
+        return FrameWork([self.new_branch("first run", tools, problem)])
+
+    def _evaluators(self, tools: Tools) -> tuple[tuple[int, CachedEvaluator], ...]:
+        """Those of a run from its start, with the changes that its session holds."""
+        found = [(0, self._evaluator(tools))]
+        for change in in_order(tools.session.changes):
+            tools = tools.changed(change.settings)
+            if "score" in change.settings:
+                found.append((change.after_iteration, self._evaluator(tools)))
+        return tuple(found)
+
+    def _evaluator(self, tools: Tools) -> CachedEvaluator:
+        return CachedEvaluator(tools, self._plausibility, self._overlap)
+
+
+def _read(tools: Tools, frame: str) -> Problem:
+    """A frame, and whether its camera and its models look right; a batch has no time to look."""
+    from verefine_viz.scenes.size_fit import size_notes  # Loads what draws models.
+
+    problem = tools.problem(frame)
+    return replace(problem, doubts=size_notes(problem.instances, problem.models, problem.observation))
+
+
+def preparing(problem: Problem, session: Session) -> str:
+    """What is done before iteration 1, in words."""
+    shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
+    parts = "convex parts for physics and " if session.physics.enabled else ""
+    return f"Preparing: {parts}meshes to score of {shown}. Up to half a minute for a new model, else a second."
+
+
+def _name(cursor: int, changes: Changes, edit: tuple[int, int, Float] | None) -> str:
+    what = ", ".join(f"{name.rpartition('.')[2]} = {value}" for name, value in changes)
+    if edit is not None:
+        what = ", ".join(filter(None, (what, f"hypothesis {edit[1] + 1} moved by hand")))
+    return f"{what or 'same settings'}, from iteration {cursor}"

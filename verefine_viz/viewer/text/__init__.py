@@ -1,0 +1,1 @@
+"""Words about a snapshot: plain text without markup."""

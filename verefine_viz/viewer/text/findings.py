@@ -1,0 +1,266 @@
+"""What is probably wrong, said without being asked. Each finding names its evidence and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from verefine_viz.batch.summary import MUCH, MUCH_SCORE
+from verefine_viz.diagnosis.words import DATA_FIRST, DECLARE, cause_title
+from verefine_viz.scenes.instance_notes import without
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.text.names import is_correct
+from verefine_viz.viewer.text.plausibility import plane_doubt, unsupported_stacking, unsupported_stacking_warning
+from verefine_viz.viewer.text.poses import preferred_wrong, prefers, start_errors
+
+# What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
+
+
+def batch_words(view: Snapshot) -> str:
+    """What happened at the iteration where it went wrong, and the cause with its evidence; empty: nothing."""
+    entry = view.entry
+    if entry is None:
+        return ""
+    # What is in doubt about the data stands above it by itself.
+    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
+    return " ".join(filter(None, (_why_here(view, entry), verdict)))
+
+
+def _verdict(entry: Entry) -> str:
+    row = entry.row
+    if row.status != "ok":
+        return f"In the batch: no answer, {row.message}."
+    if not entry.is_wrong or row.relative_error is None:
+        return ""
+    if row.evidence:
+        return f"Why it failed in the batch: {row.evidence}"
+    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
+    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
+
+
+def _why_here(view: Snapshot, entry: Entry) -> str:
+    """Why the frame was opened at this iteration of all."""
+    at = entry.iteration
+    if view.cursor != at or view.progress.running or entry.row.status != "ok":
+        return ""
+    if at == 0:
+        return "No iteration made it much worse, and its answer is a initial pose: look before iteration 1."
+    if entry.row.worst_iteration is None:
+        return f"No iteration made it much worse; iteration {at} made the answer."
+    before, after = view.poses.get("current"), view.poses.get("accepted")
+    if not view.is_current or before is None or after is None:
+        return ""
+    if before.errors is not None and after.errors is not None:
+        was, now = before.errors.add_s_mm, after.errors.add_s_mm
+        much = MUCH * (entry.row.diameter_mm or 0.0)
+        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
+    elif before.score is not None and after.score is not None:
+        was, now = before.score.score, after.score.score
+        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
+    else:
+        return ""
+    return f"Iteration {at}: {change}." if lost else ""
+
+
+FAR = 0.25
+"""A start further away than this share of the diameter is not near (ADD(-S))."""
+LOW_SCORE = 0.45
+LEAK_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing worth knowing."""
+
+    text: str
+    red: bool = False
+    calm: bool = False
+    """Good to know, but nothing is wrong yet."""
+    command: c.Command | None = None
+    """What to try."""
+    label: str = ""
+    """Words for the command's link."""
+    on_top: bool = False
+    """Whether it stands above the words about the iteration."""
+
+
+def findings(view: Snapshot) -> tuple[Finding, ...]:
+    """All findings, the most telling first."""
+    found = (
+        *_of_data(view), *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_why_wrong(view),
+        *_leak(view), *_low(view),
+    )  # fmt: skip
+    return found
+
+
+def _of_data(view: Snapshot) -> list[Finding]:
+    """A wrong camera or wrong models are behind all that follows."""
+    return [Finding(f"{DATA_FIRST} {plane_doubt}.", red=True, on_top=True) for plane_doubt in view.data_doubts]
+
+
+def _of_batch(view: Snapshot) -> list[Finding]:
+    """Why the batch says that this object failed, and the way to the iteration."""
+    entry = view.entry
+    said = batch_words(view)
+    if entry is None or not said:
+        return []
+    command = c.OpenAt(view.frame, entry.iteration, instance=entry.row.instance_id)
+    at = view.cursor == entry.iteration
+    return [
+        Finding(
+            said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}",
+            on_top=entry.is_wrong,
+        )
+    ]  # fmt: skip
+
+
+def _support(view: Snapshot) -> list[Finding]:
+    observation = view.target.observation
+    support = observation.support
+    if support is None:
+        note = observation.support_note or "no support plane was found"
+        given = view.session.scene.gravity != "plane"
+        remedy = "Check scene.gravity" if given else "Give scene.gravity"
+        return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
+    said = plane_doubt(support)
+    return [Finding(said)] if said else []
+
+
+def _no_hypothesis(view: Snapshot) -> list[Finding]:
+    if view.state is not None:
+        return []
+    known = without(view.target.instance, view.target.model)
+    why = next((note for note in view.problem.notes if note.startswith(known)), None)
+    return [Finding(f"{why or f'{known}add a results file that holds object {view.target.model.obj_id}'}.")]
+
+
+def _why_wrong(view: Snapshot) -> list[Finding]:
+    """What made the answer wrong. As in a batch, a turn that the model should have declared explains all of it."""
+    if view.undeclared is None or not _is_over(view):
+        return [*_far_start(view), *_starved(view), *_wrong_score(view)]
+    said = view.undeclared.in_words(view.name)
+    if view.entry is not None and said in view.entry.row.evidence:
+        return []
+    advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
+    return [Finding(f"{said} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+
+
+def _far_start(view: Snapshot) -> list[Finding]:
+    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(view)) if e is not None]
+    if not known:
+        return []
+    _, j, errors = min(known, key=lambda k: k[0])
+    best = view.poses.get("best")
+    found = [best.errors if best is not None else None, *(errors for _, _, errors in view.error_series[-1:])]
+    arrived = any(is_correct(e) for e in found)
+    if errors.relative < FAR or arrived:
+        return []
+    off = (
+        f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
+        f"{errors.relative:.0%} of the diameter."
+    )
+    if not _is_over(view):
+        text = f"The nearest start{_whose(view)} is off by {off} Refinement may get there or not: run it and see."
+        return [Finding(text, calm=True, command=c.SelectArm(j), label="show it")]
+    text = (
+        f"No hypothesis{_whose(view)} starts near: best initial error {off} Refinement did not help: look at the "
+        "estimator first."
+    )
+    return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
+
+
+def _alone(view: Snapshot) -> list[Finding]:
+    """Objects carry each other, and the method does not know."""
+    said = unsupported_stacking_warning(view)
+    if not said:
+        return []
+    command = c.Restart((("method.name", "vf_breadth"),))
+    answers = [view.scene.object(one.instance_id).errors for one in unsupported_stacking(view)]
+    arrived = view.is_answer and all(is_correct(e) for e in answers)
+    return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
+
+
+def _whose(view: Snapshot) -> str:
+    """As in: of mug. Nothing where there is one object."""
+    several = len(view.scene.objects) > 1
+    return f" of {view.scene.object(view.target.instance.instance_id).label}" if several else ""
+
+
+def _is_over(view: Snapshot) -> bool:
+    """Whether the object in focus has had all its iterations at the cursor: then its best pose is the answer."""
+    own = view.own_iterations
+    if view.is_partial or (own and own[-1].index > view.cursor):
+        return False
+    if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
+        return view.progress.done == view.progress.total
+    done = view.progress.done == view.progress.total
+    return bool(own) and (done or view.iterations[-1].instance_id != own[-1].instance_id)
+
+
+def _starved(view: Snapshot) -> list[Finding]:
+    """A hypothesis that was the best start, by ground truth or by score, and got next to no iterations."""
+    if not _is_over(view) or view.state is None or len(view.state.arms) < 2:
+        return []
+    pulls = [sum(i.arm == j for i in view.own_iterations) for j in range(len(view.state.arms))]
+    if view.shown is None or view.shown.choice is None or not view.shown.choice.exploration.any():
+        return []
+    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(view)) if e is not None]
+    if not known:
+        return []
+    error, j = min(known)
+    fair = len(view.own_iterations) / len(pulls)
+    best = view.poses["best"]
+    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
+        return []
+    if prefers(view.poses["best"], view.truth):
+        return []  # More turns would not have helped it.
+    wider = max(2 * view.session.method.exploration, 0.05)
+    text = (
+        f"Hypothesis {j + 1}{_whose(view)} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} "
+        f"of {sum(pulls)} times: its exploration bonus never won."
+    )
+    command = c.Fork((("method.exploration", wider),), 0, run=True)
+    return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
+
+
+def _wrong_score(view: Snapshot) -> list[Finding]:
+    best, truth = view.poses.get("best"), view.truth
+    if not _is_over(view) or best is None or truth is None or truth.score is None:
+        return []
+    if best.errors is None or best.score is None or is_correct(best.errors):
+        return []
+    wrong, true = best.score, truth.score
+    if prefers(best, truth):
+        text = preferred_wrong(view, wrong, true)
+        return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
+    text = (
+        f"The search missed it: the ground truth would score {true.score:.2f}, the best pose found {wrong.score:.2f} "
+        f"({how}). More iterations or better hypotheses can help; another score cannot."
+    )
+    return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
+
+
+def _leak(view: Snapshot) -> list[Finding]:
+    best = view.poses.get("best")
+    if not _is_over(view) or best is None or best.score is None:
+        return []
+    missed = best.score.shares["missed"]
+    if missed < LEAK_SHARE:
+        return []
+    text = (
+        f"{missed:.0%} of the pixels are missed (red): the mask holds surface that the pose does not explain. "
+        "If the red pixels form another object, the mask leaks onto it."
+    )
+    return [Finding(text, red=True, command=c.ColorCloud("class"), label="colour the cloud by class")]
+
+
+def _low(view: Snapshot) -> list[Finding]:
+    if not _is_over(view) or view.state is None:
+        return []
+    score = view.state.best.score.score
+    if score >= LOW_SCORE:
+        return []
+    text = f"All hypotheses{_whose(view)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
+    return [Finding(text)]

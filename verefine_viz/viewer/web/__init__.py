@@ -1,0 +1,1 @@
+"""The web server, and what runs in the browser beside the GUI library's own page."""

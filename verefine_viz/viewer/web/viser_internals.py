@@ -1,0 +1,133 @@
+"""What reaches into the private parts of viser, written for the version below.
+
+Its widgets are found by ``_impl.uuid``, which labels name; its page by class names of Mantine, attributes of its docks
+and ``window.__viserMutable``. Should any of it look different one day, rows are higher, keys go to viser and the notice
+of a lost program is missing; nothing else depends on it. The patch of its web server is in ``web/server.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from verefine_viz.viewer.assets import asset
+
+VISER_VERSION = "1.1"
+"""The version that style sheets, scripts and selectors were written for."""
+
+LINK_LABEL = "page link"
+"""Label of the hidden text field through which links send their commands."""
+
+PAGE_SCRIPT = asset("page.js").replace("LINK_LABEL", LINK_LABEL)
+"""What the page does by itself: it sends the commands of links, and handles keys where viser ignores them."""
+
+CANCEL_CLASS = "cancel"
+"""Class of the line with the link that Escape stands for."""
+
+NARROW_TABS = "[data-dock-tab][data-dock-tab]{padding:0 3px!important}"
+"""A style with which one tab more fits into a row of them."""
+
+
+def label_of(handle: Any) -> str:
+    """The selector of a widget's label."""
+    return f'label[for="{handle._impl.uuid}"]'
+
+
+def hidden(handle: Any) -> str:
+    """A style that takes a widget from the screen; it stays in use."""
+    row = f"div:has(> .mantine-Flex-root {label_of(handle)})"
+    return f"{row}{{position:absolute;width:1px;height:1px;overflow:hidden;visibility:hidden}}"
+
+
+def compact(handle: Any, row_px: int) -> str:
+    """A style that takes the space around a widget with a label away, and makes its row so high [px]."""
+    label = label_of(handle)
+    row = f".mantine-Flex-root:has({label})"
+    return (
+        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}{{height:{row_px}px}}"
+        f"{row} input:not([type=checkbox]){{height:{row_px - 1}px!important;min-height:0!important}}"
+    )
+
+
+def side_by_side(left: Any, right: Any, row_px: int, right_from_px: int, label_px: int) -> str:
+    """A style that puts two widgets that are compact into one row, with labels of that width [px]."""
+    left_label, right_label = map(label_of, (left, right))
+    return (
+        f".mantine-Flex-root:has({left_label})>div:first-child,.mantine-Flex-root:has({right_label})>div:first-child"
+        f"{{width:{label_px}px!important}}"
+        f"div:has(> .mantine-Flex-root {left_label}){{width:{right_from_px}px}}"
+        f"div:has(> .mantine-Flex-root {right_label}){{margin:-{row_px}px 0 0 {right_from_px}px}}"
+    )
+
+
+def unlabelled(handle: Any) -> str:
+    """A style that gives the place of a widget's label to the widget."""
+    return f".mantine-Flex-root>div:has({label_of(handle)}){{display:none}}"
+
+
+def beside_the_box(handle: Any, row_px: int, from_px: int) -> str:
+    """A style that moves a widget up into the row of the box before it, without its label."""
+    row = f"div:has(> .mantine-Flex-root {label_of(handle)})"
+    return f"{unlabelled(handle)}{row}{{margin:-{row_px}px 0 0 {from_px}px}}"
+
+
+def lettered(handle: Any) -> str:
+    """A style that writes x, y and z into the three boxes of a widget."""
+    boxes = f".mantine-Flex-root:has({label_of(handle)}) .mantine-NumberInput-root"
+    letters = "".join(f'{boxes}:nth-child({k})::before{{content:"{axis}"}}' for k, axis in enumerate("xyz", 1))
+    return (
+        f"{boxes}{{position:relative}}{boxes} input{{padding-left:14px!important}}"
+        f"{boxes}::before{{position:absolute;z-index:1;left:5px;top:3px;font-size:11px;opacity:.65}}{letters}"
+    )
+
+
+# Lines over the page: the window is too small for all panels, or the program cannot be reached.
+
+USUAL_PORT = 8080
+
+# While the websocket is lost, the library's client keeps the panels, inside an element that it makes translucent and
+# deaf (DisconnectedGate in its ControlPanel/Generated.tsx), and goes on trying to connect. The rule looks for it around
+# one of our blocks. Should it look different one day, there is no line; nothing else depends on it.
+_LOST = 'body:has([style*="opacity: 0.5"][style*="pointer-events: none"] .vz)::after'
+
+
+def lost_words(port: int) -> str:
+    """What has happened, and what to do; the page finds the program again at its own port only."""
+    command = "verefine-viz view …" + (f" --port {port}" if port != USUAL_PORT else "")
+    said = "The program has ended (or cannot be reached). Start it again"
+    return f"{said}: {command}; this page then connects by itself."
+
+
+def lost_style(port: int) -> str:
+    """A style with the line, for a widget of HTML; ``port`` is the page's."""
+    return (
+        f'<style>{_LOST}{{content:"{lost_words(port)}";position:fixed;z-index:10000;top:8px;left:50%;'
+        "transform:translateX(-50%);width:max-content;max-width:90vw;padding:8px 14px;border-radius:4px;"
+        "background:#b3261e;color:#fff;font:14px/1.4 sans-serif;box-shadow:0 2px 10px rgba(0,0,0,.5)}</style>"
+    )
+
+
+# A line for windows in which the panels lie over each other, be they small or zoomed in; others do not show it.
+
+WIDTH_PX, HEIGHT_PX = 1280, 800
+"""What the panels are placed for."""
+_SLACK_PX = 40
+"""How much smaller a window may be: so little is covered then that nothing need be said."""
+SAID = (
+    f"The window is too small for all panels (they need {WIDTH_PX} × {HEIGHT_PX}): make it larger, zoom out with "
+    "Ctrl and −, or fold panels with the − at their corner."
+)
+
+
+def small_window(right_px: int) -> str:
+    """The line, and a style that shows it where it is true and keeps floating panels off the column on the right.
+
+    Args:
+        right_px: how wide that column is.
+    """
+    narrow = f"(max-width:{WIDTH_PX - _SLACK_PX}px)"
+    low = f"(max-height:{HEIGHT_PX - _SLACK_PX}px)"
+    return (
+        f"<style>.small-window{{display:none}}@media {narrow},{low}{{.small-window{{display:block}}}}"
+        f"@media {narrow}{{[data-floating-window]{{max-width:calc(100vw - {right_px + 12}px)}}}}</style>"
+        f'<div class="vz small-window"><p class="warn">{SAID}</p></div>'
+    )
