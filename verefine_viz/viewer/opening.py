@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -73,7 +74,8 @@ class Opening:
     def _found(self, typed: str) -> Path:
         """The file of a path; where there is none, that of a listed session called so, with or without its ending."""
         path = at_home(typed)
-        listed = () if path.exists() else map(Path, self._list_sessions())
+        is_there = os.path.exists(path)  # noqa: PTH110 (without an error where a name is too long)
+        listed = () if is_there else map(Path, self._list_sessions())
         return next((session for session in listed if typed in (session.name, session.stem)), path)
 
     def _open_demo(self, name: str) -> None:
