@@ -79,3 +79,19 @@ def test_settings_can_be_written_as_a_line() -> None:
     for bad in ("score.tau_m", "= 3", "score.tau_m =", "a b = 3"):
         with pytest.raises(SettingsError, match="is no setting; expected a name and a value"):
             parsed(bad)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("method.iterations = 1e18", "method.iterations = 1e+18: input should be less than or equal to 10000"),
+        (f"method.iterations = {'9' * 5000}", "unable to parse input string as an integer"),
+        (f"dependency.order = {'[' * 3000}{']' * 3000}", "expected a list"),
+        (f"dependency.order = [[0x{'f' * 5000}]]", "dependency.order.0.0 = a number of thousands of digits: "),
+    ],
+)
+def test_a_line_of_absurd_values_is_refused_in_one_line(line: str, words: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        variant(SESSION, parsed(line))
+    assert words in str(caught.value)
+    assert len(str(caught.value)) < 400

@@ -161,6 +161,9 @@ def test_the_session_panel_says_where_what_is_open_was_written(
 def test_opening_a_file_without_a_name_says_what_to_type(debugger: Debugger) -> None:
     with pytest.raises(InputError, match="no session file is named: type the path of one"):
         debugger.carry_out([c.OpenSession(" ")])
+    for name in ("a\0b.toml", f"{'n' * 300}.toml", "/dev/zero", "n/" * 3000):
+        with pytest.raises(InputError, match=r"is no path|File name too long|is a device, expected a file"):
+            debugger.carry_out([c.OpenSession(name)])
 
 
 def test_it_says_which_frame_alone_a_session_with_moved_poses_opens(debugger: Debugger, tmp_path: Path) -> None:

@@ -90,6 +90,9 @@ def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fo
     ("name", "value", "said"),
     [
         ("method.iterations", -3, "K = -3: input should be greater than or equal to 1"),
+        ("method.iterations", 10**18, "K = 1000000000000000000: input should be less than or equal to 10000"),
+        ("method.iterations", float("nan"), "K = nan: input should be a finite number"),
+        ("physics.steps", 1e12, "Sim steps = 1000000000000.0: input should be less than or equal to 10000"),
         ("method.exploration", -0.5, "c = -0.5: input should be greater than or equal to 0"),
     ],
 )

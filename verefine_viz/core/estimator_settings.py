@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from verefine_viz.core.fields import Count, LargeCount, Length, LengthOrNone, Seed, Settings, Share
+from verefine_viz.core.fields import Count, LargeCount, LengthOrNone, Seed, Settings, Share
 
 
 class PpfSettings(Settings):
@@ -24,7 +24,7 @@ class PpfSettings(Settings):
     """Every n-th scene point is a reference."""
     turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
     """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Count = 4
+    peaks: Annotated[int, Field(ge=1, le=100)] = 4
     """Most poses that a reference proposes."""
     cluster_share: Share = 0.1
     """Poses nearer than this share of the diameter, and …"""
@@ -41,9 +41,9 @@ class PpfSettings(Settings):
 class PcsSettings(Settings):
     """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
 
-    delta_m: Length = 0.0035
+    delta_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.0035
     """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
-    grid_m: Length = 0.005
+    grid_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.005
     """Side of the grid that thins segment and model [m]."""
     part_share: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.1
     """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
