@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tests.scenes.bop_folder import make
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Change
+from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -64,6 +66,15 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     assert first_difference(fork.iterations, again.iterations) is None
     assert [reopened.verifier_of(k).settings.tau_m for k in (1, 2, 3, again.length)] == [0.02, 0.02, 0.01, 0.01]
     assert first_difference(run.iterations, again.iterations) is not None
+
+
+def test_a_solid_that_is_not_as_it_was_asked_for_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_in_time = BulletSimulator.collider
+    monkeypatch.setattr(
+        BulletSimulator, "collider", lambda self, model: replace(made_in_time(self, model), took_too_long=True)
+    )
+    notes = Toolbox(resolve(RAW)).problem("0/0").notes
+    assert len([n for n in notes if n.startswith("object 2 (duck): physics takes it for its convex hull, ")]) == 1
 
 
 def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_on(tmp_path: Path) -> None:

@@ -102,13 +102,14 @@ class Toolbox:
         return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
 
     def _solvable(self, problem: Problem) -> Problem:
-        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out.
+        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
+        that are not as they were asked for are noted.
 
         Raises:
             InputError: none is left.
         """
-        broken = self._without_solid(problem)
-        if not broken:
+        broken, makeshift = self._solids(problem)
+        if not (broken or makeshift):
             return problem
         instances = tuple(i for i in problem.instances if i.obj_id not in broken)
         notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
@@ -122,20 +123,25 @@ class Toolbox:
         return replace(
             problem,
             instances=instances,
-            notes=(*problem.notes, *notes),
+            notes=(*problem.notes, *notes, *makeshift),
             left_out=(*problem.left_out, *left_out),
         )
 
-    def _without_solid(self, problem: Problem) -> dict[int, str]:
-        """Objects of which no collider can be built, with the reason; building takes seconds, once per model."""
-        found: dict[int, str] = {}
+    def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
+        """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
+        seconds, once per model.
+        """
+        broken: dict[int, str] = {}
+        notes: list[str] = []
         if self.simulator is not None and problem.observation.support is not None:
             for obj_id, model in problem.models.items():
                 try:
-                    self.simulator.collider(model)
+                    note = self.simulator.collider(model).note
                 except ShapeError as error:
-                    found[obj_id] = str(error)
-        return found
+                    broken[obj_id] = str(error)
+                else:
+                    notes += [f"object {obj_id} ({model.name}): {note}"] if note else []
+        return broken, tuple(notes)
 
     def _with_estimates(self, problem: Problem) -> Problem:
         """The same with the pools that estimators are asked for, without notes on those before; an instance for which
