@@ -21,7 +21,7 @@ from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.estimates import asked_estimators
-from verefine_viz.scenes.instance_notes import is_about_first_poses
+from verefine_viz.scenes.instance_notes import is_about_first_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
@@ -92,7 +92,8 @@ class Toolbox:
             VerefineError: the frame cannot be used.
             Cancelled: nobody waits for it any more.
         """
-        return self.ordered(self._with_estimates(self._solvable(self.source.problem(frame, self._patience))))
+        problem = self._with_estimates(self._solvable(self.source.problem(frame, self._patience)))
+        return self.ordered(_within_reach(problem))
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""
@@ -220,3 +221,12 @@ class Toolbox:
         changes = {k: toolbox.method for k, toolbox in self._later}
         edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
         return Run(self.method, problem, watchers, edits, changes)
+
+
+def _within_reach(problem: Problem) -> Problem:
+    """The same without first poses that are too far away to be any; each instance's are noted."""
+    found = [within_reach(target.instance, target.model) for target in problem.targets]
+    notes = tuple(note for _, said in found for note in said)
+    if not notes:
+        return problem
+    return replace(problem, instances=tuple(instance for instance, _ in found), notes=(*problem.notes, *notes))
