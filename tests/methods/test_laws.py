@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.compare import first_difference
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.settings import MethodSettings
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
+from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.session.engine import Run
 
 
@@ -27,6 +31,28 @@ def run_of(name: str, problem: Problem, **fields: object) -> Run:
     run = Run(method, problem)
     run.finish()
     return run
+
+
+class Throwing(FakeRefiner):
+    """Throws the object 200 m away."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        T = np.array(T_cam_obj)
+        T[:3, 3] += [0.0, 0.0, 200.0]
+        return T
+
+
+@pytest.mark.parametrize("name", METHOD_NAMES)
+def test_a_step_out_of_reach_is_not_taken_and_the_frame_goes_on(name: str, tmp_path: Path) -> None:
+    problem = box_problem(2, 2)
+    simulator = BulletSimulator(PhysicsSettings(collider="hull"), tmp_path)
+    settings = MethodSettings.model_validate({"name": name, "iterations": 2})
+    run = Run(make_method(settings, simulator, Throwing(), FakeVerifier(), 3), problem)
+    run.finish()
+    assert run.length == run.n_iterations
+    stages = [stage for it in run.iterations for stage in it.stages]
+    assert max(np.linalg.norm(stage.T_cam_obj[:3, 3]) for stage in stages) < 10
+    assert "refiner_stuck" in {event.kind for it in run.iterations for event in it.events}
 
 
 problems = st.builds(box_problem, st.integers(1, 5), st.integers(1, 2), st.integers(0, 1000))

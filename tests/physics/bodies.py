@@ -37,6 +37,14 @@ def ring(height_m: float = 0.05) -> ObjectModel:
     return model(trimesh.creation.annulus(0.04, 0.06, height_m, sections=24), name="ring")
 
 
+def soup(n_triangles: int) -> ObjectModel:
+    """Loose triangles in a cube of 10 cm, no two of which share a corner."""
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-0.05, 0.05, (n_triangles, 1, 3)) + rng.normal(0, 0.005, (n_triangles, 3, 3))
+    faces = np.arange(3 * n_triangles).reshape(-1, 3)
+    return model(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), 5, "soup")
+
+
 def placed(thing: ObjectModel, t_world: tuple[float, float, float], R: Float = FLAT, instance_id: int = 0) -> Placed:
     return Placed(instance_id, thing, T_CAM_WORLD @ transform(R, t_world))
 

@@ -1,4 +1,6 @@
-"""CoACD in a process of its own: it ends when nobody waits any more, and says what is wrong when it cannot."""
+"""CoACD in a process of its own: it ends when nobody waits any more or its time is up, and says what is wrong when it
+cannot.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +8,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
 from tests.patience import ending_after
-from tests.physics.bodies import ring
+from tests.physics.bodies import ring, soup
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import Cancelled, ShapeError
+from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.physics.colliders import build, collider
+from verefine_viz.physics import decomposition
+from verefine_viz.physics.colliders import build, collider, signed_distance
 from verefine_viz.physics.decomposition import decomposed
 from verefine_viz.physics.simulator import BulletSimulator
 
@@ -65,3 +71,40 @@ def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path, monkeyp
     (tmp_path / "coacd.py").write_text("raise SystemExit(3)")
     monkeypatch.chdir(tmp_path)
     assert len(decomposed("ring", ring().vertices, ring().faces)) > 1
+
+
+def test_a_mesh_larger_than_a_pipe_holds_is_taken_apart() -> None:
+    mesh = trimesh.creation.box([0.1, 0.06, 0.04])
+    for _ in range(4):
+        mesh = mesh.subdivide()
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32)
+    assert vertices.nbytes + faces.nbytes > 65_536
+    parts = decomposed("box", vertices, faces, ending_after(6_000))
+    assert abs(signed_distance(parts, vertices)).max() < 0.005
+
+
+def test_what_takes_too_long_is_its_hull_and_is_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, started: list[subprocess.Popen[bytes]]
+) -> None:
+    monkeypatch.setattr(decomposition, "LIMIT_S", 1)
+    first = collider(soup(1000), "decomposition", tmp_path)
+    assert first.took_too_long
+    assert first_difference(first.parts, build(soup(1000), "hull").parts) is None
+    assert "physics takes it for its convex hull" in first.note
+    assert first_difference(first, collider(soup(1000), "decomposition", tmp_path)) is None
+    assert len(started) == 1
+
+
+def test_what_is_taken_apart_in_time_needs_no_note() -> None:
+    assert build(ring(), "decomposition").note == ""
+
+
+def test_each_start_is_told_once_and_how_long_it_takes_meanwhile() -> None:
+    told: list[str] = []
+    told_once: list[str] = []
+    patience = Patience(lambda doing, share: told.append(doing), tell_once=told_once.append)
+    decomposed("object 7 (ring)", ring().vertices, ring().faces, patience)
+    assert len(told_once) == 1
+    assert told[:1] == told_once
+    assert all("object 7 (ring)" in doing for doing in told)
+    assert [doing for doing in told[1:] if " s so far" not in doing] == []

@@ -231,6 +231,16 @@ def test_impossible_pose_is_refused_and_the_simulator_goes_on(simulator: BulletS
     assert simulator.settle(good, (), table(), 3).Ts_cam_obj.tobytes() == before.Ts_cam_obj.tobytes()
 
 
+def test_a_path_ends_before_it_leaves_the_reach_of_the_camera(cache: Path):
+    simulator = BulletSimulator(PhysicsSettings(gravity_m_s2=100.0), cache)
+    floor = Support(transform(np.eye(3), [0, 0, 150.0]), np.array([0.0, 0, 1]), "plane", 1.0)
+    path = simulator.settle(Placed(0, CUBE, transform(np.eye(3), [0, 0, -99.0])), (), floor, 60)
+    assert 1 < len(path.Ts_cam_obj) < 61
+    assert len(path.contacts) == len(path.Ts_cam_obj) - 1
+    assert np.linalg.norm(path.Ts_cam_obj[:, :3, 3], axis=1).max() <= 100.0
+    assert simulator.settle(Placed(0, CUBE, path.T_cam_obj), (), floor, 1).T_cam_obj.shape == (4, 4)
+
+
 def test_negative_steps_are_refused(simulator: BulletSimulator):
     with pytest.raises(ShapeError, match="n_steps is -1"):
         simulator.settle(standing(CUBE), (), table(), -1)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.scenes.bop_folder import make
+from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Change
+from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -66,6 +69,15 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     assert first_difference(run.iterations, again.iterations) is not None
 
 
+def test_a_solid_that_is_not_as_it_was_asked_for_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_in_time = BulletSimulator.collider
+    monkeypatch.setattr(
+        BulletSimulator, "collider", lambda self, model: replace(made_in_time(self, model), took_too_long=True)
+    )
+    notes = Toolbox(resolve(RAW)).problem("0/0").notes
+    assert len([n for n in notes if n.startswith("object 2 (duck): physics takes it for its convex hull, ")]) == 1
+
+
 def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_on(tmp_path: Path) -> None:
     made = make(tmp_path)
     flat = made.root / "models" / "obj_000005.ply"
@@ -96,3 +108,47 @@ def test_physics_can_be_switched_off() -> None:
 def test_the_scene_cannot_change_during_a_run() -> None:
     with pytest.raises(SettingsError, match="unknown section that can change during a run 'scene'"):
         changed(resolve(RAW), {"scene": {"seed": 3}})
+
+
+def with_estimates(made: Made, zs_mm: list[float], folder: Path) -> dict[str, Any]:
+    """A session of ``pir`` on object 5 of the made-up frame, from its true pose moved to each z; 0: to where it is."""
+    T = made.problem.instances[1].T_cam_obj_gt
+    assert T is not None
+    R, (x_mm, y_mm, true_mm) = " ".join(map(repr, T[:3, :3].ravel().tolist())), (1e3 * T[:3, 3]).tolist()
+    rows = [f"7,3,5,{1 - 0.1 * k},{R},{x_mm} {y_mm} {z_mm or true_mm},-1" for k, z_mm in enumerate(zs_mm)]
+    file = folder / "net_made-test.csv"
+    file.write_text("\n".join(["scene_id,im_id,obj_id,score,R,t,time", *rows]) + "\n")
+    return {
+        "scene": {"source": "bop", "dataset": str(made.root), "objects": [5], "model_points": 200},
+        "hypotheses": {"source": "results", "files": [str(file)]},
+        "method": {"name": "pir", "iterations": 2},
+        "physics": {"collider": "hull"},
+    }
+
+
+@pytest.mark.parametrize("method", [*METHOD_NAMES, "physim_mcts"])
+def test_a_first_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
+    made = make(tmp_path)
+    raw = with_estimates(made, [1.5e5, 0, 9e6], tmp_path)
+    raw["method"]["name"] = method
+    box = Toolbox(resolve(raw))
+    problem = box.problem(made.frame)
+    assert [len(i.hypotheses) for i in problem.instances] == [1]
+    (note,) = [n for n in problem.notes if "left out" in n]
+    assert "2 of its 3 poses are left out, more than 100 m away, such as net's at 150 m" in note
+    run = box.run(problem)
+    run.finish()
+    assert [best is not None for best in run.final_state.best] == [True]
+
+
+def test_an_object_all_of_whose_first_poses_are_out_of_reach_gets_no_answer(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    box = Toolbox(resolve(with_estimates(made, [1e7], tmp_path)))
+    problem = box.problem(made.frame)
+    (note,) = [n for n in problem.notes if "has no hypothesis" in n]
+    assert note.endswith(
+        "1 of 1 is left out, more than 100 m away, net's at 1e+04 m; check the unit of the translation"
+    )
+    run = box.run(problem)
+    run.finish()
+    assert list(run.final_state.best) == [None]

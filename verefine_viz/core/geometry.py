@@ -23,6 +23,10 @@ FARTHEST_M = 100.0
 ORTHONORMAL_TOLERANCE = 1e-9
 """Below this RᵀR counts as the identity and a pose is left as it is [-]."""
 
+FARTHEST_M = 100.0
+"""No object that a camera measures is further from it than this [m]: such a pose is that of an estimator which failed,
+or its millimetres were taken for metres."""
+
 
 def transform(R: ArrayLike, t: ArrayLike) -> Float:
     """The 4×4 transform of a rotation (3, 3) and a translation (3,)."""
@@ -41,6 +45,12 @@ def inverse(T: Float) -> Float:
     out[..., :3, 3] = -(R_t @ T[..., :3, 3:])[..., 0]
     out[..., 3, 3] = 1.0
     return out
+
+
+def distance_m(T_cam_obj: Float) -> float:
+    """How far an object's origin is from the camera [m]."""
+    x, y, z = T_cam_obj[:3, 3].tolist()
+    return math.sqrt(x * x + y * y + z * z)
 
 
 def apply(T: Float, points: Float) -> Float:

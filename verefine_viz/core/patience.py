@@ -24,6 +24,9 @@ class Patience:
     nobody knows."""
     is_left: Callable[[], bool] = lambda: True
     """Whether somebody still waits."""
+    tell_once: Callable[[str], None] = lambda doing: None
+    """Is told, in words, what may take a minute, is done once and is kept on disk: where hundreds of frames pass by,
+    nothing else is worth a line."""
 
     def ask(self, doing: str = "", share: float | None = None) -> None:
         """Says what is done next, or how much of it is done, if that is given.
@@ -35,6 +38,15 @@ class Patience:
             raise Cancelled
         if doing or share is not None:
             self.tell(doing, share)
+
+    def once(self, doing: str) -> None:
+        """Says that something is done next which may take a minute, once: what comes out is kept on disk.
+
+        Raises:
+            Cancelled: nobody waits for it any more.
+        """
+        self.ask(doing)
+        self.tell_once(doing)
 
     def over(self, items: Sequence[T], doing: str = "") -> Iterator[T]:
         """The items one by one, each asked for before its turn.

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import FARTHEST_M, distance_m
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Stage, StageName
@@ -58,9 +59,12 @@ def simulate(
 
 
 def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
-    """REF of docs/methods.md 1.0, timed."""
+    """REF of docs/methods.md 1.0, timed; a step beyond ``FARTHEST_M`` is not taken: nothing could go on there."""
     began = perf_counter()
-    return Stage("refined", refiner.refine(target, T_cam_obj, fixed), ms=_since(began))
+    T_refined = refiner.refine(target, T_cam_obj, fixed)
+    if distance_m(T_refined) > FARTHEST_M:
+        T_refined = T_cam_obj
+    return Stage("refined", T_refined, ms=_since(began))
 
 
 def mixed(simulated: Stage, T_cam_obj: Float) -> Stage:

@@ -26,7 +26,7 @@ from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.patience import ENDLESS, Patience
-from verefine_viz.physics.decomposition import decomposed
+from verefine_viz.physics.decomposition import LIMIT_S, TookTooLong, decomposed
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +57,8 @@ class Collider:
     that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
     mass_from: Literal["mesh", "parts"]
     """Whether centre of mass and inertia come from the closed mesh, or from the parts because the mesh has holes."""
+    took_too_long: bool = False
+    """Whether it is the hull only because taking the mesh apart takes more than ``decomposition.LIMIT_S``."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(finite(p, "collider part", (None, 3)) for p in self.parts))
@@ -73,11 +75,26 @@ class Collider:
         """Centre of mass (3,) in the object frame [m]."""
         return self.T_obj_com[:3, 3]
 
+    @property
+    def note(self) -> str:
+        """What a person should know about it; empty where it is as it was asked for."""
+        if not self.took_too_long:
+            return ""
+        return (
+            f"physics takes it for its convex hull, {1e3 * self.deviation_m:.0f} mm from the mesh at worst, because "
+            f"taking it apart into convex parts takes more than {LIMIT_S} s of computing; "
+            "a closed mesh with fewer faces is faster"
+        )
+
 
 def collider(
     model: ObjectModel, kind: ColliderKind, cache: Path | None = None, patience: Patience = ENDLESS
 ) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
+
+    The hull of a model that takes too long to be taken apart is kept in the place of its parts, and says so: tried
+    again at each start, it would cost that time again, and in a run that goes on, frames would be solved with another
+    collider than those before.
 
     Args:
         model: the model.
@@ -114,13 +131,16 @@ def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) 
     if exact.volume < 1e-6 * model.diameter_m**3:
         raise ShapeError(f"{name} is flat; a solid mesh is needed for physics, or physics.enabled = false")
     surface = np.vstack([mesh.vertices, trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]])
-    parts = [hull]
+    parts, took_too_long = [hull], False
     deviation_m = deviation(parts, surface)
     if kind == "decomposition" and deviation_m > CONVEX_ENOUGH * model.diameter_m:
-        parts = _decomposed(name, mesh, model.diameter_m, patience) or parts
+        try:
+            parts = _decomposed(name, mesh, model.diameter_m, patience) or parts
+        except TookTooLong:
+            took_too_long = True
         deviation_m = deviation(parts, surface)
     T_obj_com, inertia_m2, mass_from = _mass_properties(mesh, parts)
-    return Collider(tuple(parts), T_obj_com, inertia_m2, deviation_m, mass_from)
+    return Collider(tuple(parts), T_obj_com, inertia_m2, deviation_m, mass_from, took_too_long)
 
 
 def reduced_hull(points: Float, tolerance_m: float) -> Float:
@@ -223,6 +243,7 @@ def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
                 kept["inertia_m2"],
                 float(kept["deviation_m"]),
                 "mesh" if kept["closed"] else "parts",
+                "took_too_long" in kept and bool(kept["took_too_long"]),
             )
     except FileNotFoundError:
         return None
@@ -245,6 +266,7 @@ def _write(path: Path, built: Collider) -> None:
                 inertia_m2=built.inertia_m2,
                 deviation_m=built.deviation_m,
                 closed=built.mass_from == "mesh",
+                took_too_long=built.took_too_long,
             )
         part.replace(path)
     except OSError as error:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import io
 import os
+import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +20,16 @@ from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.patience import ENDLESS, Patience
 
 MAX_PARTS = 16
+LIMIT_S = 60
+"""Processor time that a mesh may take, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
+scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts stand for nothing. Processor time, not
+time on the clock: what comes out must not depend on how busy the machine is."""
 LOOK_S = 0.1
 """Time between two looks at whether somebody still waits [s]."""
+
+
+class TookTooLong(Exception):
+    """A mesh could not be taken apart within ``LIMIT_S``."""
 
 
 def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: Patience = ENDLESS) -> list[Float]:
@@ -30,53 +42,67 @@ def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: P
         patience: asked ten times a second.
 
     Raises:
+        TookTooLong: it takes more than ``LIMIT_S``.
         ShapeError: CoACD fails on the mesh.
         Cancelled: nobody waits for them any more.
     """
     paths = (str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH"))
-    # -P: nothing is imported out of the folder that the program was started in. A session of its own: Ctrl-C is for
-    # the program, which then ends this process.
-    with subprocess.Popen(
-        [sys.executable, "-P", "-m", __name__],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
-    ) as child:  # fmt: skip
-        try:
-            answer, said = _answer(child, _packed(vertices=vertices, faces=faces), patience)
-        except BaseException:
-            child.kill()
-            raise
-    if child.returncode != 0:
-        reason = (said.decode(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
-        raise ShapeError(
-            f"{name} cannot be taken apart into convex parts (CoACD ended with exit code {child.returncode}: "
-            f'{reason}); set physics.collider = "hull"'
-        )
-    with np.load(io.BytesIO(answer), allow_pickle=False) as found:
-        return np.split(found["vertices"], found["splits"]) if len(found["vertices"]) else []
+    # Waiting threads would spend processor time as well.
+    settings = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OMP_WAIT_POLICY": "passive"}
+    # Files, not pipes: nobody has to read while the other writes.
+    with TemporaryFile() as mesh, TemporaryFile() as answer, TemporaryFile() as said:
+        np.savez(mesh, vertices=vertices, faces=faces)
+        mesh.seek(0)
+        # -P: nothing is imported out of the folder that the program was started in. A session of its own: Ctrl-C is for
+        # the program, which then ends this process.
+        with subprocess.Popen(
+            [sys.executable, "-P", "-m", __name__, str(LIMIT_S)],
+            stdin=mesh, stdout=answer, stderr=said, start_new_session=True, env={**os.environ, **settings},
+        ) as child:  # fmt: skip
+            try:
+                _wait(child, name, patience)
+            except BaseException:
+                child.kill()
+                raise
+        if child.returncode == -signal.SIGXCPU:
+            raise TookTooLong
+        if child.returncode != 0:
+            said.seek(0)
+            reason = (said.read().decode(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
+            raise ShapeError(
+                f"{name} cannot be taken apart into convex parts (CoACD ended with exit code {child.returncode}: "
+                f'{reason}); set physics.collider = "hull"'
+            )
+        answer.seek(0)
+        with np.load(answer, allow_pickle=False) as found:
+            return np.split(found["vertices"], found["splits"]) if len(found["vertices"]) else []
 
 
-def _answer(child: subprocess.Popen[bytes], given: bytes, patience: Patience) -> tuple[bytes, bytes]:
-    """What a process that is given its input writes to its output and its error output."""
-    left: bytes | None = given
+def _wait(child: subprocess.Popen[bytes], name: str, patience: Patience) -> None:
+    """Until the process ends, saying every second for how long already."""
+    doing = f"Preparing the convex parts of {name} for physics"
+    patience.once(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
+    begun, told_s = time.monotonic(), 0
     while True:
-        patience.ask()
         try:
-            return child.communicate(left, timeout=LOOK_S)
+            child.wait(LOOK_S)
+            return
         except subprocess.TimeoutExpired:
-            left = None  # It is on its way.
+            now_s = int(time.monotonic() - begun)
+            patience.ask(
+                f"{doing}, {now_s} s so far; after {LIMIT_S} s of computing its hull is taken."
+                if now_s > told_s
+                else ""
+            )
+            told_s = now_s
 
 
-def _packed(**arrays: NDArray) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
-
-
-def _decompose() -> None:
-    """The process's main: a mesh from its input, parts to its output."""
+def _decompose(limit_s: int) -> None:
+    """The process's main: a mesh from its input, parts to its output; killed by SIGXCPU when its time is up."""
     import coacd
 
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # No picture of its memory is left behind then.
     # Whatever the library may print must not get between.
     output = os.dup(1)
     os.dup2(2, 1)
@@ -99,8 +125,8 @@ def _decompose() -> None:
     parts = [np.asarray(part_vertices) for part_vertices, _ in found]
     splits = np.cumsum([len(part) for part in parts])[:-1]
     with open(output, "wb") as file:  # noqa: PTH123
-        file.write(_packed(vertices=np.vstack(parts) if parts else np.empty((0, 3)), splits=splits))
+        np.savez(file, vertices=np.vstack(parts) if parts else np.empty((0, 3)), splits=splits)
 
 
 if __name__ == "__main__":
-    _decompose()
+    _decompose(int(sys.argv[1]))

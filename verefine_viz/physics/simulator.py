@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import RIGID_TOLERANCE, apply, as_rigid, transform
+from verefine_viz.core.geometry import FARTHEST_M, RIGID_TOLERANCE, apply, as_rigid, distance_m, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.patience import ENDLESS, Patience
@@ -25,9 +25,6 @@ from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.standing import PLANE_ID, Motion, Touch
 from verefine_viz.physics.world import BodyKey, PlacedBody, World
-
-FARTHEST_M = 100.0
-"""Poses further than this from the camera are refused: an unfinished estimate, or millimetres taken for metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +73,12 @@ class BulletSimulator:
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
         """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane.
 
-        Contacts are those of each step's last sub-step. The order of ``fixed`` does not matter.
+        Contacts are those of each step's last sub-step. The order of ``fixed`` does not matter. The path ends early
+        where the object would leave the reach of the camera, ``FARTHEST_M``.
 
         Raises:
-            ShapeError: a pose is not rigid, not finite or further than ``FARTHEST_M`` away, ``n_steps`` is negative, or
-                a model has no volume.
+            ShapeError: a given pose is not rigid, not finite or further away than that, ``n_steps`` is negative, or a
+                model has no volume.
         """
         if n_steps < 0:
             raise ShapeError(f"n_steps is {n_steps}, expected 0 or more")
@@ -108,6 +106,10 @@ class BulletSimulator:
         solid, Ts_world_com = self.collider(moving.model), _transforms(poses)
         Ts = ground.T_cam_world @ Ts_world_com @ solid.T_com_obj
         Ts[0] = T_cam_obj
+        n = _n_within_reach(Ts)
+        if n < len(Ts):
+            Ts, Ts_world_com, ends = Ts[:n], Ts_world_com[:n], ends[: n - 1]
+            touched = touched[: ends[-1] if ends else 0]
         Ts.flags.writeable = False
         tipping = None
         if touched and self._settings.gravity_m_s2 > 0:  # Without gravity nothing tips over.
@@ -201,18 +203,24 @@ def checked_pose(placed: Placed) -> Float:
     name = f"pose of instance {placed.instance_id}"
     if T.shape != (4, 4):
         as_rigid(T, name)
-    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = T.tolist()
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), _ = T.tolist()
     norms = abs(a * a + b * b + c * c - 1) + abs(d * d + e * e + f * f - 1) + abs(g * g + h * h + i * i - 1)
     angles = abs(a * d + b * e + c * f) + abs(a * g + b * h + c * i) + abs(d * g + e * h + f * i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     # The comparison is false for NaN as well; as_rigid then says what is wrong.
     if not (norms + angles <= RIGID_TOLERANCE and determinant > 0):
         T = as_rigid(T, name)
-    distance_m = (x * x + y * y + z * z) ** 0.5
-    if not distance_m <= FARTHEST_M:
+    away_m = distance_m(T)
+    if not away_m <= FARTHEST_M:
         finite(T, name, (4, 4))
-        raise ShapeError(f"{name} is {distance_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
+        raise ShapeError(f"{name} is {away_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
     return T
+
+
+def _n_within_reach(Ts_cam_obj: Float) -> int:
+    """How many poses (N, 4, 4) of a path come before the first that is too far away, or is none; its start counts."""
+    far = np.flatnonzero(~(np.linalg.norm(Ts_cam_obj[1:, :3, 3], axis=1) <= FARTHEST_M))
+    return 1 + int(far[0]) if len(far) else len(Ts_cam_obj)
 
 
 def _quat_xyzw(T: Float) -> tuple[float, float, float, float]:

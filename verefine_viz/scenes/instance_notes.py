@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from verefine_viz.core.geometry import FARTHEST_M, distance_m
 from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance
@@ -57,6 +59,24 @@ def instance_notes(
         else:
             notes.append(f"{name} has no depth inside its mask")
     return tuple(notes)
+
+
+def within_reach(instance: Instance, model: ObjectModel) -> tuple[Instance, tuple[str, ...]]:
+    """The instance without first poses that are further away than ``FARTHEST_M``, and a sentence about these."""
+    far = [h for h in instance.hypotheses if distance_m(h.T_cam_obj) > FARTHEST_M]
+    if not far:
+        return instance, ()
+    left = tuple(h for h in instance.hypotheses if distance_m(h.T_cam_obj) <= FARTHEST_M)
+    n, n_all = len(far), len(instance.hypotheses)
+    begin = (
+        f"{_name(instance, model)}: {n} of its {n_all} poses" if left else f"{without(instance, model)}{n} of {n_all}"
+    )
+    note = (
+        f"{begin} {'is' if n == 1 else 'are'} left out, more than {FARTHEST_M:g} m away, "
+        f"{'such as ' if n > 1 else ''}{far[0].source}'s at {distance_m(far[0].T_cam_obj):.3g} m; "
+        "check the unit of the translation"
+    )
+    return replace(instance, hypotheses=left), (note,)
 
 
 def without(instance: Instance, model: ObjectModel) -> str:

@@ -21,7 +21,7 @@ from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.estimates import asked_estimators
-from verefine_viz.scenes.instance_notes import is_about_first_poses
+from verefine_viz.scenes.instance_notes import is_about_first_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.session.engine import Run
@@ -99,7 +99,8 @@ class Toolbox:
         """
         problem = self._with_estimates(self._solvable(self.source.problem(frame, self._patience)))
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
-        return self.ordered(replace(problem, notes=(*problem.notes, *notes)) if notes else problem)
+        problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
+        return self.ordered(_within_reach(problem))
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""
@@ -109,13 +110,14 @@ class Toolbox:
         return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
 
     def _solvable(self, problem: Problem) -> Problem:
-        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out.
+        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
+        that are not as they were asked for are noted.
 
         Raises:
             InputError: none is left.
         """
-        broken = self._without_solid(problem)
-        if not broken:
+        broken, makeshift = self._solids(problem)
+        if not (broken or makeshift):
             return problem
         instances = tuple(i for i in problem.instances if i.obj_id not in broken)
         notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
@@ -129,20 +131,25 @@ class Toolbox:
         return replace(
             problem,
             instances=instances,
-            notes=(*problem.notes, *notes),
+            notes=(*problem.notes, *notes, *makeshift),
             left_out=(*problem.left_out, *left_out),
         )
 
-    def _without_solid(self, problem: Problem) -> dict[int, str]:
-        """Objects of which no collider can be built, with the reason; building takes seconds, once per model."""
-        found: dict[int, str] = {}
+    def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
+        """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
+        seconds, once per model.
+        """
+        broken: dict[int, str] = {}
+        notes: list[str] = []
         if self.simulator is not None and problem.observation.support is not None:
             for obj_id, model in problem.models.items():
                 try:
-                    self.simulator.collider(model)
+                    note = self.simulator.collider(model).note
                 except ShapeError as error:
-                    found[obj_id] = str(error)
-        return found
+                    broken[obj_id] = str(error)
+                else:
+                    notes += [f"object {obj_id} ({model.name}): {note}"] if note else []
+        return broken, tuple(notes)
 
     def _with_estimates(self, problem: Problem) -> Problem:
         """The same with the pools that estimators are asked for, without notes on those before; an instance for which
@@ -222,3 +229,12 @@ class Toolbox:
         changes = {k: toolbox.method for k, toolbox in self._later}
         edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
         return Run(self.method, problem, watchers, edits, changes)
+
+
+def _within_reach(problem: Problem) -> Problem:
+    """The same without first poses that are too far away to be any; each instance's are noted."""
+    found = [within_reach(target.instance, target.model) for target in problem.targets]
+    notes = tuple(note for _, said in found for note in said)
+    if not notes:
+        return problem
+    return replace(problem, instances=tuple(instance for instance, _ in found), notes=(*problem.notes, *notes))

@@ -1,0 +1,35 @@
+"""What is made once and kept on disk may take a minute: a batch says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.batch.pool import Pool
+from verefine_viz.batch.rows import FrameResult
+from verefine_viz.session.compiling import COMPILING
+from verefine_viz.session.files import resolve
+
+SESSION = resolve(
+    {
+        "scene": {"demo": "bowl", "model_points": 300},
+        "method": {"name": "refine", "iterations": 1},
+        "recording": {"keep": "none"},
+    }
+)
+
+
+def test_convex_parts_are_told_of_by_name_when_they_are_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    told: list[list[str]] = []
+    for start in "ab":
+        pool = Pool(SESSION, tmp_path / start, 1)
+        try:
+            heard = list(pool.solve(["0/0"]))
+        finally:
+            pool.close()
+        assert [result.failed for result in heard if isinstance(result, FrameResult)] == [False]
+        told.append([words for words in heard if isinstance(words, str) and words != COMPILING])
+    assert [words for words in told[0] if "(bowl)" in words and "convex parts" in words] != []
+    assert told[1] == []
