@@ -1,8 +1,8 @@
 """HTML for the panels: escaped text, tables, and links that carry a command.
 
 The GUI library shows HTML as it is, so everything that comes from data goes through :func:`text` first. A link holds a
-command as JSON; one handler per block puts it into a hidden text field, which is how it reaches Python. Only commands
-of :mod:`verefine_viz.viewer.commands` get through there.
+command as JSON; :data:`ON_CLICKS` puts it into a hidden text field, which is how it reaches Python. Only commands of
+:mod:`verefine_viz.viewer.commands` get through there.
 """
 
 from __future__ import annotations
@@ -18,18 +18,28 @@ from verefine_viz.viewer.command_lines import to_json
 LINK_LABEL = "page link"
 """Label of the hidden text field."""
 
-_ON_CLICK = (
-    "const t=event.target.closest('[data-cmd]');if(t){const c=JSON.parse(t.dataset.cmd);"
-    "if(t.dataset.crop){const k=JSON.parse(t.dataset.crop),b=t.getBoundingClientRect();"
-    "c.u=k[0]+Math.floor((event.clientX-b.left)/b.width*k[2]);"
-    "c.v=k[1]+Math.floor((event.clientY-b.top)/b.height*k[3]);}"
-    "if(t.dataset.cells){const b=t.getBoundingClientRect(),n=+t.dataset.cells;"
-    "c.cursor=Math.min(n,1+Math.floor((event.clientX-b.left)/b.width*n));}"
-    f"const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='{LINK_LABEL}');"
-    "const i=l&&l.closest('.mantine-Flex-root').querySelector('input');"
-    "if(i){Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,"
-    "JSON.stringify(c)+' '+Date.now());i.dispatchEvent(new Event('input',{bubbles:true}));}}"
-)
+ON_CLICKS = """
+document.addEventListener("click", event => {
+  event.target.closest(".vz .fold")?.classList.toggle("folded");
+  const link = event.target.closest(".vz [data-cmd]");
+  if (!link) return;
+  const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
+  const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
+  if (link.dataset.crop) {
+    const [u, v, width, height] = JSON.parse(link.dataset.crop);
+    command.u = u + Math.floor(across * width);
+    command.v = v + Math.floor(down * height);
+  }
+  if (link.dataset.cells) command.cursor = Math.min(+link.dataset.cells, 1 + Math.floor(across * link.dataset.cells));
+  const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LABEL");
+  const input = label?.closest(".mantine-Flex-root").querySelector("input");
+  if (!input) return;
+  const value = `${JSON.stringify(command)} ${Date.now()}`;
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
+  input.dispatchEvent(new Event("input", {bubbles: true}));
+}, true);
+""".replace("LABEL", LINK_LABEL)
+"""A script for the page: clicks on links and on folded boxes. Handlers within the HTML would not run there."""
 
 
 def text(value: object) -> str:
@@ -39,7 +49,7 @@ def text(value: object) -> str:
 
 def block(content: str, css_class: str = "") -> str:
     """The whole content of one HTML widget; links inside work."""
-    return f'<div class="vz {css_class}" onclick="{text(_ON_CLICK)}">{content}</div>'
+    return f'<div class="vz {css_class}">{content}</div>'
 
 
 def carries(command: Command) -> str:
@@ -107,8 +117,7 @@ def warning(content: str, extra: str = "", red: bool = False, folded: bool = Fal
     """A box with something to act on; ``extra`` is ready HTML, such as a link. ``folded``: one line until a click."""
     name = "bad" if red else "warn"
     if folded:
-        unfolds = f'title="{text(content)}" onclick="this.classList.toggle(\'folded\')"'
-        return f'<p class="{name} fold folded" {unfolds}>{text(content)} {extra}</p>'
+        return f'<p class="{name} fold folded" title="{text(content)}">{text(content)} {extra}</p>'
     return f'<p class="{name}">{text(content)} {extra}</p>'
 
 
