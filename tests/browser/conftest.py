@@ -14,6 +14,7 @@ from bench.browser import headless_chromium
 from verefine_viz.commands.chromium import find_chromium
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session
+from verefine_viz.viewer import client_messages
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 
@@ -239,8 +240,10 @@ def tab(chromium: Any) -> Iterator[Tab]:
 
 
 @pytest.fixture
-def show(tab: Tab, request: pytest.FixtureRequest) -> Iterator[Show]:
-    """Shows an app at 1280×800; checks at the end that its page asked nobody else for anything."""
+def show(tab: Tab, request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture) -> Iterator[Show]:
+    """Shows an app at 1280×800; checks at the end that its page asked nobody else for anything, and that all it sent
+    was well formed.
+    """
     shown: list[Screen] = []
 
     def show_app(app_at: Callable[[int], App]) -> Screen:
@@ -253,6 +256,7 @@ def show(tab: Tab, request: pytest.FixtureRequest) -> Iterator[Show]:
         tab.end(screen, request.node.stash.get(FAILED, True))
     assert [screen.foreign for screen in shown] == [[]] * len(shown)
     assert [screen.errors for screen in shown] == [[]] * len(shown)
+    assert [r.getMessage() for r in caplog.get_records("call") if r.name == client_messages.__name__] == []
 
 
 @pytest.fixture

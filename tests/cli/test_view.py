@@ -17,7 +17,8 @@ from verefine_viz.cli import view
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_page_is_served_until_ctrl_c_or_a_signal_to_end(number: signal.Signals, tmp_path: Path) -> None:
     program = [sys.executable, str(ROOT / "app.py"), "--port", "0", "--no-open-browser"]
     child = subprocess.Popen(
         program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True
@@ -30,7 +31,7 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
         with urllib.request.urlopen(found.group(), timeout=60) as answer:
             assert answer.status == 200
             assert b"<html" in answer.read().lower()
-        child.send_signal(signal.SIGINT)
+        child.send_signal(number)
         output, errors = child.communicate(timeout=120)
     assert child.returncode == 0, errors
     assert output == ""
@@ -44,6 +45,10 @@ def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
         (
             ["--scene.objects", "99"],
             "unknown object 99 in scene.objects; available: 1 (mug) (demo scene 'mug')",
+        ),
+        (
+            ["--allow-origin", "http://localhost:3000", "--allow-origin", "localhost:3000"],
+            "--allow-origin 'localhost:3000' is no origin; expected scheme, name and port alone",
         ),
         (["--method.name", "rirr"], "unknown method 'rirr'; did you mean 'rir'? available: "),
         (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),

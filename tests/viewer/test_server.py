@@ -5,7 +5,10 @@ from __future__ import annotations
 import gzip
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from email.message import Message
+from http.client import HTTPConnection
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -16,7 +19,9 @@ from websockets.exceptions import InvalidStatus
 
 from tests.viewer.client import client
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.viewer.web.server import Server, allowed_origins
+from verefine_viz.viewer.web import server as server_module
+from verefine_viz.viewer.web.admission import Admission
+from verefine_viz.viewer.web.server import Server
 
 
 @pytest.fixture
@@ -129,8 +134,112 @@ def test_stop_frees_the_port_and_prints_nothing(capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().out == ""
 
 
-def test_all_interfaces_still_refuse_foreign_names() -> None:
-    _, pattern = allowed_origins("0.0.0.0")
-    assert pattern is not None
-    assert pattern.fullmatch("http://192.168.1.5:8080")
-    assert not pattern.fullmatch("http://evil.example:8080")
+def asked(server: Server, *, path: str = "/", **headers: str) -> tuple[int, Message]:
+    """Status and headers of the answer to a request as a browser or a program makes it."""
+    connection = HTTPConnection("127.0.0.1", server.get_port(), timeout=20)
+    try:
+        connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+        answer = connection.getresponse()
+        return answer.status, answer.headers
+    finally:
+        connection.close()
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example:{port}", "127.0.0.1:1"]
+)
+def test_the_page_is_not_served_under_another_name_or_port(server: Server, host: str) -> None:
+    status, _ = asked(server, Host=host.format(port=server.get_port()))
+    assert status == 403
+
+
+@pytest.mark.parametrize("origin", ["http://localhost:3000", "http://127.0.0.1", "https://127.0.0.1:{port}"])
+def test_another_program_s_page_on_this_machine_is_refused(server: Server, origin: str) -> None:
+    with pytest.raises(InvalidStatus) as refusal, client(server.url, origin.format(port=server.get_port())):
+        pass
+    assert refusal.value.response.status_code == 403
+    assert b"--allow-origin" in (refusal.value.response.body or b"")
+
+
+def test_what_is_allowed_may_open_a_websocket_and_is_an_address_of_the_page() -> None:
+    server = Server(port=0, allowed_origins=["http://localhost:3000", "https://Viz.Example/"])
+    try:
+        for origin in ("http://localhost:3000", "https://viz.example", f"http://localhost:{server.get_port()}"):
+            with client(server.url, origin):
+                pass
+        for host, status in (("localhost:3000", 200), ("viz.example", 200), ("other.example", 403)):
+            assert asked(server, Host=host)[0] == status
+    finally:
+        server.stop()
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 200),
+        ("/no/such/file.html", {}, 404),
+        ("/../../server.py", {}, 404),
+        ("/", {"Host": "evil.example"}, 403),
+        ("/", {"Upgrade": "websocket"}, 426),
+    ],
+)
+def test_every_answer_forbids_frames_and_has_a_policy(
+    server: Server, path: str, headers: dict[str, str], status: int
+) -> None:
+    found, answer = asked(server, path=path, **headers)
+    assert found == status
+    assert answer["X-Frame-Options"] == "DENY"
+    policy = answer["Content-Security-Policy"]
+    assert "frame-ancestors 'none'" in policy
+    assert "default-src 'none'" in policy
+
+
+def test_the_policy_of_the_page_names_its_scripts(server: Server) -> None:
+    _, answer = asked(server)
+    rules = dict(rule.split(" ", 1) for rule in answer["Content-Security-Policy"].split("; "))
+    assert "'unsafe-inline'" not in rules["script-src"]
+    assert "'unsafe-eval'" not in rules["script-src"]
+    assert rules["script-src"].count("'sha256-") == 2
+    assert "http" not in answer["Content-Security-Policy"]
+
+
+def unguarded(admission: object) -> AbstractContextManager[None]:
+    """As if viser had its server from somewhere else than where ours is put."""
+    return nullcontext()
+
+
+class Elsewhere(Admission):
+    """Refuses foreign pages, but not under a foreign name."""
+
+    def admits(self, port: int, hosts: Sequence[str], origins: Sequence[str]) -> bool:
+        return super().admits(port, [f"127.0.0.1:{port}"], origins) or origins == [f"http://{hosts[0]}"]
+
+
+@pytest.mark.parametrize(("part", "other"), [("_served_our_way", unguarded), ("Admission", Elsewhere)])
+def test_a_server_that_answers_other_sites_pages_does_not_serve(
+    part: str, other: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_module, part, other)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(UnavailableError, match=r"it would answer other sites' pages .*pip install 'viser") as error:
+        Server(port=port)
+    assert "\n" not in str(error.value)
+    monkeypatch.undo()
+    Server(port=port).stop()  # The port is free again.
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "::1"])
+def test_the_address_of_a_server_reaches_it(host: str) -> None:
+    try:
+        server = Server(host=host, port=0)
+    except UnavailableError as error:
+        pytest.skip(str(error)) if ":" in host else pytest.fail(str(error))
+    try:
+        with urlopen(server.url) as answer:
+            assert answer.status == 200
+        with client(server.url, server.url):
+            pass
+    finally:
+        server.stop()

@@ -31,6 +31,9 @@ class View:
     """Address to listen on. The page has no login: keep it on loopback and reach it from elsewhere by ssh -L."""
     port: int = 8080
     """Port to listen on; 0 = any free one."""
+    allow_origin: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="URL")] = ()
+    """Another address at which the page is reached (a tunnel whose near end has another port), or another page that may
+    use it, such as http://localhost:3000. May be given several times."""
     open_browser: bool = True
     """Open the page in this desktop's browser, where there is one."""
     settings: AnySettings = field(default_factory=SessionFlags)
@@ -66,6 +69,7 @@ class View:
             batch=batch,
             host=self.host,
             port=self.port,
+            allowed_origins=self.allow_origin,
             open_browser=self.open_browser and has_desktop(),
         )
         return 0

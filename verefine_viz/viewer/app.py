@@ -61,6 +61,7 @@ class App:
         session_path: its file, if it has one.
         host: address to listen on.
         port: port to listen on; 0 = any free one.
+        allowed_origins: other pages that may use it, see :class:`verefine_viz.viewer.web.admission.Admission`.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
         batch: whose answers are listed, and the worst one opened where it went wrong; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
@@ -73,13 +74,14 @@ class App:
         session_path: Path | None = None,
         host: str = "127.0.0.1",
         port: int = 8080,
+        allowed_origins: Sequence[str] = (),
         make_tools: Callable[[Session], Tools] | None = None,
         folder: Path | None = None,
         batch: Gallery | None = None,
         first: Sequence[Command] = (),
     ) -> None:
         self._session, self._path = session, session_path
-        self._host, self._port = host, port
+        self._host, self._port, self._allowed_origins = host, port, allowed_origins
         self._make_tools = make_tools
         self._folder = folder if folder is not None else Path("sessions")
         self._batch = batch
@@ -96,9 +98,10 @@ class App:
         """Listens, and opens the session on the worker thread; the page says so meanwhile.
 
         Raises:
-            UnavailableError: the port is taken or the host cannot be bound.
+            SettingsError: an allowed origin is none.
+            UnavailableError: the port is taken, the host cannot be bound, or other sites' pages would be answered.
         """
-        self.server = Server(self._host, self._port)
+        self.server = Server(self._host, self._port, self._allowed_origins)
         set_theme(self.server.gui)
         self.server.gui.add_html(lost_style(self.server.get_port()))
         self._telling = BusyStatus(self.server, self._requests)

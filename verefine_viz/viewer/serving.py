@@ -1,9 +1,11 @@
-"""The page as a program: checks what was asked for, opens the page, and serves it until Ctrl-C."""
+"""The page as a program: checks what was asked for, opens the page, and serves it until Ctrl-C, SIGTERM or SIGHUP."""
 
 from __future__ import annotations
 
+import signal
 import threading
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 
 from verefine_viz.core.errors import SettingsError, unknown
@@ -23,11 +25,12 @@ def serve(
     session_path: Path | None = None,
     host: str = "127.0.0.1",
     port: int = 8080,
+    allowed_origins: Sequence[str] = (),
     open_browser: bool = True,
     recordings: tuple[Path | None, Path | None] = (None, None),
     batch: Gallery | None = None,
 ) -> None:
-    """Serves the page until Ctrl-C; prints its address, one line.
+    """Serves the page until Ctrl-C, SIGTERM or SIGHUP; prints its address, one line. Call it in the main thread.
 
     ``recordings`` are A, the open run, and B beside it; ``batch`` is what is listed in the Batch tab.
 
@@ -35,7 +38,11 @@ def serve(
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
     notes = check_names(session)
-    app = App(session, session_path, host, port, batch=batch, first=_of_recordings(*recordings)).start()
+    first = _of_recordings(*recordings)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
+            signal.signal(number, signal.default_int_handler)
+    app = App(session, session_path, host, port, allowed_origins, batch=batch, first=first).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         for note in notes:

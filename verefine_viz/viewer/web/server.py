@@ -1,7 +1,8 @@
 """The web server of the page: viser, made safe for a person's own machine.
 
-viser binds all interfaces, accepts websockets of any web page, opens a public tunnel for any client that asks, takes
-the next port silently when one is taken, and hangs on a host that cannot be bound. None of that happens here.
+viser binds all interfaces, accepts websockets of any web page, opens a public tunnel for any client that asks, ends in
+tracebacks over messages it cannot read, takes the next port silently when one is taken, and hangs on a host that cannot
+be bound. None of that happens here.
 """
 
 from __future__ import annotations
@@ -9,23 +10,22 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
-import ipaddress
 import logging
-import re
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import viser
 import websockets.asyncio.server
 
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.viewer.web.page_script import Answer, with_script
+from verefine_viz.viewer.web.admission import Admission, Answer, check_refuses, in_url, is_loopback, reached_at, secured
+from verefine_viz.viewer.web.client_messages import CheckedConnection, check_handling
+from verefine_viz.viewer.web.page_script import with_script
 
 _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
-_LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
 class Server(viser.ViserServer):
@@ -34,12 +34,15 @@ class Server(viser.ViserServer):
     Args:
         host: address to bind; anything but the loopback address is warned about.
         port: port to bind; 0 = any free one.
+        allowed_origins: other pages that may use it, see :class:`Admission`.
 
     Raises:
-        UnavailableError: the port is taken, or the host cannot be bound.
+        SettingsError: an allowed origin is none.
+        UnavailableError: the port is taken, the host cannot be bound, or other sites' pages would be answered.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 8080) -> None:
+    def __init__(self, host: str = "127.0.0.1", port: int = 8080, allowed_origins: Sequence[str] = ()) -> None:
+        admission = Admission(host, allowed_origins)
         check_address(host, port)
         if not is_loopback(host):
             _LOG.warning(
@@ -50,19 +53,21 @@ class Server(viser.ViserServer):
                 port,
             )
         # viser prints a banner and takes no option for origins or scripts; all is seen to while it is built.
-        with _CONSTRUCTION, _served_our_way(allowed_origins(host)), contextlib.redirect_stdout(io.StringIO()):
+        with _CONSTRUCTION, _served_our_way(admission), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, verbose=False)
-        if port and self.get_port() != port:
-            taken = self.get_port()
+        check_handling(self)
+        try:
+            if port and self.get_port() != port:
+                raise UnavailableError(f"{_taken(host, port)} (viser moved on to {self.get_port()})")
+            check_refuses(host, self.get_port())
+        except UnavailableError:
             self.stop()
-            raise UnavailableError(f"{_taken(host, port)} (viser moved on to {taken})")
+            raise
 
     @property
     def url(self) -> str:
         """What to type into a browser on this machine."""
-        host = self.get_host()
-        shown = "127.0.0.1" if host in ("0.0.0.0", "::", "") else f"[{host}]" if ":" in host else host
-        return f"http://{shown}:{self.get_port()}"
+        return f"http://{in_url(reached_at(self.get_host()))}:{self.get_port()}"
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refused: the share tunnel would put the page on the internet at any client's request."""
@@ -73,27 +78,6 @@ class Server(viser.ViserServer):
         """Close all connections and free the port."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().stop()
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach an address."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def allowed_origins(host: str) -> list[re.Pattern[str] | None]:
-    """Which web pages may open a websocket: none (a program), our own address, and by number where all are bound.
-
-    Names other than our own are refused even then: a hostile site can point its own name at this machine.
-    """
-    names = [re.escape(name) for name in _LOCAL_NAMES]
-    if not is_loopback(host):
-        names += [re.escape(host), re.escape(socket.gethostname())]
-    if host in ("0.0.0.0", "::", ""):
-        names += [r"\d+\.\d+\.\d+\.\d+", r"\[[0-9a-f:]+\]"]
-    return [None, re.compile(rf"https?://(?:{'|'.join(names)})(?::\d+)?")]
 
 
 def check_address(host: str, port: int) -> None:
@@ -129,12 +113,19 @@ def _taken(host: str, port: int) -> str:
 
 
 @contextlib.contextmanager
-def _served_our_way(origins: list[re.Pattern[str] | None]) -> Iterator[None]:
-    """While viser starts, its web server is told which origins to accept and which script to begin the page with."""
+def _served_our_way(admission: Admission) -> Iterator[None]:
+    """While viser starts, its web server gets what viser has no options for: whom to answer, with which script before
+    the page and which headers, and the check of what browsers send.
+    """
     original = websockets.asyncio.server.serve
 
     def serve(*args: Any, process_request: Answer, **kwargs: Any) -> Any:
-        return original(*args, **{**kwargs, "process_request": with_script(process_request), "origins": origins})
+        ours = {
+            "process_request": admission.guarded(with_script(process_request)),
+            "process_response": secured,
+            "create_connection": CheckedConnection,
+        }
+        return original(*args, **{**kwargs, **ours})
 
     websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
     try:
