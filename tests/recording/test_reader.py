@@ -33,7 +33,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 def test_folder(tmp_path: Path) -> None:
     (tmp_path / "folder.rrd").mkdir()
-    assert "cannot be read" in error_of(tmp_path / "folder.rrd")
+    assert "is a folder, expected a file" in error_of(tmp_path / "folder.rrd")
 
 
 def test_empty_file(tmp_path: Path) -> None:

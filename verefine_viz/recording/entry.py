@@ -11,7 +11,8 @@ import cattrs
 import numpy as np
 import ormsgpack
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, frozen
+from verefine_viz.core.errors import ShapeError, in_one_line
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.simulated import Contacts, SimulatedPath, Tipping
 
@@ -46,8 +47,10 @@ class Entry:
         """
         try:
             kept, errors = ormsgpack.unpackb(packed)
-            return Entry(_converter().structure(kept, Iteration), np.array(errors, np.float64), packed)
-        except (TypeError, KeyError, cattrs.BaseValidationError) as error:
+            return Entry(_converter().structure(kept, Iteration), frozen(errors, "errors", (3,)), packed)
+        except cattrs.BaseValidationError as error:
+            raise ValueError(f"not an iteration: {in_one_line(cattrs.transform_error(error)[0])}") from None
+        except (TypeError, KeyError, ShapeError) as error:
             raise ValueError(f"not an iteration: {error}") from None
 
 

@@ -29,10 +29,12 @@ def entry_from(values: Mapping[str, Any]) -> Entry:
     """The entry of one row of the chunk.
 
     Raises:
-        KeyError, ValueError: it is missing or holds something else.
+        ValueError: it is missing or holds something else.
     """
-    (packed,) = values[ENTRY]
-    return Entry.read(bytes(packed))
+    rows = values.get(ENTRY)
+    if rows is None or len(rows) != 1:
+        raise ValueError("it is missing")
+    return Entry.read(bytes(rows[0]))
 
 
 ENTRY = "entry"

@@ -19,6 +19,7 @@ from typing import Any
 import ormsgpack
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.input_files import read_input
 from verefine_viz.recording.entry import Entry
 
 MAGIC = b"VRFJ5\n"
@@ -65,11 +66,20 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     """What the journal is about and all its whole entries.
 
     What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
+
+    Raises:
+        InputError: it cannot be read, or holds something else than iterations.
     """
-    content = path.read_bytes()
+    content = read_input(path, "journal")
     found = _whole_entries(content) if content.startswith(MAGIC) else []
-    about, *entries = found or [_NOTHING]
-    return ormsgpack.unpackb(about), tuple(Entry.read(packed) for packed in entries)
+    head, *packed = found or [_NOTHING]
+    try:
+        about: object = ormsgpack.unpackb(head)
+        if not isinstance(about, dict):
+            raise ValueError("it does not begin with what the run is about")
+        return about, tuple(map(Entry.read, packed))
+    except ValueError as error:
+        raise InputError(f"journal {path} is damaged: {error}; run its session again") from None
 
 
 def _framed(body: bytes) -> bytes:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,7 @@ from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Choice, Iteration, PlacedPose
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.entities import branch
@@ -33,6 +36,15 @@ class Branch:
     initial: tuple[tuple[float, ...], ...]
     """Of each hypothesis before the first iteration: f̄, mean f_d, mean f_n, N, rendered pixels, the five classes."""
     has_truth: bool
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[0-9]+_[A-Za-z0-9_-]+", self.name):
+            raise ValueError(f"{self.name!r} is no name of an object's entities, expected one such as 3_mug")
+        if len(self.initial) != len(self.sources) or any(len(row) != len(_UNKNOWN) for row in self.initial):
+            raise ValueError(
+                f"the initial scores of {self.name} are not {len(_UNKNOWN)} numbers for each of its"
+                f" {len(self.sources)} hypotheses"
+            )
 
     @property
     def n_arms(self) -> int:
@@ -61,6 +73,12 @@ class Layout:
     has_clusters: bool = True
     """Whether some objects are solved together."""
 
+    def __post_init__(self) -> None:
+        if len({b.instance_id for b in self.branches}) < len(self.branches):
+            raise ValueError("an object is in it twice")
+        if not np.isfinite([*self.center_world, *self.eye_world, self.width_m]).all():
+            raise ValueError("where the 3D view looks at is not a number")
+
     @property
     def is_scene(self) -> bool:
         """Whether there is more than one object."""
@@ -79,6 +97,37 @@ class Layout:
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)
 
+    def check(self, iterations: Iterable[Iteration]) -> None:
+        """
+        Raises:
+            ValueError: an iteration cannot be one of a run with these objects and hypotheses.
+        """
+        arms = {b.instance_id: b.n_arms for b in self.branches}
+        nodes: dict[int, set[int]] = {}
+        """Of each cluster's search tree, so far."""
+        for i in iterations:
+            n_arms = arms.get(i.instance_id, 0)
+            if i.arm not in range(n_arms):
+                raise ValueError(
+                    f"iteration {i.index} is about hypothesis {i.arm + 1} of instance {i.instance_id}, which has"
+                    f" {n_arms}"
+                )
+            if i.stage(i.accepted) is None:
+                raise ValueError(f"iteration {i.index} kept its {i.accepted} pose, and has none")
+            if i.choice is not None and any(len(n) != n_arms for n in _numbers(i.choice)):
+                raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
+            if i.path is not None and not len(i.path.Ts_cam_obj):
+                raise ValueError(f"the simulation of iteration {i.index} has no pose")
+            unknown = {p.instance_id for p in _placed(i)} - arms.keys()
+            if unknown:
+                raise ValueError(f"iteration {i.index} places instance {min(unknown)}, which is not recorded")
+            if i.tree is not None:
+                known = nodes.setdefault(i.tree.cluster, {0})
+                if i.tree.node is not None and i.tree.node.parent in known:
+                    known.add(i.tree.node.node)
+                if not known.issuperset(i.tree.branch):
+                    raise ValueError(f"iteration {i.index} visits a node of the search tree that was never added")
+
     def to_json(self) -> str:
         return json.dumps({**vars(self), "branches": [vars(b) for b in self.branches]}, separators=(",", ":"))
 
@@ -95,6 +144,20 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
     solved = {b.instance_id for b in branches if b.n_arms}
     has_clusters = any(len(solved.intersection(cluster)) > 1 for cluster in problem.clusters)
     return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
+
+
+def _numbers(choice: Choice) -> tuple[Float, ...]:
+    return choice.plays, choice.mean, choice.exploration, choice.ucb
+
+
+def _placed(iteration: Iteration) -> Iterator[PlacedPose]:
+    """All poses of other objects that the iteration names."""
+    scene, tree = iteration.scene, iteration.tree
+    yield from iteration.placed
+    if scene is not None:
+        yield from (*scene.poses, *scene.incumbent)
+    if tree is not None:
+        yield from (*tree.rollout, *tree.incumbent)
 
 
 _UNKNOWN = (0.0,) * 10
@@ -129,15 +192,3 @@ def world_from_camera(observation: Observation) -> Float:
     """T_world_cam; without a support plane the camera is taken to be level, at the origin."""
     support = observation.support
     return support.T_world_cam if support else transform(axis_angle([1, 0, 0], -np.pi / 2), [0, 0, 0])
-
-
-def layout_from_json(text: str) -> Layout:
-    """The inverse of :meth:`Layout.to_json`."""
-    raw = json.loads(text)
-    branches = (
-        Branch(**{**b, "sources": tuple(b["sources"]), "initial": tuple(tuple(row) for row in b["initial"])})
-        for b in raw["branches"]
-    )
-    center, eye = tuple(raw["center_world"]), tuple(raw["eye_world"])
-    rest = (raw.get("method", ""), raw.get("has_graph", False), raw.get("has_clusters", True))
-    return Layout(tuple(branches), center, eye, raw.get("width_m", 0.0), *rest)

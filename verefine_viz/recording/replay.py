@@ -19,12 +19,11 @@ from verefine_viz.recording.piece import Piece
 from verefine_viz.recording.reader import (
     PROPERTIES,
     Recorded,
-    chunks_of,
     existing,
     final_path,
     has_content,
     read_recording,
-    readable,
+    saved_chunks,
 )
 from verefine_viz.recording.rrd_file import RrdFile
 from verefine_viz.recording.viewer_process import LOOPBACK, free_port, has_display, start_viewer
@@ -71,8 +70,7 @@ def completed(recorded: Recorded, folder: Path) -> Path:
     target = folder / final_path(recorded.path).name
     chunks: list[Chunk] = []
     if has_content(recorded.path):
-        with readable(recorded.path) as file:
-            chunks = chunks_of(file)
+        chunks, _ = saved_chunks(recorded.path)
     has_maps = any(_is_map(chunk) for chunk in chunks)
     drawing = Drawing(recorded.layout)
     file = RrdFile(target)
