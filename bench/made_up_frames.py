@@ -70,22 +70,23 @@ def frame_of(
     spoil_depth: Callable[[Depth, Sequence[Mask]], Depth] = lambda depth, masks: depth,
     spoil_mask: Callable[[int, Sequence[Mask]], Mask] = lambda k, masks: masks[k],
     spoil_support: Callable[[Support], Support] = lambda support: support,
+    camera: Camera = CAMERA,
 ) -> Problem:
     """A picture of things on a table, spoilt where asked for."""
     T_world_cam = (view or Viewpoint(elevation_deg=40, distance_m=0.52)).T_world_cam
     T_cam_world = inverse(T_world_cam)
     seen = [Placed(k, t.seen_as or t.model, T_cam_world @ t.T_world_obj) for k, t in enumerate(things)]
-    drawn = render_scene(seen, CAMERA)
-    table_m = _table_depth(T_world_cam)
+    drawn = render_scene(seen, camera)
+    table_m = _table_depth(T_world_cam, camera)
     is_table = (table_m > 0) & ((drawn.labels < 0) | (table_m < drawn.depth_m))
     true_m = np.where(is_table, table_m, drawn.depth_m).astype(np.float32)
     normals = np.where(is_table[..., None], T_world_cam[2, :3], drawn.normals_cam)
     labels = np.where(is_table, -1, drawn.labels)
     masks = [labels == k for k in range(len(things))]
-    depth_m = sense(true_m, normals, CAMERA, SENSOR, int(rng.integers(2**31)))
+    depth_m = sense(true_m, normals, camera, SENSOR, int(rng.integers(2**31)))
     depth_m = spoil_depth(depth_m, masks)
     given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
-    observation = observe(CAMERA, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
+    observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
     if observation.support is not None:
         observation = replace(observation, support=spoil_support(observation.support))
     instances = tuple(
@@ -93,7 +94,7 @@ def frame_of(
             k,
             things[k].model.obj_id,
             mask,
-            segment_cloud(depth_m, CAMERA, mask, SETTINGS.cloud_points, SETTINGS.seed),
+            segment_cloud(depth_m, camera, mask, SETTINGS.cloud_points, SETTINGS.seed),
             tuple(
                 Hypothesis(T_cam_world @ T, 1.0 - 0.01 * j, f"made up #{j + 1}")
                 for j, T in enumerate(things[k].first_poses)
@@ -106,10 +107,10 @@ def frame_of(
     return Problem(0, 0, observation, models, instances, "made up")
 
 
-def _table_depth(T_world_cam: Float) -> Float:
-    rays_world = CAMERA.back_project(np.ones(CAMERA.shape)) @ T_world_cam[:3, :3].T
+def _table_depth(T_world_cam: Float, camera: Camera) -> Float:
+    rays_world = camera.back_project(np.ones(camera.shape)) @ T_world_cam[:3, :3].T
     down = -rays_world[..., 2]
-    z = np.divide(T_world_cam[2, 3], down, out=np.zeros(CAMERA.shape), where=down > 1e-9)
+    z = np.divide(T_world_cam[2, 3], down, out=np.zeros(camera.shape), where=down > 1e-9)
     hit = T_world_cam[:2, 3] + z[..., None] * rays_world[..., :2]
     return np.where((np.abs(hit) <= TABLE_HALF_M).all(axis=-1), z, 0.0)
 

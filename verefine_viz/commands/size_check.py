@@ -7,17 +7,17 @@ from contextlib import suppress
 
 import numpy as np
 
+from verefine_viz.calibration.camera_check import Verdict, compared, verdict
+from verefine_viz.calibration.outlines import OutlineFit
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
-from verefine_viz.scenes.size_fit import Witness, size_verdict, witnesses
-from verefine_viz.scenes.size_words import Verdict
 
 
 def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: MaskFolder) -> Verdict:
     """What the masks in ``kind`` of these frames tell together; what cannot be read is said already."""
-    looked: list[Witness] = []
+    fits: list[OutlineFit] = []
     for ids in sampled:
         with suppress(VerefineError):
             image = dataset.image(*ids)
@@ -26,8 +26,8 @@ def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: 
             objects = [_posed(dataset, truth, mask) for truth, mask in masks if mask.any()]
             together = np.any([mask for _, mask in masks], axis=0)
             known = [one for one in objects if one is not None]
-            looked += witnesses(known, image.camera, image.depth_m, together)
-    return size_verdict(looked)
+            fits += compared(known, image.camera, image.depth_m, together)
+    return verdict(fits)
 
 
 def _mask(
