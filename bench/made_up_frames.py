@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.observation import Support
+from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import SceneSettings, Session
 from verefine_viz.diagnosis.causes import Cause
@@ -179,3 +179,15 @@ def comes_right(toolbox: Toolbox, problem: Problem, instance_id: int = 0) -> boo
         if target.instance.instance_id == instance_id and best is not None and T_true is not None:
             return ErrorOf(target.model, T_true)(best.T_cam_obj) < 0.1
     return False
+
+
+def leaning(support: Support, axis_world: Float, angle_deg: float, down_m: float = 0.0) -> Support:
+    """The plane turned about an axis through its world's origin, which lies below the objects, and lowered."""
+    wrong = transform(axis_angle(axis_world, np.deg2rad(angle_deg)), [0, 0, down_m])
+    return replace(support, T_world_cam=wrong @ support.T_world_cam)
+
+
+def seen_through(mask: Mask, instance: Instance, observation: Observation, n_points: int) -> Instance:
+    """The instance with another mask (H, W), and the cloud of at most ``n_points`` that it leads to."""
+    cloud = segment_cloud(observation.depth_m, observation.camera, mask, n_points, 0)
+    return replace(instance, mask=mask, points_cam=cloud)

@@ -50,8 +50,7 @@ class Verdict:
     """What is to be said about the sizes and places of objects."""
 
     found: str
-    advice: str = ""
-    """What to do about it; empty = nothing."""
+    advice: str = ""  # what to do about it; empty = nothing
     cause: str | None = None
     """"focal length", "one focal length", "principal point", "image" (cam_K is of images of another size), "models",
     "focal length or models", "distances" (of the true poses), "masks", "depth", or nothing is off."""
@@ -177,10 +176,8 @@ def _displaced(sure: Sequence[OutlineFit]) -> Verdict | None:
         advice = "the masks are displaced: check that they are of these images"
         return Verdict(f"{found}, but depth does not", advice, "masks")
     too = [f"{name} of cam_K looks {abs(px):.0f} px too {'small' if px > 0 else 'large'}" for px, *_, name in off]
-    check = (
-        "check that cam_K belongs to these images, also if they were cropped, and that depth is registered to colour"
-    )
-    advice = f"{' and '.join(too)}; {check} if the masks were made from it"
+    check = "check that cam_K belongs to these images, also if they were cropped, and that depth is registered to"
+    advice = f"{' and '.join(too)}; {check} colour if the masks were made from it"
     return Verdict(f"{found}, and so does depth", advice, "principal point")
 
 

@@ -123,8 +123,8 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Drawn | None:
     corner_px = low - MARGIN * pitch
     width, height = (np.ceil((high - low) / pitch).astype(int) + 2 * MARGIN).tolist()
     depth_m = np.zeros((height, width), np.float32)
-    pinhole = camera.fx / pitch, camera.fy / pitch, *((camera.K[:2, 2] - corner_px) / pitch)
-    draw_depth(np.ascontiguousarray(T_cam_obj), *_mesh(model).arrays, *pinhole, depth_m)
+    fx, fy, cx, cy = (np.array([camera.fx, camera.fy, *(camera.K[:2, 2] - corner_px)]) / pitch).tolist()
+    draw_depth(np.ascontiguousarray(T_cam_obj), *_mesh(model).arrays, fx, fy, cx, cy, depth_m)
     shown = depth_m > 0
     if not shown.any():
         return None
