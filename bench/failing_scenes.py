@@ -18,6 +18,7 @@ from bench.made_up_frames import (
     broken_by,
     comes_right,
     frame_of,
+    leaning,
     level,
     model,
     moved,
@@ -27,7 +28,6 @@ from bench.made_up_frames import (
     small_carton,
     standing,
 )
-from bench.wrong_input import leaning
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed

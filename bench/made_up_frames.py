@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.observation import Support
+from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import SceneSettings, Session
 from verefine_viz.diagnosis.causes import Cause
@@ -70,22 +70,23 @@ def frame_of(
     spoil_depth: Callable[[Depth, Sequence[Mask]], Depth] = lambda depth, masks: depth,
     spoil_mask: Callable[[int, Sequence[Mask]], Mask] = lambda k, masks: masks[k],
     spoil_support: Callable[[Support], Support] = lambda support: support,
+    camera: Camera = CAMERA,
 ) -> Problem:
     """A picture of things on a table, spoilt where asked for."""
     T_world_cam = (view or Viewpoint(elevation_deg=40, distance_m=0.52)).T_world_cam
     T_cam_world = inverse(T_world_cam)
     seen = [Placed(k, t.seen_as or t.model, T_cam_world @ t.T_world_obj) for k, t in enumerate(things)]
-    drawn = render_scene(seen, CAMERA)
-    table_m = _table_depth(T_world_cam)
+    drawn = render_scene(seen, camera)
+    table_m = _table_depth(T_world_cam, camera)
     is_table = (table_m > 0) & ((drawn.labels < 0) | (table_m < drawn.depth_m))
     true_m = np.where(is_table, table_m, drawn.depth_m).astype(np.float32)
     normals = np.where(is_table[..., None], T_world_cam[2, :3], drawn.normals_cam)
     labels = np.where(is_table, -1, drawn.labels)
     masks = [labels == k for k in range(len(things))]
-    depth_m = sense(true_m, normals, CAMERA, SENSOR, int(rng.integers(2**31)))
+    depth_m = sense(true_m, normals, camera, SENSOR, int(rng.integers(2**31)))
     depth_m = spoil_depth(depth_m, masks)
     given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
-    observation = observe(CAMERA, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
+    observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
     if observation.support is not None:
         observation = replace(observation, support=spoil_support(observation.support))
     instances = tuple(
@@ -93,7 +94,7 @@ def frame_of(
             k,
             things[k].model.obj_id,
             mask,
-            segment_cloud(depth_m, CAMERA, mask, SETTINGS.cloud_points, SETTINGS.seed),
+            segment_cloud(depth_m, camera, mask, SETTINGS.cloud_points, SETTINGS.seed),
             tuple(
                 Hypothesis(T_cam_world @ T, 1.0 - 0.01 * j, f"made up #{j + 1}")
                 for j, T in enumerate(things[k].first_poses)
@@ -106,10 +107,10 @@ def frame_of(
     return Problem(0, 0, observation, models, instances, "made up")
 
 
-def _table_depth(T_world_cam: Float) -> Float:
-    rays_world = CAMERA.back_project(np.ones(CAMERA.shape)) @ T_world_cam[:3, :3].T
+def _table_depth(T_world_cam: Float, camera: Camera) -> Float:
+    rays_world = camera.back_project(np.ones(camera.shape)) @ T_world_cam[:3, :3].T
     down = -rays_world[..., 2]
-    z = np.divide(T_world_cam[2, 3], down, out=np.zeros(CAMERA.shape), where=down > 1e-9)
+    z = np.divide(T_world_cam[2, 3], down, out=np.zeros(camera.shape), where=down > 1e-9)
     hit = T_world_cam[:2, 3] + z[..., None] * rays_world[..., :2]
     return np.where((np.abs(hit) <= TABLE_HALF_M).all(axis=-1), z, 0.0)
 
@@ -178,3 +179,15 @@ def comes_right(toolbox: Toolbox, problem: Problem, instance_id: int = 0) -> boo
         if target.instance.instance_id == instance_id and best is not None and T_true is not None:
             return ErrorOf(target.model, T_true)(best.T_cam_obj) < 0.1
     return False
+
+
+def leaning(support: Support, axis_world: Float, angle_deg: float, down_m: float = 0.0) -> Support:
+    """The plane turned about an axis through its world's origin, which lies below the objects, and lowered."""
+    wrong = transform(axis_angle(axis_world, np.deg2rad(angle_deg)), [0, 0, down_m])
+    return replace(support, T_world_cam=wrong @ support.T_world_cam)
+
+
+def seen_through(mask: Mask, instance: Instance, observation: Observation, n_points: int) -> Instance:
+    """The instance with another mask (H, W), and the cloud of at most ``n_points`` that it leads to."""
+    cloud = segment_cloud(observation.depth_m, observation.camera, mask, n_points, 0)
+    return replace(instance, mask=mask, points_cam=cloud)

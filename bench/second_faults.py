@@ -9,8 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from bench.failing_scenes import GENERATORS
-from bench.made_up_frames import SETTINGS, Broken, level
-from bench.wrong_input import leaning, seen_through
+from bench.made_up_frames import SETTINGS, Broken, leaning, level, seen_through
 from verefine_viz.core.arrays import Mask
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.studies.disturb import without_depth

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenes.sizes import scene, written
-from tests.scenes.test_answer_fit import WithoutTruth
+from tests.calibration.sizes import WithoutTruth, scene, written
 from verefine_viz.batch.frame import explain_frame
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal
@@ -41,9 +40,9 @@ def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
     assert any("fx and fy of cam_K look too small" in doubt for doubt in result.doubts) == noted
 
 
-@pytest.mark.parametrize(("focal", "in_doubt"), [(1.0, 0), (0.8, 1)])
-def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, focal: float, in_doubt: int) -> None:
-    folder = written(tmp_path / "clutter", [scene()], focal)
+@pytest.mark.parametrize(("depth", "in_doubt"), [(1.0, 0), (0.8, 1)])
+def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, depth: float, in_doubt: int) -> None:
+    folder = written(tmp_path / "clutter", [scene()], depth=depth)
     session = Session(
         scene=SceneSettings(source="bop", dataset=str(folder)),
         hypotheses=HypothesesSettings(max_per_object=2, rotation_deg=15, translation_mm=15),

@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 
 from tests.batch.frames import make_frames
+from tests.calibration.sizes import scene, written
 from tests.commands.test_datasets import advice
 from tests.scenes.bop_folder import Made
-from tests.scenes.sizes import scene, written
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.scenes.write_bop import write_bop

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from tests.batch.frames import make_frames
+from tests.calibration.sizes import scene
 from tests.scenes.bop_folder import Made
-from tests.scenes.sizes import scene
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Finding
 from verefine_viz.commands.datasets import Datasets

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenes.sizes import scene, written
+from tests.calibration.sizes import scene, written
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.scenes.demo_models import demo_obj_id

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.fakes import box_problem
-from tests.scenes.sizes import scene, written
 from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
@@ -42,6 +42,22 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
         assert findings(view)[0] == one
         assert one.red
         assert one.on_top
+
+
+@pytest.mark.parametrize(("depth", "noted"), [(1.0, 0), (0.8, 1)])
+def test_without_ground_truth_first_poses_show_a_wrong_depth_scale_before_the_run_and_after(
+    tmp_path: Path, depth: float, noted: int
+) -> None:
+    session = Session(
+        scene=SceneSettings(source="bop", dataset=str(written(tmp_path / "clutter", [scene()], depth=depth))),
+        hypotheses=HypothesesSettings(max_per_object=1, rotation_deg=15, translation_mm=15),
+        method=MethodSettings(name="refine", refiner="identity", iterations=1),
+    )
+    debugger = Debugger(session, None, WithoutTruth)
+    for _ in range(2):
+        first = findings(debugger.view(deep=False))[:1]
+        assert bool(first and "check depth_scale in scene_camera.json (about 1.2" in first[0].text) == bool(noted)
+        debugger.carry_out([c.RunUntil("end")])
 
 
 def test_an_object_whose_rows_another_one_took_says_so(tmp_path: Path) -> None:

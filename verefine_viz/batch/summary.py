@@ -15,9 +15,9 @@ from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.data_doubts import answer_doubts
 from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.evaluation.errors import add_s_mm, pose_errors
-from verefine_viz.scenes.answer_fit import answer_notes
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
 
@@ -28,7 +28,7 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def frame_result(run: Run, session: Session) -> FrameResult:
     """What a finished run of ``session`` says about its frame."""
     problem, state = run.problem, run.final_state
-    doubts = answer_notes(problem, [None if best is None else best.T_cam_obj for best in state.best])
+    doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
     rows = tuple(
         _object_row(
             problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], session

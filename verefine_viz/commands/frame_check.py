@@ -14,17 +14,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from verefine_viz.calibration.camera_check import sample, share_near
 from verefine_viz.commands.dataset_parts import MOST_FAULTS
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
-from verefine_viz.scenes.fit import NEAR, sample, share_near
 from verefine_viz.scenes.frames import frame_name
 
-NEAR_M = 0.015
-"""Depth this near to a model lies on it [m]; on a large model, whose points are further apart, ``NEAR`` of its size."""
+NEAR_M, NEAR = 0.015, 0.06
+"""Depth this near to a model lies on it [m]; or this share of its size, as points of large models are further apart."""
 FEWEST_ON = 0.3
 """Where less of the points lie on the models, the frame or object needs a look."""
 FEWEST_POINTS = 100

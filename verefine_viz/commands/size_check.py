@@ -8,25 +8,25 @@ from heapq import nlargest
 
 import numpy as np
 
+from verefine_viz.calibration.camera_check import MOST, Verdict, compared, verdict
+from verefine_viz.calibration.outlines import OutlineFit
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.bop import BopDataset, MaskFolder
-from verefine_viz.scenes.size_fit import MOST, Witness, size_verdict, witnesses
-from verefine_viz.scenes.size_words import Verdict
 
 
 def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: MaskFolder) -> Verdict:
     """What the masks in ``kind`` of these frames tell together; what cannot be read is said already."""
-    looked: list[Witness] = []
+    fits: list[OutlineFit] = []
     for ids in sampled:
         with suppress(VerefineError):
             image = dataset.image(*ids)
             together = np.zeros(image.camera.shape, np.bool_)
             # A frame may hold thousands of instances, so no more masks are held than are looked at.
             largest = nlargest(MOST, _objects(dataset, ids, kind, together), lambda one: np.count_nonzero(one[2]))
-            looked += witnesses(largest, image.camera, image.depth_m, together)
-    return size_verdict(looked)
+            fits += compared(largest, image.camera, image.depth_m, together)
+    return verdict(fits)
 
 
 def _objects(

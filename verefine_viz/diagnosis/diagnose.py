@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from time import perf_counter
 
+from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.case import ALONE, Case, Lab
@@ -22,7 +23,6 @@ from verefine_viz.diagnosis.of_score import score
 from verefine_viz.diagnosis.of_search import SEARCH_TESTS, no_hypothesis
 from verefine_viz.diagnosis.truth import FrameTruth
 from verefine_viz.diagnosis.words import DATA_FIRST
-from verefine_viz.scenes.size_fit import size_notes
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.session.trace import Trace, trace_of
@@ -66,8 +66,7 @@ def diagnose(
     if not found:
         return ()
     # A wrong camera changes all objects.
-    problem = trace.problem
-    doubts = size_notes(problem.instances, problem.models, problem.observation)
+    doubts = camera_notes(trace.problem)
     told = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
     return tuple(replace(one, sentence=one.sentence + told, doubts=doubts) for one in found)
 

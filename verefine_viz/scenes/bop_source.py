@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from verefine_viz.calibration.camera_check import truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.listing import LONGEST_NUMBERS, listed
@@ -17,9 +18,8 @@ from verefine_viz.observation.segment import segment_cloud
 from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.estimates import check_asked
-from verefine_viz.scenes.fit import pose_notes, truth_notes
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
-from verefine_viz.scenes.instance_notes import instance_notes
+from verefine_viz.scenes.instance_notes import instance_notes, unit_notes
 from verefine_viz.scenes.perturb import perturbed
 from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
@@ -114,7 +114,7 @@ class BopSource:
                 *notes,
                 *model_notes,
                 *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
-                *pose_notes(self._results, instances, models),
+                *unit_notes(self._results, instances),
                 *instance_notes(ids, instances, models, self._hypotheses.source, self._results),
             ),
             left_out=self._asked_for(of_frame.left_out) + without_model,

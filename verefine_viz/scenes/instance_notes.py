@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.core.geometry import FARTHEST_M, distance_m
 from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Instance
+from verefine_viz.core.problem import Hypothesis, Instance
 from verefine_viz.scenes.frames import FrameIds
 from verefine_viz.scenes.pool import ResultsFile
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
@@ -18,6 +18,8 @@ from verefine_viz.scenes.segments import FEWEST_MASK_PX
 FAR = 2.5
 """First poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
 but the worst of 36 real ones (YCB-V, four methods) lay at 1.16 times the depth."""
+TENFOLD = (5, 20)
+"""So many times further than its pose lies depth, where t is in centimetres: 10, give or take the object's size."""
 _FAR_FROM_DEPTH = "far from the depth inside its mask"
 
 
@@ -77,6 +79,27 @@ def within_reach(instance: Instance, model: ObjectModel) -> tuple[Instance, tupl
         "check the unit of the translation"
     )
     return replace(instance, hypotheses=left), (note,)
+
+
+def unit_notes(files: Sequence[ResultsFile], instances: Sequence[Instance]) -> tuple[str, ...]:
+    """Which of ``files`` seem to give translations in centimetres, by the depth of a frame's ``instances``."""
+    notes: list[str] = []
+    for file in files:
+        first = [(i, next((h for h in i.hypotheses if h.source == file.method), None)) for i in instances]
+        posed = [(i, h) for i, h in first if h is not None and len(i.points_cam)]
+        if posed and all(_is_tenfold(i, h) for i, h in posed):
+            notes.append(
+                f"{file.name}: every pose lies at about a tenth of the depth in its object's mask, so t looks like "
+                "centimetres; BOP wants millimetres: multiply t by 10 (or depth_scale is 10 times too large)"
+            )
+    return tuple(notes)
+
+
+def _is_tenfold(instance: Instance, hypothesis: Hypothesis) -> bool:
+    """Whether a pose lies at a tenth of the depth of its object, and of its true depth where that is known."""
+    z_m, T_gt = float(hypothesis.T_cam_obj[2, 3]), instance.T_cam_obj_gt
+    known_m = [float(np.median(instance.points_cam[:, 2]))] + ([] if T_gt is None else [float(T_gt[2, 3])])
+    return all(TENFOLD[0] * z_m < known < TENFOLD[1] * z_m for known in known_m)
 
 
 def without(instance: Instance, model: ObjectModel) -> str:

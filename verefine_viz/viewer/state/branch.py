@@ -165,15 +165,10 @@ class Branch:
         if problem.doubts:
             return problem.doubts
         if run.is_done not in self._doubts:
-            from verefine_viz.scenes.answer_fit import answer_notes, start_notes  # Loads what draws models.
+            from verefine_viz.diagnosis.data_doubts import answer_doubts  # Loads what draws models.
 
-            if run.is_done:
-                found = answer_notes(
-                    problem, [None if best is None else best.T_cam_obj for best in run.final_state.best]
-                )
-            else:
-                found = start_notes(problem)
-            self._doubts[run.is_done] = found
+            answers = run.final_state.best if run.is_done else [None] * len(problem.targets)
+            self._doubts[run.is_done] = answer_doubts(problem, [best and best.T_cam_obj for best in answers])
         return self._doubts[run.is_done]
 
 

@@ -340,10 +340,10 @@ class Workspace:
 
 def _read(tools: Tools, frame: str) -> Problem:
     """A frame, and whether its camera and its models look right; a batch has no time to look."""
-    from verefine_viz.scenes.size_fit import size_notes  # Loads what draws models.
+    from verefine_viz.calibration.camera_check import camera_notes  # Loads what draws models.
 
     problem = tools.problem(frame)
-    return replace(problem, doubts=size_notes(problem.instances, problem.models, problem.observation))
+    return replace(problem, doubts=camera_notes(problem))
 
 
 def preparing(problem: Problem, session: Session) -> str:

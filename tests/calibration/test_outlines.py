@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.fakes import box_model
+from verefine_viz.calibration.outlines import OutlineFit, fit_outline
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.rendering.scene import render_scene
-from verefine_viz.scenes.outline_fit import Likeness, likeness
 
 BOX = box_model()
 T_CAM_BOX = transform(axis_angle([1.0, 2.0, 0.5], 0.7), [0.05, -0.03, 0.5])
@@ -31,8 +31,8 @@ def seen(by: Camera) -> tuple[Mask, NDArray[np.floating]]:
     return depth_m > 0, np.where(depth_m > 0, depth_m, 0.8).astype(np.float32)
 
 
-def fitted(mask: Mask, depth_m: NDArray[np.floating], others: Mask = NOTHING) -> Likeness:
-    found = likeness(BOX, T_CAM_BOX, camera(), mask, others, depth_m.astype(np.float32))
+def fitted(mask: Mask, depth_m: NDArray[np.floating], others: Mask = NOTHING) -> OutlineFit:
+    found = fit_outline(BOX, T_CAM_BOX, camera(), mask, others, depth_m.astype(np.float32))
     assert found is not None
     return found
 
@@ -42,7 +42,7 @@ def test_factor_and_shift_are_those_of_the_camera_that_took_the_image(factor: fl
     found = fitted(*seen(camera(factor, dx, dy)))
     assert found.factor == pytest.approx(factor, rel=0.015)
     centre = np.array([159.5, 119.5])
-    np.testing.assert_allclose(found.shift_px, (factor - 1) * (found.middle_px - centre) + [dx, dy], atol=1.0)
+    np.testing.assert_allclose(found.shift_px, (factor - 1) * (found.drawn.middle_px - centre) + [dx, dy], atol=1.0)
     assert found.depth == pytest.approx(1.0, abs=0.01)
     assert found.error < 0.04
 
@@ -103,7 +103,7 @@ def test_without_an_outline_nothing_is_said() -> None:
     few[100:103, 100:103] = True
     behind = transform(np.eye(3), [0.0, 0.0, -0.5])
     plain = depth_m.astype(np.float32)
-    assert likeness(BOX, T_CAM_BOX, camera(), NOTHING, NOTHING, plain) is None
-    assert likeness(BOX, T_CAM_BOX, camera(), few, NOTHING, plain) is None
-    assert likeness(BOX, T_CAM_BOX, camera(), ~NOTHING, NOTHING, np.full_like(plain, 0.8)) is None
-    assert likeness(BOX, behind, camera(), mask, NOTHING, plain) is None
+    assert fit_outline(BOX, T_CAM_BOX, camera(), NOTHING, NOTHING, plain) is None
+    assert fit_outline(BOX, T_CAM_BOX, camera(), few, NOTHING, plain) is None
+    assert fit_outline(BOX, T_CAM_BOX, camera(), ~NOTHING, NOTHING, np.full_like(plain, 0.8)) is None
+    assert fit_outline(BOX, behind, camera(), mask, NOTHING, plain) is None

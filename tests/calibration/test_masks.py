@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tests.scenes.sizes import Depth, Objects, fitting, objects, scene, verdict, with_focal
+from tests.calibration.sizes import Depth, Objects, fitting, objects, scene, verdict, with_focal
+from verefine_viz.calibration import camera_check
+from verefine_viz.calibration.camera_check import Verdict
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
-from verefine_viz.scenes.size_fit import size_verdict
-from verefine_viz.scenes.size_words import Verdict
 
 SHAPES = "too few masks are large enough, and of the shape of their model's outline, to compare sizes"
 
@@ -115,4 +115,4 @@ def test_objects_of_few_pixels_say_nothing() -> None:
     of = [(model, T, mask[::step, ::step]) for model, T, mask in objects(scene())]
     said = verdict(of, with_focal(small, 0.8), scene().observation.depth_m[::step, ::step])
     assert said == Verdict(SHAPES)
-    assert size_verdict([]) == Verdict(SHAPES)
+    assert camera_check.verdict([]) == Verdict(SHAPES)

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.scenes.sizes import fitting, objects, of_problem, scene, verdict
-from tests.scenes.test_size_fit import REAL
+from tests.calibration.sizes import fitting, objects, of_problem, scene, verdict
+from tests.calibration.test_sizes import REAL
+from verefine_viz.calibration.camera_check import Verdict
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.size_words import Verdict
 from verefine_viz.scenes.source import open_scene
 
 

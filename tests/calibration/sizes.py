@@ -5,24 +5,34 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from verefine_viz.calibration import camera_check
+from verefine_viz.calibration.camera_check import Verdict, compared
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.scenes.size_fit import size_verdict, witnesses
-from verefine_viz.scenes.size_words import Verdict
 from verefine_viz.scenes.write_bop import write_bop
+from verefine_viz.session.toolbox import Toolbox
 
 Objects = list[tuple[ObjectModel, Float, Mask]]
 Depth = NDArray[np.floating]
+
+
+class WithoutTruth(Toolbox):
+    """A data set without ground truth, but for its first poses."""
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        return replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
 
 
 @cache
@@ -37,7 +47,7 @@ def objects(problem: Problem) -> Objects:
 
 def verdict(of: Objects, camera: Camera, depth_m: Depth) -> Verdict:
     together = np.any([mask for _, _, mask in of], axis=0)
-    return size_verdict(witnesses(of, camera, depth_m.astype(np.float32), together))
+    return camera_check.verdict(compared(of, camera, depth_m.astype(np.float32), together))
 
 
 def with_focal(camera: Camera, factor: float) -> Camera:
@@ -56,13 +66,14 @@ def fitting(said: Verdict) -> float:
     return float(found[1])
 
 
-def written(folder: Path, problems: Sequence[Problem], focal: float) -> Path:
-    """A BOP folder whose cam_K has another focal length."""
+def written(folder: Path, problems: Sequence[Problem], focal: float = 1.0, depth: float = 1.0) -> Path:
+    """A BOP folder whose cam_K has another focal length, or whose depth another scale."""
     write_bop(folder, problems)
     path = folder / "test" / "000000" / "scene_camera.json"
     content = json.loads(path.read_text())
     for entry in content.values():
         entry["cam_K"][0] *= focal
         entry["cam_K"][4] *= focal
+        entry["depth_scale"] *= depth
     path.write_text(json.dumps(content))
     return folder

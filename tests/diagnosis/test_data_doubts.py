@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.scenes.sizes import scene
+from tests.calibration.sizes import scene
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
-from verefine_viz.scenes.plane_gaps import plane_notes
+from verefine_viz.diagnosis.data_doubts import answer_doubts, plane_notes
 
 CLUTTER = scene()
 TRUE = [i.T_cam_obj_gt for i in CLUTTER.instances]
@@ -52,3 +52,10 @@ def test_poses_far_from_the_measured_depth_tell_nothing_of_the_plane() -> None:
     for T in near_the_camera:
         T[:3, 3] /= 1000
     assert not plane_notes(CLUTTER, near_the_camera)
+
+
+def test_the_plane_is_doubted_without_ground_truth_only() -> None:
+    problem = raised(80)
+    blind = replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
+    assert "sink into the support plane" in answer_doubts(blind, TRUE)[0]
+    assert not answer_doubts(problem, TRUE)

@@ -1,25 +1,19 @@
-"""Data of which a factor, an axis or the camera is another one is told from good data, and from single bad objects."""
+"""Data of which a factor or the camera is another one are told from good data, and from single bad objects."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.fakes import BOX_M, box_model
 from tests.scenes.bop_folder import OBJ_IDS, Made, detections, image, make
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, axis_angle, random_unit_vector, transform
-from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Hypothesis, Instance
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import HypothesesSettings
-from verefine_viz.scenes.fit import pose_notes
-from verefine_viz.scenes.pool import ResultsFile
 from verefine_viz.scenes.results import ResultRow, write_results
 
 NOWHERE = "depth in the objects' masks lies nowhere near their true poses"
@@ -128,61 +122,3 @@ def test_depth_that_is_ten_times_too_large_is_not_blamed_on_the_poses(tmp_path: 
     notes = made.read(results(made, tmp_path, lambda T: T)).notes
     assert any(NOWHERE in note for note in notes)
     assert not [note for note in notes if "centimetres" in note]
-
-
-FILE = ResultsFile("est_x-test.csv", "est", {})
-COLUMNS = (
-    "est_x-test.csv: the depth fits the poses far better with every R transposed, so R looks written column by column; "
-    "BOP wants it row by row"
-)
-
-
-def instances_seen(n: int, given: Callable[[int, Float], Float]) -> tuple[Instance, ...]:
-    """Bricks in different poses, each with the near half of its surface as depth and one pose out of the file."""
-    rng = np.random.default_rng(3)
-    found = []
-    for k in range(n):
-        T = transform(axis_angle(random_unit_vector(rng), 0.9), [0.2 * k - 0.3, 0.0, 0.9])
-        seen = apply(T, BRICK.points)
-        near = seen[seen[:, 2] < np.median(seen[:, 2])]
-        given_pose = Hypothesis(transform(given(k, T[:3, :3]), T[:3, 3]), 1.0, FILE.method)
-        found.append(Instance(k, 1, np.ones((4, 4), bool), near, (given_pose,)))
-    return tuple(found)
-
-
-def brick() -> ObjectModel:
-    """A box of 200 × 60 × 30 mm: no rotation but half turns leaves it as it was."""
-    box, stretch = box_model(), np.array([2.0, 0.75, 0.5])
-    diameter_m = float(np.linalg.norm(BOX_M * stretch))
-    return replace(box, vertices=box.vertices * stretch, points=box.points * stretch, diameter_m=diameter_m)
-
-
-BRICK = brick()
-
-
-def random_rotation(k: int, _: Float) -> Float:
-    rng = np.random.default_rng(k + 50)
-    return axis_angle(random_unit_vector(rng), rng.uniform(0.5, 3))
-
-
-@pytest.mark.parametrize(
-    ("n", "given", "is_noted"),
-    [
-        (4, lambda k, R: R.T, True),
-        (4, lambda k, R: R, False),
-        (2, lambda k, R: R.T, False),
-        (4, lambda k, R: R if k == 0 else R.T, False),
-        (8, random_rotation, False),
-    ],
-    ids=["all transposed", "right", "too few", "one is right", "all wrong"],
-)
-def test_rotations_that_are_transposed_are_noted(n: int, given: Callable[[int, Float], Float], is_noted: bool) -> None:
-    assert pose_notes((FILE,), instances_seen(n, given), {1: BRICK}) == ((COLUMNS,) if is_noted else ())
-
-
-def test_objects_without_depth_or_pose_are_passed_over() -> None:
-    first, *others = instances_seen(4, lambda k, R: R.T)
-    unseen = replace(first, points_cam=np.zeros((0, 3)))
-    assert pose_notes((FILE,), (unseen, *others), {1: BRICK}) == (COLUMNS,)
-    assert pose_notes((FILE,), (replace(first, hypotheses=()), *others), {1: BRICK}) == (COLUMNS,)
-    assert pose_notes((FILE,), (unseen,), {1: BRICK}) == ()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.scenes.sizes import Depth, Objects, fitting, objects, of_problem, scene, verdict
+from tests.calibration.sizes import Depth, Objects, fitting, objects, of_problem, scene, verdict
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem

@@ -1,0 +1,250 @@
+"""Which faults of camera, depth, models and poses the checks of the data name, and how often they cry wolf.
+
+    python -m bench.data_faults [--data ../shared/data] [--made-up 150] [--every 4]
+
+puts faults into frames (real ones of YCB-V and LM where ``--data`` has them, built-in scenes, made-up tables) and
+prints the table of docs/decisions/data-checks.md: a check stays if it names at least 60 % of the faults it is for and
+warns in at most 2 % of the clean frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from bench.made_up_frames import SETTINGS, Thing, frame_of, model, standing
+from verefine_viz.calibration.camera_check import compared, depth_notes, truth_notes, verdict
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.diagnosis.data_doubts import plane_notes
+from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
+from verefine_viz.scenes.demo_view import Viewpoint
+from verefine_viz.scenes.instance_notes import unit_notes
+from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.scenes.pool import ResultsFile
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.session.files import resolve
+from verefine_viz.session.toolbox import Toolbox
+
+Fault = Callable[[Problem], Problem]
+Check = Callable[[Problem], bool]
+NAMES = ("can", "mug", "duck", "jug", "carton", "block", "bottle", "bracket")
+
+
+CAMERA = Camera(np.array([[570.0, 0, 319.5], [0, 570.0, 239.5], [0, 0, 1]]), 640, 480)
+
+
+def made_up(seed: int) -> Problem:
+    """Three to six objects on a table."""
+    rng = np.random.default_rng(seed)
+    n, turn, things = int(rng.integers(3, 7)), rng.uniform(0, 2 * np.pi), []
+    for k, name in enumerate(rng.choice(NAMES, n, replace=False)):
+        m, around = model(str(name)), turn + 2 * np.pi * k / n
+        T = standing(m, rng, 0.01)
+        T[:2, 3] += rng.uniform(0.09, 0.14) * np.array([np.cos(around), np.sin(around)])
+        things.append(Thing(m, T))
+    view = Viewpoint(rng.uniform(-180, 180), rng.uniform(30, 60), rng.uniform(0.55, 0.75))
+    return frame_of(things, rng, view, camera=CAMERA)
+
+
+def clean_frames(data: Path, n_made_up: int) -> Iterator[Problem]:
+    """With ground truth, and nothing wrong."""
+    for folder in ("ycbv", "lm"):
+        if (data / folder).is_dir():
+            source = open_scene(
+                SceneSettings(source="bop", dataset=str((data / folder).resolve())), HypothesesSettings()
+            )
+            yield from map(source.problem, source.frames)
+    for name in demo_names():
+        for frame in demo_frames(name):
+            yield demo_problem(name, SceneSettings(), HypothesesSettings(), frame)
+    yield from map(made_up, range(n_made_up))
+
+
+def measured(problem: Problem, camera: Camera | None = None, depth: Float | None = None) -> Problem:
+    """The frame with another camera or depth image, and the clouds of its objects that follow from it."""
+    seen = problem.observation
+    camera, depth_m = camera or seen.camera, (seen.depth_m if depth is None else depth).astype(np.float32)
+    clouds = [segment_cloud(depth_m, camera, i.mask, SETTINGS.cloud_points, 0) for i in problem.instances]
+    instances = tuple(replace(i, points_cam=cloud) for i, cloud in zip(problem.instances, clouds, strict=True))
+    return replace(problem, observation=replace(seen, camera=camera, depth_m=depth_m), instances=instances)
+
+
+def camera(fx: float = 1.0, fy: float = 1.0, dx: float = 0.0, dy: float = 0.0, image: float = 1.0) -> Fault:
+    """cam_K with other focal lengths, principal point [px of an image 640 wide], or of an image of another size."""
+
+    def fault(problem: Problem) -> Problem:
+        c = problem.observation.camera
+        unit = c.width / 640
+        K = np.diag([image, image, 1.0]) @ (c.K * [[fx, 1, 1], [1, fy, 1], [1, 1, 1]])
+        K[:2, 2] += [dx * unit, dy * unit]
+        return measured(problem, Camera(K, c.width, c.height))
+
+    return fault
+
+
+def depth(times: float = 1.0, right_px: int = 0) -> Fault:
+    """Depth of another scale, or moved beside the colour image."""
+    return lambda p: measured(p, depth=times * np.roll(p.observation.depth_m.astype(np.float64), right_px, axis=1))
+
+
+def truth(times: float) -> Fault:
+    """cam_t_m2c multiplied."""
+
+    def moved(i: Instance) -> Instance:
+        T = i.T_cam_obj_gt
+        return i if T is None else replace(i, T_cam_obj_gt=transform(T[:3, :3], times * T[:3, 3]))
+
+    return lambda p: replace(p, instances=tuple(moved(i) for i in p.instances))
+
+
+def models(times: float) -> Fault:
+    """Models of another size."""
+
+    def resized(p: Problem) -> Problem:
+        made = {
+            k: replace(m, vertices=m.vertices * times, points=m.points * times, diameter_m=m.diameter_m * times)
+            for k, m in p.models.items()
+        }
+        return replace(p, models=made)
+
+    return resized
+
+
+def masks(right_px: int) -> Fault:
+    """All masks displaced."""
+
+    def displaced(p: Problem) -> Problem:
+        rolled = tuple(replace(i, mask=np.roll(i.mask, right_px, axis=1)) for i in p.instances)
+        union = np.any([i.mask for i in rolled], axis=0)
+        return measured(replace(p, instances=rolled, observation=replace(p.observation, object_mask=union)))
+
+    return displaced
+
+
+def plane(up_mm: float) -> Fault:
+    """The support plane at another height."""
+
+    def moved(p: Problem) -> Problem:
+        support = p.observation.support
+        if support is None:
+            return p
+        T = np.array(support.T_world_cam)
+        T[:3, 3] -= 1e-3 * up_mm * support.normal_world
+        return replace(p, observation=replace(p.observation, support=replace(support, T_world_cam=T)))
+
+    return moved
+
+
+def first_poses(times: float = 1.0) -> Fault:
+    """First poses 15° and 15 mm off, their translations multiplied."""
+
+    def one(i: Instance, p: Problem) -> Instance:
+        if i.T_cam_obj_gt is None:
+            return i
+        (h,) = perturbed(i.T_cam_obj_gt, 1, 15, 15, (p.scene_id, p.im_id, i.instance_id))
+        T = transform(h.T_cam_obj[:3, :3], times * h.T_cam_obj[:3, 3])
+        return replace(i, hypotheses=(replace(h, T_cam_obj=T, source="est"),))
+
+    return lambda p: replace(p, instances=tuple(one(i, p) for i in p.instances))
+
+
+def has_cause(*causes: str) -> Check:
+    """Whether sizes and places in true poses show one of these causes, or any at all where none is given."""
+
+    def check(p: Problem) -> bool:
+        known = [(p.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in p.instances if i.T_cam_obj_gt is not None]
+        seen = p.observation
+        found = verdict(compared(known, seen.camera, seen.depth_m, seen.object_mask))
+        return bool(found.advice) and (not causes or found.cause in causes)
+
+    return check
+
+
+def is_elsewhere(p: Problem) -> bool:
+    """Whether depth lies nowhere near the true poses."""
+    return bool(truth_notes(p.instances, p.models, Path(), False))
+
+
+def is_not_registered(p: Problem) -> bool:
+    """Whether a diagnosis calls depth shifted or scaled."""
+    return FrameTruth(p).registration.is_off
+
+
+def is_in_centimetres(p: Problem) -> bool:
+    """Whether a results file is said to be in centimetres."""
+    return bool(unit_notes((ResultsFile("est.csv", "est", {}),), p.instances))
+
+
+def is_far_from_first_poses(p: Problem) -> bool:
+    """Whether first poses doubt depth_scale, where no truth is known."""
+    blind = tuple(replace(i, T_cam_obj_gt=None) for i in first_poses()(p).instances)
+    return bool(depth_notes(replace(p, instances=blind)))
+
+
+BOX = Toolbox(resolve({"method": {"name": "rir", "iterations": 3}, "physics": {"enabled": False}}))
+
+
+def is_off_the_plane(p: Problem) -> bool:
+    """Whether the answers of a run doubt the support plane."""
+    best = BOX.run(first_poses()(p)).finish().best
+    return bool(plane_notes(p, [b and b.T_cam_obj for b in best]))
+
+
+NEAR, FAR = (0.8, 0.9, 1.1, 1.2), (0.001, 0.1, 10.0, 1000.0)
+CHECKS: tuple[tuple[str, Check, tuple[Fault, ...]], ...] = (
+    ("fx and fy of cam_K", has_cause("focal length", "focal length or models"), tuple(camera(f, f) for f in NEAR)),
+    (
+        "fx or fy alone",
+        has_cause("one focal length"),
+        (*(camera(fx=f) for f in NEAR), camera(fy=0.8), camera(fy=1.2)),
+    ),
+    ("cx or cy", has_cause("principal point"), (camera(dx=-40), camera(dx=20), camera(dy=-20), camera(dy=40))),
+    ("cam_K of another image size", has_cause("image"), tuple(camera(image=f) for f in (0.5, 0.8, 1.25, 2.0))),
+    ("size of models", has_cause("models", "focal length or models"), tuple(models(f) for f in NEAR)),
+    ("distance of true poses", has_cause("distances"), (truth(0.8), truth(1.2))),
+    ("masks displaced", has_cause("masks"), (masks(-30), masks(15))),
+    ("depth_scale, by true poses", has_cause("depth"), tuple(depth(f) for f in NEAR)),
+    (
+        "units of depth or true poses",
+        is_elsewhere,
+        tuple(depth(f) for f in (0.1, 0.5, 2.0, 10.0)) + tuple(truth(f) for f in FAR),
+    ),
+    ("depth beside colour (diagnosis)", is_not_registered, (depth(right_px=-30), depth(right_px=15))),
+    ("results file in centimetres", is_in_centimetres, (first_poses(0.1),)),
+    ("depth_scale, by first poses", is_far_from_first_poses, tuple(depth(f) for f in (0.5, *NEAR, 2.0))),
+    ("height of the support plane, by answers", is_off_the_plane, (plane(30), plane(-60))),
+)
+"""What may be off, whether a check names it, and the faults that are put in."""
+
+
+def main() -> int:
+    """Prints a row per check."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--made-up", type=int, default=150, help="frames")
+    parser.add_argument("--every", type=int, default=4, help="faults are put into every so many frames")
+    arguments = parser.parse_args()
+    frames = list(clean_frames(arguments.data, arguments.made_up))
+    print("| what is off | named | false alarms |\n|---|---|---|")
+    for name, check, faults in CHECKS:
+        n_false = sum(check(p) for p in frames)
+        named = [check(fault(p)) for fault in faults for p in frames[:: arguments.every]]
+        shares = (
+            f"{sum(named)}/{len(named)} = {np.mean(named):.0%} | {n_false}/{len(frames)} = {n_false / len(frames):.1%}"
+        )
+        print(f"| {name} | {shares} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

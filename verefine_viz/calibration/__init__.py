@@ -1,0 +1,1 @@
+"""Whether camera, depth, models, masks and poses of a frame belong together."""

@@ -1,0 +1,185 @@
+"""How much larger than its model in a known pose an object appears in the image, and how far beside it.
+
+The outline of an object's mask is laid over that of the drawn model by a shift and a factor of size. Outlines are
+compared, not areas, so that what hides a part of the object, or the border of the image, costs only that part of the
+outline; and how well they then lie on each other tells a mask of another shape from one of another size. In a second
+fit, width and height get a factor each: where one focal length alone is wrong, the mask is of another shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, optimize
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+from verefine_viz.rendering.rasterizer import draw_depth
+
+SIDE, MARGIN = 96, 30
+"""Pixels along the longer side of the drawn model, and around it, where distances to its outline are known."""
+FEWEST, POINTS, OUTLIER = 30, 200, 0.01
+"""Places on an outline that are compared, at least and at most; those further off (share of its size) count less."""
+SAME_DEPTH, MOST_OF = 0.03, 0.5
+"""Ratios of depths that differ by less are the same; so large a share of the pixels must agree on one."""
+STEP_M, BORDER_PX = 0.015, 3
+"""What is nearer than the object by more hides it [m]; so near to it, or to the border, the outline is not its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A model in its pose, drawn by itself; lengths and places (u, v) are in pixels of the camera's image."""
+
+    depth_m: NDArray[np.float32]  # (h, w), 0 beside the model
+    outside: Float  # (3, h, w) distance to its outline, negative inside, and its slopes along u and v
+    pitch: float  # of a pixel of the drawing
+    corner_px: Float  # (2,) of its first pixel
+    middle_px: Float  # (2,) of the model's pixels
+    size_px: float  # square root of the model's area
+    box_px: Float  # (2,) the model's width and height
+
+    def rows_columns(self, places: NDArray, factors: Float, shift_px: Float) -> Float:
+        """(2, N) where pixels (N, 2) of the camera's image lie on the drawing, enlarged and shifted."""
+        pixels = (places - self.middle_px - shift_px) / factors + self.middle_px
+        return ((pixels - self.corner_px) / self.pitch).T[::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineFit:
+    """What lays the outline of a drawn model over that of a mask; errors are shares."""
+
+    drawn: Drawn
+    camera: Camera
+    origin_px: Float  # (2,) where the model's origin is seen
+    shift_px: Float  # (2,) of the drawn model's middle to where the mask has it
+    factor: float  # the mask is so many times as large
+    error: float  # of the factor
+    sides: Float  # (2,) the mask is so many times as wide, and as high, where the two may differ
+    sides_error: float
+    depth: float  # measured over drawn depth at the same places (median); NaN without any, or without a common ratio
+    gain: float  # so much more of the drawn depth was measured where the mask has the object than where it is drawn
+
+
+def fit_outline(
+    model: ObjectModel, T_cam_obj: Float, camera: Camera, mask: Mask, others: Mask, depth_m: NDArray[np.float32]
+) -> OutlineFit | None:
+    """How an object's ``mask`` (H, W) lies over its model at ``T_cam_obj`` (4, 4).
+
+    ``others`` (H, W) are pixels of other objects, which may hide it, and ``depth_m`` (H, W) is 0 where nothing was
+    measured. None where too little is seen of its outline.
+    """
+    drawn = _draw(model, T_cam_obj, camera)
+    places = _own_outline(mask, others, depth_m) if mask.any() else np.zeros((0, 2))
+    if drawn is None or len(places) < FEWEST:
+        return None
+    places = places[np.linspace(0, len(places) - 1, min(POINTS, len(places))).astype(int)]
+    inside = np.argwhere(mask)[:, ::-1]
+
+    def distances(x: Float) -> Float:
+        """(N,) of places to the drawn outline, ``np.exp(x[:2])`` times as wide and high and shifted, in sizes of it."""
+        at = drawn.rows_columns(places, np.exp(x[:2]), x[2:] * drawn.size_px)
+        outside_px, *slope = (ndimage.map_coordinates(one, at, order=1, mode="nearest") for one in drawn.outside)
+        # So many pixels across the enlarged outline are one across that of the drawing.
+        across = (np.hypot(*slope) + 1e-9) / (np.hypot(*(slope / np.exp(x[:2])[:, None])) + 1e-9)
+        # The last pixels of a mask lie half a pixel inside of its outline.
+        return (across * outside_px + 0.5) / drawn.size_px
+
+    size = np.log(np.clip(np.sqrt(len(inside)) / drawn.size_px, 0.5, 2.0))
+    start = np.array([size, *(inside.mean(axis=0) - drawn.middle_px) / drawn.size_px])
+    x, errors = _least_squares(lambda x: distances(x[[0, 0, 1, 2]]), start)
+    sides, sides_errors = _least_squares(distances, x[[0, 0, 1, 2]])
+    factor, shift_px, sides_error = float(np.exp(x[0])), x[1:] * drawn.size_px, float(max(sides_errors[:2]))
+    depth = _depth_ratio(drawn, inside, factor, shift_px, depth_m)
+    gain = _share_measured(drawn, shift_px, depth_m) - _share_measured(drawn, np.zeros(2), depth_m)
+    origin_px, sides = camera.project(T_cam_obj[:3, 3]), np.exp(sides[:2])
+    return OutlineFit(drawn, camera, origin_px, shift_px, factor, float(errors[0]), sides, sides_error, depth, gain)
+
+
+def _least_squares(residuals: Callable[[Float], Float], start: Float) -> tuple[Float, Float]:
+    """Parameters (k,) and what each is uncertain by; infinite where nothing holds them."""
+    x = optimize.least_squares(residuals, start, loss="soft_l1", f_scale=OUTLIER, max_nfev=60).x
+    slopes = np.stack([(residuals(x + step) - residuals(x - step)) / 2e-3 for step in 1e-3 * np.eye(len(x))], axis=1)
+    system = slopes.T @ slopes
+    if np.linalg.cond(system) > 1e6:
+        return x, np.full(len(x), np.inf)
+    return x, float(np.linalg.norm(residuals(x))) * np.sqrt(np.diag(np.linalg.inv(system)))
+
+
+def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Drawn | None:
+    """A model in its pose; None where nothing of it is in front of the camera, or it is too near."""
+    points_cam = apply(T_cam_obj, model.vertices)
+    if points_cam[:, 2].min() < 0.05 or T_cam_obj[2, 3] <= 0:
+        return None
+    pixels = camera.project(points_cam)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    pitch = float((high - low).max()) / SIDE
+    corner_px = low - MARGIN * pitch
+    width, height = (np.ceil((high - low) / pitch).astype(int) + 2 * MARGIN).tolist()
+    depth_m = np.zeros((height, width), np.float32)
+    fx, fy, cx, cy = (np.array([camera.fx, camera.fy, *(camera.K[:2, 2] - corner_px)]) / pitch).tolist()
+    draw_depth(np.ascontiguousarray(T_cam_obj), *_mesh(model).arrays, fx, fy, cx, cy, depth_m)
+    shown = depth_m > 0
+    if not shown.any():
+        return None
+    # Half a pixel less on either side: the outline runs between pixels.
+    inner, outer = (np.asarray(ndimage.distance_transform_edt(m), np.float64) for m in (shown, ~shown))
+    outside_px = np.where(shown, 0.5 - inner, outer - 0.5) * pitch
+    outside = np.stack([outside_px, *np.gradient(outside_px, pitch)[::-1]])
+    places = np.argwhere(shown)[:, ::-1] * pitch
+    middle_px, box_px = places.mean(axis=0) + corner_px, np.ptp(places, axis=0) + pitch
+    return Drawn(depth_m, outside, pitch, corner_px, middle_px, float(np.sqrt(len(places))) * pitch, box_px)
+
+
+@lru_cache(maxsize=64)
+def _mesh(model: ObjectModel) -> RenderMesh:
+    return render_mesh(model.vertices, model.faces)
+
+
+def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Float:
+    """Pixels (N, 2) = (u, v) of a mask's outline where the object itself ends, not what is seen of it."""
+    pixels = np.argwhere(mask)
+    corner = np.maximum(pixels.min(axis=0) - 3 * BORDER_PX, 0)
+    box = tuple(slice(*ends) for ends in zip(corner, pixels.max(axis=0) + 3 * BORDER_PX + 1, strict=True))
+    own, measured_m, size = mask[box], depth_m[box], 2 * BORDER_PX + 1
+    around_m = ndimage.minimum_filter(np.where(own & (measured_m > 0), measured_m, np.inf), size)
+    is_nearer = (measured_m > 0) & (measured_m < around_m - STEP_M)
+    is_farther = measured_m > around_m + 2 * STEP_M
+    hiding = ~own & (is_nearer | (others[box] & ~is_farther))
+    is_beside_hiding = np.asarray(ndimage.maximum_filter(hiding, size), np.bool_)
+    cross = ndimage.generate_binary_structure(2, 1)
+    is_surrounded = np.asarray(ndimage.minimum_filter(own, footprint=cross), np.bool_)
+    places = np.argwhere(own & ~is_surrounded & ~is_beside_hiding) + corner
+    is_inner = ((places >= BORDER_PX) & (places < np.array(mask.shape) - BORDER_PX)).all(axis=1)
+    return places[is_inner, ::-1].astype(np.float64)
+
+
+def _depth_ratio(
+    drawn: Drawn, inside: NDArray[np.integer], factor: float, shift_px: Float, depth_m: NDArray[np.float32]
+) -> float:
+    """Measured over drawn depth (median) at pixels (N, 2) of a mask that lies over the enlarged and shifted model."""
+    some = inside[:: max(1, len(inside) // POINTS)]
+    at = np.rint(drawn.rows_columns(some, np.full(2, factor), shift_px)).astype(int)
+    rows, columns = np.clip(at.T, 0, np.array(drawn.depth_m.shape) - 1).T
+    measured, shown = depth_m[some[:, 1], some[:, 0]], drawn.depth_m[rows, columns]
+    ratios = measured[(measured > 0) & (shown > 0)] / shown[(measured > 0) & (shown > 0)]
+    median = float(np.median(ratios)) if len(ratios) else 0.0
+    n_alike = np.count_nonzero(np.abs(ratios - median) < SAME_DEPTH * median)
+    return median if n_alike > MOST_OF * len(some) else float("nan")
+
+
+def _share_measured(drawn: Drawn, shift_px: Float, depth_m: NDArray[np.float32]) -> float:
+    """Share of the measured depth that is that of the drawn model, moved by ``shift_px`` (2,); 0 without any."""
+    some = np.argwhere(drawn.depth_m > 0)
+    some = some[:: max(1, len(some) // POINTS)]
+    places = np.rint(some[:, ::-1] * drawn.pitch + drawn.corner_px + shift_px).astype(int)[:, ::-1]
+    is_inside = ((places >= 0) & (places < depth_m.shape)).all(axis=1)
+    measured, shown = depth_m[tuple(places[is_inside].T)], drawn.depth_m[tuple(some[is_inside].T)]
+    is_near = np.abs(measured - shown)[measured > 0] < SAME_DEPTH * shown[measured > 0]
+    return float(is_near.mean()) if len(is_near) else 0.0

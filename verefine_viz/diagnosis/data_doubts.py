@@ -1,0 +1,72 @@
+"""What of a frame's data does not fit together, where there is no ground truth to show it; for page and batch.
+
+First poses show whether depth is in their unit, and answers whether the support plane is what supports the objects.
+Measured: docs/decisions/data-checks.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from verefine_viz.calibration.camera_check import depth_notes, distance
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.problem import Problem, Target
+
+FEWEST = 3
+"""Fewer objects may all be in wrong poses, or stand on something that has no model."""
+FAR_M = 0.020
+"""At least one of the objects that a plane supports is nearer to it, above or below [m]. True objects of YCB-V sink in
+by up to 13 mm, and some stand 45 mm above on others."""
+NEAR = 0.06
+"""Depth within this share of the diameter shows the model in about the right pose; others tell nothing of the plane."""
+
+
+def answer_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
+    """What is in doubt; nothing where there is ground truth, which shows more.
+
+    Args:
+        problem: the frame.
+        poses: T_cam_obj (4, 4) that was found of each target, None where there is none, as before a run.
+    """
+    if any(i.T_cam_obj_gt is not None for i in problem.instances):
+        return ()
+    return depth_notes(problem) or plane_notes(problem, poses)
+
+
+def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
+    """A note where all objects sink into the support plane, or float above it, in the poses that were found.
+
+    Plane and poses both come from the depth image, so that a wrong depth_scale leaves them together; where they part,
+    the plane is that of something else, or cam_K bends one against the other.
+    """
+    support = problem.observation.support
+    if support is None:
+        return ()
+    heights_mm = 1e3 * np.array(
+        [
+            float((apply(support.T_world_cam @ T, t.model.vertices) @ support.normal_world).min())
+            for t, T in zip(problem.targets, poses, strict=True)
+            if T is not None and _explains_depth(t, T)
+        ]
+    )
+    n, far_mm = len(heights_mm), 1e3 * FAR_M
+    if n < FEWEST:
+        return ()
+    if heights_mm.max() < -far_mm:
+        lie = f"sink into the support plane, by {-heights_mm.max():.0f} to {-heights_mm.min():.0f} mm,"
+    elif heights_mm.min() > far_mm:
+        lie = f"float above the support plane, by {heights_mm.min():.0f} to {heights_mm.max():.0f} mm,"
+    else:
+        return ()
+    return (
+        f"all {n} objects {lie} in the poses that were found: the plane is not what carries them, or cam_K is wrong; "
+        "give scene.gravity, or switch physics off (physics.enabled)",
+    )
+
+
+def _explains_depth(target: Target, T_cam_obj: Float) -> bool:
+    points_cam = target.instance.points_cam
+    return len(points_cam) > 0 and distance(points_cam, target.model, T_cam_obj) < NEAR
