@@ -178,6 +178,10 @@ BAD_TARGETS: dict[str, tuple[Callable[[list[Any]], str | bytes], str]] = {
     ),
     "half an instance": (changed(lambda t: t[0].update(inst_count=0.5)), "'inst_count' is 0.5, expected an integer"),
     "fewer than none": (changed(lambda t: t[0].update(inst_count=-1)), "'inst_count' is -1, expected 0 or more"),
+    "more than a bin holds": (
+        changed(lambda t: t[0].update(inst_count=10**15)),
+        "'inst_count' is 1000000000000000, expected 0 or more instances, up to 100000",
+    ),
     "an id in quotes": (changed(lambda t: t[0].update(scene_id="7")), "'scene_id' is '7', expected an integer"),
     "unknown scene": (changed(lambda t: t[0].update(scene_id=8)), "unknown scene 8; available: 7"),
     "unknown image": (changed(lambda t: t[0].update(im_id=4)), "scene_camera.json has no image 4, which the targets"),

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+import weakref
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import huggingface_hub
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
@@ -20,6 +24,7 @@ from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.splits import splits_of
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.scenes.bop import BopDataset
 
 
 @pytest.fixture
@@ -325,3 +330,66 @@ def test_all_archives_are_fetched(
 def test_what_cannot_be_done_is_said(words: tuple[Any, ...], error: type[Exception], said: str) -> None:
     with pytest.raises(error, match=said):
         Datasets(*words).run([])
+
+
+@pytest.mark.parametrize("n_pixels", [0, 1, 9])
+@pytest.mark.parametrize("visib_fract", [None, 0.6])
+def test_masks_of_fewer_pixels_than_a_pose_needs_are_named(
+    made: Made, n_pixels: int, visib_fract: float | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_mask(made, n_pixels, visib_fract)
+    said = advice(made)
+    assert said["masks"].startswith(f"mask_visib of entry 2 in 7/1 covers {n_pixels} px, expected at least 10 px, ")
+    assert said["masks"].endswith("where an object is hidden, state a visib_fract below 0.1 in scene_gt_info.json")
+    assert Datasets("check", str(made.root)).run([]) == 1
+    assert "hence exit code 1: masks." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("n_pixels", "visib_fract"), [(0, 0.0), (1, 0.02), (10, 0.6)])
+def test_small_masks_of_hidden_objects_and_those_that_suffice_are_not(
+    made: Made, n_pixels: int, visib_fract: float
+) -> None:
+    write_mask(made, n_pixels, visib_fract)
+    assert "masks" not in advice(made)
+
+
+def write_mask(made: Made, n_pixels: int, visib_fract: float | None) -> None:
+    """Leaves some pixels of one mask."""
+    path = made.scene / "mask_visib" / "000001_000002.png"
+    pixels = np.array(Image.open(path))
+    pixels[tuple(at[n_pixels:] for at in np.nonzero(pixels))] = 0
+    Image.fromarray(pixels).save(path)
+    if visib_fract is None:
+        (made.scene / "scene_gt_info.json").unlink()
+    else:
+        made.edit("scene_gt_info.json", lambda content: content["1"][2].update(visib_fract=visib_fract))
+
+
+def test_two_folders_of_a_scene_are_named(made: Made) -> None:
+    shutil.copytree(made.scene, made.scene.with_name("8"))
+    shutil.copytree(made.scene, made.scene.with_name("0008"))
+    said = advice(made)
+    assert said == {"scene 8": f"{made.scene.with_name('0008')} and 8 are both scene 8; rename or remove one of them"}
+
+
+def test_no_more_masks_of_a_frame_are_held_than_are_looked_at(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("scene_gt.json", "scene_gt_info.json"):
+        made.edit(name, lambda content: content.update({key: one * 30 for key, one in content.items()}))
+    for kind, k in product(("mask", "mask_visib"), range(3, 90)):
+        for image in range(2):
+            first = made.scene / kind / f"{image:06d}_{k % 3:06d}.png"
+            shutil.copy(first, made.scene / kind / f"{image:06d}_{k:06d}.png")
+    masks: list[weakref.ref[np.ndarray]] = []
+    held: list[int] = []
+    read = BopDataset.mask
+
+    def watched(self: BopDataset, *args: Any) -> np.ndarray:
+        held.append(sum(mask() is not None for mask in masks))
+        mask = read(self, *args)
+        masks.append(weakref.ref(mask))
+        return mask
+
+    monkeypatch.setattr(BopDataset, "mask", watched)
+    assert "masks" not in advice(made)
+    assert len(masks) > 4 * 90
+    assert max(held) < 20, "six of this frame, six of the one before"

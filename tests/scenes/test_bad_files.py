@@ -88,6 +88,8 @@ GOOD = "7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1"
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600", "line 3: found 6 comma-separated fields, expected 7"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1,", "line 3: found 8 comma-separated fields"),
         ("", "line 3: found a blank line, expected 7 fields"),
+        (f"7,{'9' * 5000},5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: im_id is '999"),
+        (f"7,{'9' * 30},5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1", "expected an integer below 2⁶³"),
         ("7,3.0,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: im_id is '3.0', expected an integer"),
         ("7,3,5,1.0,1 0 0 0 1 0 0 0 1,0 0 600,soon", "line 3: time is 'soon', expected seconds"),
         ("7,3,5,high,1 0 0 0 1 0 0 0 1,0 0 600,-1", "line 3: score is 'high', expected one number"),

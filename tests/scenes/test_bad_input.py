@@ -99,6 +99,21 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
         lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=0)),
         ["'depth_scale' is 0, expected"],
     ),
+    "depth_scale too large": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1e37)),
+        ["'depth_scale' is 1e+37, expected millimetres per step > 0, 1e-06 to 10000"],
+    ),
+    "depth_scale too small": (
+        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1e-300)),
+        ["'depth_scale' is 1e-300, expected millimetres per step > 0, 1e-06 to 10000"],
+    ),
+    "depth too deep": (
+        lambda m: [
+            (m.scene / "depth/000003.png").unlink(),
+            image(m, "depth/000003.tif", np.full((60, 80), 1e30, np.float32)),
+        ],
+        ["holds depth of 1e+26 m at 0.1 mm a step, expected at most 1e+06 m; check 'depth_scale'"],
+    ),
     "camera pose no rotation": (
         lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_R_w2c=[2] * 9)),
         ["'cam_R_w2c' is not rigid"],
@@ -192,6 +207,11 @@ INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
         "obj_000005 (#1): its ground truth lies behind the camera",
         [0, 1, 2],
     ),
+    "pose out of reach": (
+        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[0, 0, 1e30])),
+        "entry 1: 'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?",
+        [0, 1, 2],
+    ),
     "pose incomplete": (
         lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")),
         "entry 1 has no 'cam_R_m2c'",
@@ -229,6 +249,37 @@ INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
         lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=-3)),
         "object 5: 'diameter' is -3, expected millimetres > 0",
         [0, 2],
+    ),
+    "diameter too large": (
+        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=1e30)),
+        "object 5: 'diameter' is 1e+30, expected millimetres > 0, 0.001 to 1e+06",
+        [0, 2],
+    ),
+    "vertex too far": (
+        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("-50 ", "1e30 ", 1)),
+        "has a vertex at 1e+30, expected coordinates within ±1e+09",
+        [0, 2],
+    ),
+    "symmetry out of reach": (
+        lambda m: m.edit(
+            "../../models/models_info.json",
+            lambda c: c["5"].update(symmetries_continuous=[{"axis": [0, 0, 1], "offset": [0, 0, 1e30]}]),
+        ),
+        "symmetries_continuous[0]: 'offset' is 1e+27 m away, expected at most 100 m",
+        [0, 2],
+    ),
+    "discrete symmetry out of reach": (
+        lambda m: m.edit(
+            "../../models/models_info.json",
+            lambda c: c["5"].update(symmetries_discrete=[[1, 0, 0, 1e30, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]]),
+        ),
+        "symmetries_discrete[0] is 1e+27 m away, expected at most 100 m",
+        [0, 2],
+    ),
+    "mask of one pixel": (
+        lambda m: image(m, "mask_visib/000003_000001.png", np.eye(1, 4800, 2000, dtype=np.uint8).reshape(60, 80)),
+        "obj_000005 (#1): its mask covers 1 px, too few to find a pose; expected at least 10",
+        [0, 1, 2],
     ),
     "diameter a word": (
         lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter="big")),
@@ -284,6 +335,7 @@ def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(tmp_path: Path,
         ({"frames": ("50",)}, ['frame \'50\' is not "scene/image", such as "50/1"']),
         ({"frames": ("a/b",)}, ['is not "scene/image"']),
         ({"frames": ("7/-3",)}, ['is not "scene/image"']),
+        ({"frames": ("9" * 5000 + "/3",)}, ['is not "scene/image"']),
         ({"frames": ("7/3/1",)}, ['is not "scene/image"']),
         ({"frames": ("50/1",)}, ["unknown scene 50; available: 7"]),
         ({"frames": ("7/9",)}, ["unknown image 9 in scene 7", "available: 3"]),

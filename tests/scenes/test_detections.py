@@ -72,3 +72,29 @@ def test_run_lengths_that_do_not_fill_the_image_are_refused(counts: Any) -> None
 def test_other_segmentations_are_refused(segmentation: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         decode_rle(segmentation, (4, 5), "here")
+
+
+def run_string(runs: list[int]) -> str:
+    """COCO's compressed string of run lengths, also of impossible ones."""
+    text = ""
+    for k, run in enumerate(runs):
+        value, is_more = run - (runs[k - 2] if k > 2 else 0), True
+        while is_more:
+            bits, value = value & 0x1F, value >> 5
+            is_more = value != (-1 if bits & 0x10 else 0)
+            text += chr((bits | 0x20 * is_more) + 48)
+    return text
+
+
+@pytest.mark.parametrize("runs", [[10, -4, 6], [-3, 15], [4, 20, -12], [0, 30, -20, 2]])
+@pytest.mark.parametrize("write", [run_string, list], ids=["string", "list"])
+def test_negative_runs_are_refused(runs: list[int], write: Any) -> None:
+    assert sum(runs) == 12
+    with pytest.raises(InputError, match="run lengths are damaged, expected a sum of 12 pixels, none below 0"):
+        decode_rle({"size": [3, 4], "counts": write(runs)}, (3, 4), "here")
+
+
+def test_a_size_that_is_none_is_told_in_short() -> None:
+    with pytest.raises(InputError) as refused:
+        decode_rle({"size": [3] * 10_000, "counts": [12]}, (3, 4), "here")
+    assert len(str(refused.value)) < 200

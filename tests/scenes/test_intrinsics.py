@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.scenes.bop_folder import make
-from verefine_viz.scenes.intrinsics import intrinsics_notes
+from tests.scenes.bop_folder import make, refusal
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.evaluation.files import evaluate_files
+from verefine_viz.scenes.intrinsics import depth_scale_of, intrinsics_notes, intrinsics_of
 
 K = np.array([[90.0, 0, 40], [0, 90, 30], [0, 0, 1]])
 
@@ -37,3 +41,43 @@ def test_the_note_is_one_of_the_frame(tmp_path: Path) -> None:
     made = make(tmp_path / "boxes")
     made.edit("scene_camera.json", moved)
     assert any("cx, cy of cam_K are 400, " in note for note in made.read().notes)
+
+
+@pytest.mark.parametrize(
+    ("k", "value", "words"),
+    [
+        (0, 1e99, "focal lengths 1e+99, 90; expected positive pixels, 1 to 1e+06"),
+        (4, 0.5, "focal lengths 90, 0.5; expected positive pixels, 1 to 1e+06"),
+        (4, -90, "focal lengths 90, -90; expected positive pixels, 1 to 1e+06"),
+        (2, 1e7, "principal point 1e+07, 30; expected pixels within ±1e+06"),
+        (5, -1e30, "principal point 40, -1e+30; expected pixels within ±1e+06"),
+        (1, 1e30, "skew of 1e+30, 0; expected pixels within ±1e+06"),
+        (3, 1e30, "skew of 0, 1e+30; expected pixels within ±1e+06"),
+    ],
+)
+def test_a_matrix_that_no_camera_has_is_refused_wherever_it_is_read(
+    tmp_path: Path, k: int, value: float, words: str
+) -> None:
+    numbers = K.ravel().tolist()
+    numbers[k] = value
+    with pytest.raises(
+        InputError, match=re.escape(f"here: cam_K has {'the ' * (k in (2, 5)) or 'a ' * (k in (1, 3))}{words}")
+    ):
+        intrinsics_of({"cam_K": numbers}, "here")
+    with pytest.raises(ShapeError, match=re.escape(words)):
+        Camera(np.array(numbers).reshape(3, 3), 80, 60)
+    made = make(tmp_path / "boxes")
+    made.edit("scene_camera.json", lambda content: content["3"].update(cam_K=numbers))
+    assert words in refusal(made)
+    (tmp_path / "r.csv").write_text("7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1\n")
+    with pytest.raises(InputError, match=re.escape(words)):
+        evaluate_files([tmp_path / "r.csv"], made.root)
+
+
+@pytest.mark.parametrize(("scale", "is_read"), [(1e-6, True), (1e4, True), (9e-7, False), (1.1e4, False)])
+def test_the_bounds_of_depth_scale(scale: float, is_read: bool) -> None:
+    if is_read:
+        assert depth_scale_of({"depth_scale": scale}, "here") == scale
+    else:
+        with pytest.raises(InputError, match=r"expected millimetres per step > 0, 1e-06 to 10000$"):
+            depth_scale_of({"depth_scale": scale}, "here")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import trimesh
 from PIL import Image
 
 from verefine_viz.core.geometry import apply
-from verefine_viz.scenes.meshes import largest_distance, read_mesh
+from verefine_viz.scenes import meshes
+from verefine_viz.scenes.meshes import hull_vertices, largest_distance, read_mesh
 from verefine_viz.scenes.models import ModelLibrary, load_model, model_of_mesh
 from verefine_viz.scenes.symmetries import symmetry_transforms
 
@@ -255,3 +257,57 @@ def test_a_mesh_without_area_is_refused() -> None:
     line = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]], np.int32), None)
     with pytest.raises(InputError, match="all its triangles are degenerate"):
         model_of_mesh(line, 1, "line", 10, 0)
+
+
+def sphere_points(n: int) -> np.ndarray:
+    directions = np.random.default_rng(0).normal(size=(n, 3))
+    return directions / np.linalg.norm(directions, axis=1)[:, None]
+
+
+def test_the_diameter_of_many_points_takes_little_memory() -> None:
+    points = sphere_points(60_000)
+    tracemalloc.start()
+    found = largest_distance(points)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == pytest.approx(2.0, rel=1e-3)
+    assert peak < 200e6, "the products of all points and directions would be a gigabyte"
+
+
+def test_a_hull_put_together_from_samples_is_the_hull(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(0).normal(size=(5000, 3))
+    whole = hull_vertices(points)
+    monkeypatch.setattr(meshes, "HULL_AT_ONCE", 700)
+    assert set(hull_vertices(points)) == set(whole)
+    points[:, 2] = 0.0
+    assert largest_distance(points) == pytest.approx(max(np.linalg.norm(points - p, axis=1).max() for p in points))
+
+
+def test_parts_wound_in_any_way_are_turned_alike_each(tmp_path: Path) -> None:
+    parts = [trimesh.creation.icosphere(2, 50), trimesh.creation.torus(40, 10).apply_translation((200, 0, 0))]
+    mesh = trimesh.util.concatenate(parts)
+    faces = np.array(mesh.faces)
+    turned = np.random.default_rng(0).random(len(faces)) < 0.4
+    turned[0] = turned[len(parts[0].faces)] = False
+    faces[turned] = faces[turned][:, ::-1]
+    trimesh.Trimesh(mesh.vertices, faces, process=False).export(tmp_path / "a.ply")
+    read = read_mesh(tmp_path / "a.ply", 1e-3)
+    back = trimesh.Trimesh(read.vertices_m, read.faces, process=False)
+    assert back.is_winding_consistent
+    assert back.volume * 1e9 == pytest.approx(mesh.volume, rel=1e-5)
+
+
+def test_a_surface_with_one_side_stays_as_it_is(tmp_path: Path) -> None:
+    n, height = 40, np.array([-10.0, 10.0])
+    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+    radius = 100 + height * np.cos(turn / 2)
+    vertices = np.stack([radius * np.cos(turn), radius * np.sin(turn), height * np.sin(turn / 2)], axis=2).reshape(
+        -1, 3
+    )
+    rim = [(2 * k, 2 * k + 1) for k in range(n)] + [(1, 0)]
+    quads = [(*rim[k], *rim[k + 1]) for k in range(n)]
+    faces = np.array([face for p, q, r, s in quads for face in ((p, r, q), (q, r, s))])
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "moebius.ply")
+    read = read_mesh(tmp_path / "moebius.ply", 1e-3)
+    assert len(read.faces) == len(faces)
+    assert len(np.unique(np.sort(read.faces, axis=1), axis=0)) == len(faces)

@@ -323,3 +323,18 @@ def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
     ):
         rows = [line(5, 0.9 - k / 10, T) for k, T in enumerate(poses)]
         assert notes_of(made, *near, *rows) == [f"obj_000005 (#1): {said}"]
+
+
+def test_rows_out_of_reach_give_no_pose_and_the_others_do(tmp_path: Path) -> None:
+    made = make(tmp_path / "boxes")
+    near, far = "7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1\n", "7,3,5,2,1 0 0 0 1 0 0 0 1,0 0 1e30,-1\n"
+    path = tmp_path / "net_x-test.csv"
+    path.write_text(near + far)
+    source = made.open(HypothesesSettings(source="results", files=(str(path),)))
+    said = "net_x-test.csv: 1 row gives no pose: it lies more than 100 m from the camera; BOP wants t in millimetres"
+    assert source.notes == (said,)
+    (instance,) = [i for i in source.problem("7/3").instances if i.obj_id == 5]
+    assert [h.confidence for h in instance.hypotheses] == [1.0]
+    path.write_text(far)
+    with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):
+        made.open(HypothesesSettings(source="results", files=(str(path),)))

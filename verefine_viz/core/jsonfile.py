@@ -63,7 +63,7 @@ def parse_json(raw: bytes, name: str) -> Any:
     except InputError as error:
         raise InputError(f"{name} {error}") from None
     level = [content] if isinstance(content, dict | list) else []
-    for _ in range(MOST_NESTED + 1):
+    for _ in range(MOST_NESTED):
         entries = (entry for one in level for entry in (one.values() if isinstance(one, dict) else one))
         level = [entry for entry in entries if isinstance(entry, dict | list)]
         if not level:

@@ -10,12 +10,10 @@ from typing import Literal
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.jsonfile import integer_of, key_of, read_json
+from verefine_viz.scenes.bop import instances_of
 
 Task = Literal["localization", "detection"]
 """localization: BOP'19 to '23, how many instances there are is known. detection: BOP'24, it is not."""
-
-MOST_INSTANCES = 100_000
-"""Of an object in an image."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +47,7 @@ def read_targets(path: Path) -> Targets:
         scene_id, im_id = integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)
         counts = scenes.setdefault(scene_id, {}).setdefault(im_id, {})
         if task == "localization":
-            n = integer_of(entry, "inst_count", where)
-            if not 0 <= n <= MOST_INSTANCES:
-                raise InputError(
-                    f"{where}: 'inst_count' is {n}, expected 0 or more instances, at most {MOST_INSTANCES}"
-                )
-            counts[integer_of(entry, "obj_id", where)] = n
+            counts[integer_of(entry, "obj_id", where)] = instances_of(entry, where)
     if task == "localization" and not any(n for scene in scenes.values() for c in scene.values() for n in c.values()):
         raise InputError(f"{path} asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere")
     images = {(scene_id, im_id): counts for scene_id, scene in scenes.items() for im_id, counts in scene.items()}

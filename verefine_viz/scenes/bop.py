@@ -36,6 +36,8 @@ from verefine_viz.scenes.models import ModelLibrary
 MaskFolder = Literal["mask_visib", "mask"]
 NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
 """A note of images without; colour is optional."""
+MOST_INSTANCES = 100_000
+"""Of an object in an image that a targets file may ask for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +237,7 @@ class BopDataset:
             where = f"{path}, entry {k}"
             counts = wanted.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
             if "obj_id" in entry:
-                counts[integer_of(entry, "obj_id", where)] = integer_of(entry, "inst_count", where)
+                counts[integer_of(entry, "obj_id", where)] = instances_of(entry, where)
         return wanted
 
     def detection_files(self) -> tuple[str, ...]:
@@ -276,6 +278,18 @@ class BopDataset:
         if others:
             raise InputError(f"{folder} and {others[0].name} are both scene {scene_id}; rename or remove one of them")
         return folder
+
+
+def instances_of(entry: Any, where: str) -> int:
+    """How many instances of an object an entry of a targets file asks for.
+
+    Raises:
+        InputError: it does not say so, or they are fewer than 0 or more than ``MOST_INSTANCES``.
+    """
+    n = integer_of(entry, "inst_count", where)
+    if not 0 <= n <= MOST_INSTANCES:
+        raise InputError(f"{where}: 'inst_count' is {n}, expected 0 or more instances, up to {MOST_INSTANCES}")
+    return n
 
 
 def _meant(folder: Path, split: str) -> str:
