@@ -8,9 +8,6 @@ from verefine_viz.viewer.command import Command
 from verefine_viz.viewer.command_lines import to_json
 from verefine_viz.viewer.markup import text
 
-# A chosen command is handed to the block's handler of clicks, and taken away again: a plain click sends nothing.
-_ON_CHANGE = "this.dataset.cmd=this.value;this.click();delete this.dataset.cmd"
-
 
 def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> str:
     """A drop-down list of (label, command); ``title`` is said to those who ask, ``now`` is what holds."""
@@ -19,4 +16,4 @@ def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> 
         for label, command in options
     )
     name = text(title)
-    return f'<select aria-label="{name}" title="{name}" onchange="{_ON_CHANGE}">{items}</select>'
+    return f'<select aria-label="{name}" title="{name}">{items}</select>'

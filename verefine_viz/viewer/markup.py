@@ -1,7 +1,7 @@
 """HTML for the panels: escaped text, tables, and links that carry a command.
 
 The GUI library shows HTML as it is, so everything that comes from data goes through :func:`text` first. A link holds a
-command as JSON; :data:`ON_CLICKS` puts it into a hidden text field, which is how it reaches Python. Only commands of
+command as JSON; :data:`HANDLERS` puts it into a hidden text field, which is how it reaches Python. Only commands of
 :mod:`verefine_viz.viewer.commands` get through there.
 """
 
@@ -18,28 +18,42 @@ from verefine_viz.viewer.command_lines import to_json
 LINK_LABEL = "page link"
 """Label of the hidden text field."""
 
-ON_CLICKS = """
-document.addEventListener("click", event => {
-  event.target.closest(".vz .fold")?.classList.toggle("folded");
-  const link = event.target.closest(".vz [data-cmd]");
-  if (!link) return;
-  const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
-  const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
-  if (link.dataset.crop) {
-    const [u, v, width, height] = JSON.parse(link.dataset.crop);
-    command.u = u + Math.floor(across * width);
-    command.v = v + Math.floor(down * height);
-  }
-  if (link.dataset.cells) command.cursor = Math.min(+link.dataset.cells, 1 + Math.floor(across * link.dataset.cells));
-  const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LABEL");
-  const input = label?.closest(".mantine-Flex-root").querySelector("input");
-  if (!input) return;
-  const value = `${JSON.stringify(command)} ${Date.now()}`;
-  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
-  input.dispatchEvent(new Event("input", {bubbles: true}));
-}, true);
+HANDLERS = """
+{
+  const send = command => {
+    const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LABEL");
+    const input = label?.closest(".mantine-Flex-root").querySelector("input");
+    if (!input) return;
+    const value = `${JSON.stringify(command)} ${Date.now()}`;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
+    input.dispatchEvent(new Event("input", {bubbles: true}));
+  };
+  const at = (event, selector) => event.target instanceof Element ? event.target.closest(selector) : null;
+  document.addEventListener("click", event => {
+    at(event, ".vz .fold")?.classList.toggle("folded");
+    const link = at(event, ".vz [data-cmd]");
+    if (!link) return;
+    const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
+    const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
+    if (link.dataset.crop) {
+      const [u, v, width, height] = JSON.parse(link.dataset.crop);
+      command.u = u + Math.floor(across * width);
+      command.v = v + Math.floor(down * height);
+    }
+    if (link.dataset.cells) command.cursor = Math.min(+link.dataset.cells, 1 + Math.floor(across * link.dataset.cells));
+    send(command);
+  }, true);
+  document.addEventListener("change", event => {
+    const list = at(event, ".vz select");
+    if (list) send(JSON.parse(list.value));
+  }, true);
+  // The animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
+  document.addEventListener("animationstart", event => {
+    at(event, ".vz .card.marked")?.scrollIntoView({block: "nearest"});
+  }, true);
+}
 """.replace("LABEL", LINK_LABEL)
-"""A script for the page: clicks on links and on folded boxes. Handlers within the HTML would not run there."""
+"""A script for the page: clicks on links, choices from lists, what unfolds. Handlers within HTML do not run there."""
 
 
 def text(value: object) -> str:

@@ -15,7 +15,7 @@ from websockets.http11 import Request, Response
 
 from verefine_viz.rendering.gl_context import SOFTWARE
 from verefine_viz.viewer.admission import Answer
-from verefine_viz.viewer.markup import ON_CLICKS
+from verefine_viz.viewer.markup import HANDLERS
 from verefine_viz.viewer.page_keys import PAGE_KEYS
 
 _NONCE = secrets.token_urlsafe(16)
@@ -83,7 +83,7 @@ def with_script(answer: Answer) -> Answer:
 def _with_script(page: bytes, is_packed: bool) -> tuple[bytes, str]:
     """The page with our script, and its policy."""
     page = gzip.decompress(page) if is_packed else page
-    script = f"<head><script>{_OF_POLICY}{_WITHOUT_GPU}{ON_CLICKS}{PAGE_KEYS}</script>"
+    script = f"<head><script>{_OF_POLICY}{_WITHOUT_GPU}{HANDLERS}{PAGE_KEYS}</script>"
     page = page.replace(b"<head>", script.encode(), 1)
     return gzip.compress(page) if is_packed else page, _policy(page)
 

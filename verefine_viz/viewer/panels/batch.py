@@ -46,8 +46,6 @@ STYLE = """<style>
 .vz .card .pic i{display:block;font-size:11px;padding:24px 0;text-align:center}
 .vz .pages{display:flex;justify-content:space-between}
 </style>"""
-# The animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
-_INTO_SIGHT = "this.scrollIntoView({block:'nearest'})"
 TITLES: dict[BatchFilter, str] = {
     "result": "Show", "cause": "Cause", "object": "Object", "method": "Method", "run": "Run",
 }  # fmt: skip
@@ -154,7 +152,7 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     told = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
     tip = " ".join(filter(None, (*told, _opens_at(entry) if entry.can_be_opened else "")))
     attributes = carries(command) if entry.can_be_opened else "disabled"
-    look = f'class="card marked" onanimationstart="{_INTO_SIGHT}"' if is_open else 'class="card"'
+    look = 'class="card marked"' if is_open else 'class="card"'
     return (
         f'<button {look} title="{text(tip)}" {attributes}>'
         f'<span class="pic">{image}</span><span class="txt">{lines}</span></button>'
