@@ -1,20 +1,22 @@
-# make app | make test | make lint | make bench: each sets up what it needs; second calls start in seconds.
+# make app | make test | make test-lowest | make lint | make bench: each sets up what it needs; second calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
-# PYTHON=/path/to/python3.11, VENV=.venv, WORKERS=2
+# PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
 
 VENV ?= .venv
+LOWEST ?= .venv-lowest
 SESSION ?= sessions/mug.toml
 PORT ?= 8080
 WORKERS ?= 2
 BIN = $(VENV)/bin
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test lint bench clean system-app system-test
+.PHONY: help app test test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
+	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make bench  measure this machine, print a table, write bench.json"
 	@echo "make clean  remove the virtual environment and caches"
@@ -27,6 +29,9 @@ app: $(VENV)/.ready-app
 test: $(VENV)/.ready-dev system-test
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
+
+test-lowest: system-app
+	@sh scripts/test-lowest $(LOWEST)
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff format --check .
@@ -52,4 +57,4 @@ system-test:
 	@sh scripts/system-packages test
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json
+	rm -rf $(VENV) $(LOWEST) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json

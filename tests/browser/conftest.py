@@ -46,6 +46,15 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     return report
 
 
+def until_true(page: Any, expression: str, arg: object = None) -> None:
+    """Waits until an expression holds on the page; Playwright's own wait evaluates it there, which is forbidden."""
+    for _ in range(SLOW_MS // 50):
+        if page.evaluate(expression, arg):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"it never held: {expression}")
+
+
 class Screen:
     """One page and the app behind it; a page that already looks at the app's address connects again by itself."""
 
@@ -64,7 +73,7 @@ class Screen:
             page.goto(f"{app.url}/{QUERY}")
         page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
         drawn = f"window.__viserTestpoints?.rendererInfo?.render?.frame >= {frame + 3}"
-        page.wait_for_function(drawn, timeout=SLOW_MS)
+        until_true(page, drawn)
 
     def _as_at_the_start(self) -> None:
         """The mouse away from everything, and the camera where a new page has it."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen
+from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen, until_true
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
@@ -94,7 +94,7 @@ def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Sc
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
     assert names(screen) == ["can 0/1 sir", "mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"]
     screen.text(f"Why it failed in the batch: {EVIDENCE}")
-    screen.page.wait_for_function("document.querySelectorAll('button.card img').length === 5", timeout=SLOW_MS)
+    until_true(screen.page, "document.querySelectorAll('button.card img').length === 5")
     overflow = "[...document.querySelectorAll('button.card')].every(e => e.scrollWidth <= e.clientWidth)"
     assert screen.page.evaluate(overflow)
     screen.shot("gallery")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.browser.conftest import SESSIONS, Look
+from tests.browser.conftest import SESSIONS, Look, until_true
 
 pytestmark = pytest.mark.browser
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.browser
 def test_space_runs_after_a_click_on_a_tab(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     screen.tab("Errors")
-    screen.page.wait_for_function("document.activeElement === document.body")
+    until_true(screen.page, "document.activeElement === document.body")
     screen.key("Space")
     screen.until(lambda: screen.app.debugger.view(deep=False).progress.done > 0)
 
@@ -40,7 +40,7 @@ def test_a_tap_moves_the_camera_a_little_and_v_takes_it_back(look: Look) -> None
     assert np.linalg.norm(np.array(screen.page.evaluate(at)) - first) == pytest.approx(moved)
     screen.key("ArrowUp")
     screen.key("v")
-    screen.page.wait_for_function(f"first => ({at})().every((x, k) => Math.abs(x - first[k]) < 1e-3)", arg=list(first))
+    until_true(screen.page, f"first => ({at})().every((x, k) => Math.abs(x - first[k]) < 1e-3)", list(first))
 
 
 def test_a_number_that_cannot_be_used_stays_in_its_box_and_is_refused(look: Look) -> None:

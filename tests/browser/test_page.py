@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS, Look, Screen
+from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS, Look, Screen, until_true
 from verefine_viz.core.geometry import apply
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
@@ -47,8 +47,8 @@ def test_without_a_gpu_3d_stays_at_the_resolution_of_the_screen(look: Look) -> N
     # The page that the tests look at was asked for fewer pixels.
     with screen.page.context.browser.new_page(viewport=SIZE) as page:
         page.goto(screen.app.url)
-        page.wait_for_function(held, timeout=SLOW_MS)
-        page.wait_for_function("window.__viserTestpoints.rendererInfo?.render?.frame >= 8", timeout=SLOW_MS)
+        until_true(page, held)
+        until_true(page, "window.__viserTestpoints.rendererInfo?.render?.frame >= 8")
         assert page.evaluate(share) == pytest.approx(1.0, abs=0.01)
 
 
@@ -240,10 +240,10 @@ def test_a_program_that_has_ended_is_told_until_it_is_back(look: Look) -> None:
     assert screen.page.evaluate(line) == "none"
     port = screen.app.server.get_port()
     screen.app.stop()
-    screen.page.wait_for_function(f"{line} !== 'none'", timeout=SLOW_MS)
+    until_true(screen.page, f"{line} !== 'none'")
     assert screen.page.evaluate(line) == f'"{lost_words(port)}"'
     screen.app = App(load_session(MUG), MUG, port=port).start()
-    screen.page.wait_for_function(f"{line} === 'none'", timeout=SLOW_MS)
+    until_true(screen.page, f"{line} === 'none'")
     screen.text("Ready, before iteration 1")
     assert screen.page.evaluate(line) == "none"
 

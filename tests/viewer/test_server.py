@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import socket
 import threading
 from collections.abc import Iterator, Sequence
@@ -201,6 +202,11 @@ def test_the_policy_of_the_page_names_its_scripts(server: Server) -> None:
     assert "'unsafe-eval'" not in rules["script-src"]
     assert rules["script-src"].count("'sha256-") == 2
     assert "http" not in answer["Content-Security-Policy"]
+
+
+def test_no_html_of_ours_carries_a_handler_which_the_policy_would_forbid() -> None:
+    for path in Path(server_module.__file__).parent.rglob("*.py"):
+        assert not re.search(r"\son[a-z]+=\\?[\"'{]", path.read_text(encoding="utf-8")), path
 
 
 def unguarded(admission: object) -> AbstractContextManager[None]:
