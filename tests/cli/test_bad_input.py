@@ -191,6 +191,11 @@ def test_a_host_that_is_not_this_machine(desk: Desk, host: str) -> None:
     assert host in desk.refused("view", "--host", host, "--port", "0")
 
 
+@pytest.mark.parametrize("host", ["h" * 300, "a\udcff"])
+def test_a_host_that_is_no_name_of_a_machine(desk: Desk, host: str) -> None:
+    assert "is no name of a machine" in desk.refused("view", "--host", host, "--port", "0")
+
+
 def test_view_of_a_missing_session(desk: Desk) -> None:
     assert "does not exist" in desk.refused("view", desk.folder / "none.toml")
 

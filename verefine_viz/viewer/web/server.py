@@ -94,6 +94,8 @@ def check_address(host: str, port: int) -> None:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
             probe.listen(1)
+    except UnicodeError:  # Of a name with parts of more than 63 letters, or with letters that no name has.
+        raise UnavailableError(f"host {host!r} is no name of a machine, expected 127.0.0.1 in most cases") from None
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise UnavailableError(_taken(host, port)) from None
