@@ -17,15 +17,12 @@ from verefine_viz.core.errors import ShapeError
 RIGID_TOLERANCE = 1e-3
 """How far RᵀR may be from the identity in a pose that is read from a file (rounded decimals) [-]."""
 
-FARTHEST_M = 100.0
-"""No position that is read from a file is further away [m]; the simulator takes none either."""
-
 ORTHONORMAL_TOLERANCE = 1e-9
 """Below this RᵀR counts as the identity and a pose is left as it is [-]."""
 
 FARTHEST_M = 100.0
 """No object that a camera measures is further from it than this [m]: such a pose is that of an estimator which failed,
-or its millimetres were taken for metres."""
+or its millimetres were taken for metres. The simulator takes none either."""
 
 
 def transform(R: ArrayLike, t: ArrayLike) -> Float:
@@ -88,9 +85,9 @@ def check_reach(t_m: Float, name: str) -> None:
     Raises:
         ShapeError: it is further away, or not finite.
     """
-    distance_m = math.hypot(*t_m.tolist())
-    if not distance_m <= FARTHEST_M:
-        raise ShapeError(f"{name} is {distance_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
+    away_m = math.hypot(*t_m.tolist())
+    if not away_m <= FARTHEST_M:
+        raise ShapeError(f"{name} is {away_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
 
 
 def _is_orthonormal(T: Float) -> bool:

@@ -7,13 +7,10 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.geometry import FARTHEST_M, as_rigid
 from verefine_viz.core.listing import listed
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import Change, Edit
-
-FARTHEST_M = 100.0
-"""No pose is farther away."""
 
 
 def edits_of(edits: Sequence[Edit], problem: Problem, is_only_frame: bool = False) -> tuple[Edit, ...]:
