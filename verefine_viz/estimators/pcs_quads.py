@@ -14,6 +14,9 @@ from verefine_viz.estimators.pcs_pairs import PairTable
 TOLERANCE = 2.0
 """In δ: how much the length of a pair, its intermediate point and the residual of the fit may differ from the base."""
 
+MOST_ACROSS = 2.0**20
+"""Most cells along an axis: their number then fits an integer, and what does not fit the memory says so."""
+
 
 def congruent_quads(
     base: Base,
@@ -93,13 +96,13 @@ def _in_cells(
     low, counts = np.empty(3), np.empty(3, dtype=np.int64)
     for k in range(3):
         low[k] = points[:, k].min()
-        counts[k] = int((points[:, k].max() - low[k]) / side) + 1
+        counts[k] = int(min((points[:, k].max() - low[k]) / side, MOST_ACROSS)) + 1
     cells = np.empty(len(pairs), dtype=np.int64)
     starts = np.zeros(counts[0] * counts[1] * counts[2] + 1, dtype=np.int64)
     for p in range(len(pairs)):
         cell = 0
         for k in range(3):
-            cell = cell * counts[k] + min(counts[k] - 1, max(0, int((middle[p, k] - low[k]) / side)))
+            cell = cell * counts[k] + int(min(max(0.0, (middle[p, k] - low[k]) / side), counts[k] - 1.0))
         cells[p] = cell
         starts[cell + 1] += 1
     for cell in range(len(starts) - 1):
@@ -143,9 +146,10 @@ def _meeting(
         x = points[c, 0] + r2 * (points[d, 0] - points[c, 0])
         y = points[c, 1] + r2 * (points[d, 1] - points[c, 1])
         z = points[c, 2] + r2 * (points[d, 2] - points[c, 2])
-        cell[0] = int((x - low[0]) / tolerance)
-        cell[1] = int((y - low[1]) / tolerance)
-        cell[2] = int((z - low[2]) / tolerance)
+        # From two below the first cell to two above the last: no neighbour of what lies there has any pair.
+        cell[0] = int(min(max(-2.0, (x - low[0]) / tolerance), counts[0] + 1.0))
+        cell[1] = int(min(max(-2.0, (y - low[1]) / tolerance), counts[1] + 1.0))
+        cell[2] = int(min(max(-2.0, (z - low[2]) / tolerance), counts[2] + 1.0))
         for i in range(max(0, cell[0] - 1), min(counts[0], cell[0] + 2)):
             for j in range(max(0, cell[1] - 1), min(counts[1], cell[1] + 2)):
                 row = (i * counts[1] + j) * counts[2]

@@ -128,7 +128,10 @@ def _confirmed(
         nx, ny, nz = _moved(T, normals_obj[i], 0.0)
         if z <= 0.0 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
             continue
-        u, v = round(x / z * intrinsics[0] + intrinsics[2]), round(y / z * intrinsics[1] + intrinsics[3])
+        across, down = x / z * intrinsics[0] + intrinsics[2], y / z * intrinsics[1] + intrinsics[3]
+        if not (-1.0 < across < width and -1.0 < down < height):  # No integer may hold it.
+            continue
+        u, v = round(across), round(down)
         if u < 0 or v < 0 or u >= width or v >= height or depth[v, u] <= 0.0:
             continue
         beyond = depth[v, u] - z

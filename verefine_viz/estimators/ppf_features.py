@@ -8,8 +8,8 @@ from numba import njit
 
 @njit(cache=True)
 def angle(cosine: float) -> float:
-    """The angle of a cosine that rounding may have pushed beyond 1 [rad]."""
-    return np.arccos(min(1.0, max(-1.0, cosine)))
+    """The angle of a cosine that rounding may have pushed beyond 1 [rad]; π where it is NaN: it becomes an index."""
+    return np.arccos(min(1.0, max(-1.0, cosine)))  # In this order: NaN is not larger than −1.
 
 
 @njit(cache=True)

@@ -48,7 +48,6 @@ def voted_poses(
 def _voted(
     points: np.ndarray, normals: np.ndarray, references: np.ndarray, table: PairTable, turn_bins: int, peaks: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    reach_m = table.distance_bin_m * table.n_distances
     side = 2.0 * np.pi / turn_bins
     poses = np.empty((len(references) * peaks, 4, 4))
     votes = np.empty(len(references) * peaks)
@@ -59,9 +58,11 @@ def _voted(
         rotation = local_rotation(normals[r])
         for j in range(len(points)):
             feature = pair_feature(points[r], normals[r], points[j], normals[j])
-            if feature[0] >= reach_m or feature[0] == 0.0:
+            if not 0.0 < feature[0] / table.distance_bin_m < table.n_distances:
                 continue
             turn = turn_about_normal(rotation, points[r], points[j])
+            if not np.isfinite(turn):  # No normal.
+                continue
             key = bin_of(feature, table.distance_bin_m, table.angle_bin_rad, table.n_angles)
             weight = table.weights[key]
             for k in range(table.starts[key], table.starts[key + 1]):

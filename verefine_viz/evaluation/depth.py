@@ -37,7 +37,7 @@ def model_depth(model: EvalModel, R: Float, t_mm: Float, K: Float, shape: tuple[
         model: what to draw.
         R: (3, 3), used as it is, also where it is no exact rotation.
         t_mm: (3,) [mm].
-        K: (3, 3) camera matrix [px]; a skew is ignored.
+        K: (3, 3) camera matrix [px]; a skew is ignored. Whatever it holds, nothing is drawn outside of the image.
         shape: (height, width) of the image [px].
     """
     z_mm = model.corners_mm @ R[2] + t_mm[2]

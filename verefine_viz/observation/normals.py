@@ -48,7 +48,8 @@ def _is_jump(z: float, z_next: float) -> bool:
 
 @njit(cache=True)
 def _half_window(z: float, focal_px: float, window_m: float) -> int:
-    return min(max(round(window_m * focal_px / z), MIN_WINDOW_PX), MAX_WINDOW_PX)
+    # Clamped before it becomes a whole number, which a camera of any focal length must.
+    return round(min(max(MIN_WINDOW_PX, window_m * focal_px / z), MAX_WINDOW_PX))
 
 
 @njit(cache=True)

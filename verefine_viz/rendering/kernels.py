@@ -171,7 +171,8 @@ def draw_window(Ts, meshes, camera, height, width):
     """Draws the models into the window of the image that holds them all.
 
     Returns:
-        Its first column and row, 1/z (rows, columns) [1/m] and the face that is seen, counted through all models.
+        Its first column and row, 1/z (rows, columns) [1/m] and the face that is seen, counted through all models. It
+        lies within the image whatever camera and poses are given.
     """
     vertices, faces, normals, offsets, closed, vertex_starts, face_starts = meshes
     fx, fy, cx, cy = camera

@@ -22,7 +22,8 @@ from verefine_viz.rendering.kernels import (
 
 @njit(cache=True, nogil=True)
 def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
-    """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face of the models at the pixels of a grid.
+    """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face of the models at the pixels of a grid,
+    whatever camera and poses are given.
 
     Args:
         Ts: (m, 4, 4) T_cam_obj of each model.

@@ -3,6 +3,9 @@
 Pixel (row v, column u) is covered where its centre, the point (u, v) itself, lies in the projected triangle, edges
 included. 1/z is linear over the image, so the buffer holds 1/z: 0 is empty, larger is nearer. Both faces are drawn.
 Triangles that cross the plane z = ``NEAR_M`` are clipped there; what lies behind it is dropped.
+
+Whatever camera, pose and mesh are given, infinities and NaN among them, no index leaves its array: a number is brought
+within bounds before it becomes one, as what becomes of a float that no integer holds is not defined.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ BLOCK_PX = 1 << BLOCK_BITS
 """Side of the blocks of the coarse depth grid [px]; a matter of speed only."""
 
 FAR_AWAY_M = 1e6
-"""A pose whose translation is longer than this is not drawn [m]; keeps pixel coordinates within integers."""
+"""A pose with a number larger than this is not drawn [m]."""
 
 
 @njit(cache=True)
@@ -34,6 +37,12 @@ def is_drawable(T):  # noqa: D103
             if not np.isfinite(T[i, j]) or abs(T[i, j]) > FAR_AWAY_M:
                 return False
     return True
+
+
+@njit(cache=True)
+def clamped(x, low, high):
+    """A float as a whole number from ``low`` to ``high``; ``low`` where it is NaN."""
+    return int(min(max(low, x), high))  # In this order: NaN is not larger than ``low``.
 
 
 @njit(cache=True)
@@ -79,14 +88,16 @@ def _bound(a, b, u, v):
 def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
     """Draws one projected triangle into the window of the image that starts at column x0, row y0."""
     height, width = inv_z.shape
-    y_first = max(int(np.ceil(min(va, vb, vc) - EDGE_PX)), y0)
-    y_last = min(int(np.floor(max(va, vb, vc) + EDGE_PX)), y0 + height - 1)
-    if y_first > y_last:
+    top, bottom = max(y0, min(va, vb, vc) - EDGE_PX), min(y0 + height - 1, max(va, vb, vc) + EDGE_PX)
+    if not top <= bottom:
         return
-    x_first = max(int(np.ceil(min(ua, ub, uc) - EDGE_PX)), x0)
-    x_last = min(int(np.floor(max(ua, ub, uc) + EDGE_PX)), x0 + width - 1)
+    leftmost, rightmost = max(x0, min(ua, ub, uc) - EDGE_PX), min(x0 + width - 1, max(ua, ub, uc) + EDGE_PX)
+    if not leftmost <= rightmost:
+        return
+    y_first, y_last = int(np.ceil(top)), int(np.floor(bottom))
+    x_first, x_last = int(np.ceil(leftmost)), int(np.floor(rightmost))
     area = (ub - ua) * (vc - va) - (vb - va) * (uc - ua)
-    if x_first > x_last or area == 0.0:
+    if y_first > y_last or x_first > x_last or area == 0.0:
         return
     # Inside is where all three edge functions a·u + b·v + c are positive; solved for u, each bounds a row from the left
     # (a > 0) or from the right (a < 0). A level edge (a = 0) bounds rows only, which is done already.
@@ -102,11 +113,13 @@ def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
         left = max(left_0 + left_slope_0 * y, left_1 + left_slope_1 * y, left_2 + left_slope_2 * y, x_first)
         right = min(right_0 + right_slope_0 * y, right_1 + right_slope_1 * y, right_2 + right_slope_2 * y, x_last)
         row = ia + slope_v * (y - va) - slope_u * ua
-        for x in range(int(np.ceil(left)), int(np.floor(right)) + 1):
-            inv = np.float32(min(max(row + slope_u * x, farthest), nearest))
-            if inv > inv_z[y - y0, x - x0]:
-                inv_z[y - y0, x - x0] = inv
-                face_of[y - y0, x - x0] = face
+        first = np.ceil(left)
+        if first <= right:  # Both are numbers then, and lie between x_first and x_last.
+            for x in range(int(first), int(right) + 1):
+                inv = np.float32(min(max(row + slope_u * x, farthest), nearest))
+                if inv > inv_z[y - y0, x - x0]:
+                    inv_z[y - y0, x - x0] = inv
+                    face_of[y - y0, x - x0] = face
 
 
 @njit(cache=True)
@@ -151,8 +164,8 @@ def window(T, vertices, fx, fy, cx, cy, height, width, projected):
     if n_front < len(vertices):
         # What is cut off at the near plane may reach any border of the image.
         return 0, 0, width, height, n_front
-    x0, x1 = int(np.ceil(max(u_min - EDGE_PX, 0.0))), int(np.floor(min(u_max + EDGE_PX, width - 1.0)))
-    y0, y1 = int(np.ceil(max(v_min - EDGE_PX, 0.0))), int(np.floor(min(v_max + EDGE_PX, height - 1.0)))
+    x0, x1 = clamped(np.ceil(u_min - EDGE_PX), 0, width), clamped(np.floor(u_max + EDGE_PX), -1, width - 1)
+    y0, y1 = clamped(np.ceil(v_min - EDGE_PX), 0, height), clamped(np.floor(v_max + EDGE_PX), -1, height - 1)
     if x0 > x1 or y0 > y1:
         return 0, 0, 0, 0, n_front
     return x0, y0, x1 - x0 + 1, y1 - y0 + 1, n_front
@@ -255,10 +268,10 @@ def _coarse(inv_z):
 def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
     """Whether all blocks under a box of window pixels show a surface nearer than 1/z = ``nearest``."""
     rows, columns = farthest.shape
-    x_first = int(max(u_min - 1.0, 0.0)) >> BLOCK_BITS
-    x_last = int(max(min(u_max + 1.0, columns * BLOCK_PX - 1.0), 0.0)) >> BLOCK_BITS
-    y_first = int(max(v_min - 1.0, 0.0)) >> BLOCK_BITS
-    y_last = int(max(min(v_max + 1.0, rows * BLOCK_PX - 1.0), 0.0)) >> BLOCK_BITS
+    x_first = clamped(u_min - 1.0, 0, columns << BLOCK_BITS) >> BLOCK_BITS
+    x_last = clamped(u_max + 1.0, 0, (columns << BLOCK_BITS) - 1) >> BLOCK_BITS
+    y_first = clamped(v_min - 1.0, 0, rows << BLOCK_BITS) >> BLOCK_BITS
+    y_last = clamped(v_max + 1.0, 0, (rows << BLOCK_BITS) - 1) >> BLOCK_BITS
     for y in range(y_first, y_last + 1):
         for x in range(x_first, x_last + 1):
             if farthest[y, x] < nearest:
