@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from tests.scenes.bop_folder import box_ply, make, refusal
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.evaluation.files import evaluate_files
+from verefine_viz.observation.given_order import read_orders
+from verefine_viz.scenes.images import find_image, read_mask
 from verefine_viz.scenes.meshes import read_mesh
 
 KINDS: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -66,6 +69,7 @@ def test_results_detections_and_orders_that_are_no_files(tmp_path: Path, kind: s
     for name, used in (
         ("r.csv", lambda path: refusal(made, HypothesesSettings(source="results", files=(path,)))),
         ("d.json", lambda path: refusal(made, masks=path)),
+        ("o.json", lambda path: _refused_order(Path(path))),
     ):
         words = put(tmp_path / name, kind)
         assert words in used(str(tmp_path / name))
@@ -80,6 +84,12 @@ def test_what_is_no_file_is_not_scored_with(tmp_path: Path, file: str, kind: str
     with pytest.raises(InputError) as refused:
         evaluate_files([tmp_path / "r.csv"], made.root)
     assert words in str(refused.value)
+
+
+def _refused_order(path: Path) -> str:
+    with pytest.raises(InputError) as refused:
+        read_orders(path)
+    return str(refused.value)
 
 
 def test_a_nul_in_a_path_is_one_line(tmp_path: Path) -> None:
@@ -175,3 +185,11 @@ def test_names_that_cannot_be_used(tmp_path: Path, names: dict[str, str], words:
     made = make(tmp_path)
     (made.root / "models/obj_names.json").write_text(json.dumps(names))
     assert words in refusal(made)
+
+
+def test_masks_are_held_once(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    path = find_image(made.scene / "mask_visib", "000003_000001")
+    assert path is not None
+    mask = read_mask(path, (60, 80))
+    assert replace(made.read().instances[1], mask=mask).mask is mask

@@ -84,7 +84,7 @@ class DetectionsFile:
 
 
 def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
-    """The mask (H, W) of a run-length encoding.
+    """The mask (H, W) of a run-length encoding, read-only.
 
     Args:
         segmentation: {"size": [h, w], "counts": list of run lengths, or COCO's compressed string}.
@@ -108,7 +108,9 @@ def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
         )
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
-    return np.ascontiguousarray(coco.decode(rle)).astype(bool)
+    mask = np.ascontiguousarray(coco.decode(rle)).astype(bool)
+    mask.flags.writeable = False  # What freezes it takes it as it is: a frame may hold thousands.
+    return mask
 
 
 def encode_rle(mask: Mask) -> dict[str, Any]:

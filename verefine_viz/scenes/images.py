@@ -86,7 +86,7 @@ def read_steps(path: Path) -> Float:
 
 
 def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
-    """A mask (H, W) bool; every value above 0 is inside.
+    """A mask (H, W) bool, read-only; every value above 0 is inside.
 
     Raises:
         InputError: missing, damaged, or another size than ``shape`` (height, width).
@@ -94,7 +94,9 @@ def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
     values = np.asarray(_read(path).convert("L"))
     if values.shape != shape:
         raise InputError(f"{path} is {size_text(values.shape)} pixels, expected {size_text(shape)} as the depth image")
-    return values > 0
+    inside = values > 0
+    inside.flags.writeable = False  # What freezes it takes it as it is: a frame may hold thousands.
+    return inside
 
 
 def size_text(shape: tuple[int, ...]) -> str:
