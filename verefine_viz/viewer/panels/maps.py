@@ -9,7 +9,7 @@ import viser
 
 from verefine_viz.core.colormaps import rgb
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
-from verefine_viz.recording.png import indexed_png
+from verefine_viz.rendering.png import indexed_png
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.long_names import cut
 from verefine_viz.viewer.maps import LABELS, MAP_NAMES, Crop, MapName, crop_around, data_uri, map_shades, png, scale_of
