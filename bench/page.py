@@ -21,7 +21,7 @@ from rich.console import Console
 
 from bench.__main__ import table
 from bench.browser import headless_chromium
-from verefine_viz.recording.viewer_process import LOOPBACK, free_port
+from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port
 
 REPEATS = 12
 SLOW_MS = 300_000

@@ -9,7 +9,7 @@ import pytest
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz import cli
-from verefine_viz.recording import verdict
+from verefine_viz.recording import verify
 from verefine_viz.recording.reader import Recorded
 from verefine_viz.session.engine import Run
 
@@ -19,7 +19,7 @@ EXPECTED = {"same.rrd": "no difference in 30 iterations", "other.rrd": "differs,
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Of a recording, one that was made from other poses, and a file that is none; made-up runs are run again."""
-    monkeypatch.setattr(verdict, "run_again", again)
+    monkeypatch.setattr(verify, "run_again", again)
     recorded_run(tmp_path / "same.rrd", session(maps=False))
     recorded_run(tmp_path / "other.rrd", session(maps=False), box_problem(3, 2, seed=1))
     (tmp_path / "none.rrd").write_text("rubbish")

@@ -13,9 +13,9 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import MethodSettings, RecordingSettings, Session
 from verefine_viz.methods.registry import make_method
-from verefine_viz.recording.entities import EXACT
-from verefine_viz.recording.reader import chunks_of
+from verefine_viz.recording.entities import LOSSLESS
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.session.engine import Run
 
 
@@ -43,7 +43,7 @@ def recorded_run(path: Path, s: Session | None = None, problem: Problem | None =
 
 def n_drawn(path: Path) -> int:
     """How many iterations the file itself holds, whatever its journal has."""
-    return sum(chunk.num_rows for chunk in chunks_of(path) if chunk.entity_path == EXACT)
+    return sum(chunk.num_rows for chunk in chunks_of(path) if chunk.entity_path == LOSSLESS)
 
 
 def ends_of_messages(content: bytes) -> Iterator[int]:

@@ -11,12 +11,11 @@ import pytest
 from tests.fakes import box_problem
 from tests.recording.runs import ends_of_messages, n_drawn, new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
-from verefine_viz.recording.entities import CURVES, EXACT
-from verefine_viz.recording.entry import as_recorded
-from verefine_viz.recording.journal import read_journal
-from verefine_viz.recording.reader import chunks_of, read_recording
+from verefine_viz.recording.entities import CURVES, LOSSLESS
+from verefine_viz.recording.lossless_log import as_recorded, read_journal
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recording_file import chunks_of, journal_path, part_path
 from verefine_viz.recording.replay import completed
-from verefine_viz.recording.unfinished import journal_path, part_path
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -114,7 +113,6 @@ def new_run_with_journal(path: Path):
     while not run.is_done:
         iteration = run.step()
         recorder.on_iteration(run.state, iteration)
-    recorder.flush()
     copy = path.with_name("killed.rrd")
     shutil.copy(part_path(path), part_path(copy))
     shutil.copy(journal_path(path), journal_path(copy))
@@ -186,5 +184,5 @@ def test_a_journal_with_a_flipped_bit_ends_before_it(tmp_path: Path) -> None:
 
 def test_exact_columns_reach_the_file_in_blocks(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session(maps=False), block=10)
-    exact = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == EXACT]
+    exact = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == LOSSLESS]
     assert [c.num_rows for c in exact] == [10, 10, 10]

@@ -8,8 +8,8 @@ from tests.fakes import box_problem
 from tests.recording.runs import n_drawn, new_run, session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.unfinished import part_path
-from verefine_viz.recording.viewer_process import free_port
+from verefine_viz.recording.recording_file import part_path
+from verefine_viz.recording.rerun_viewer import free_port
 
 
 def test_live_viewers_are_served_on_loopback_only(tmp_path: Path) -> None:

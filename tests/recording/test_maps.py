@@ -19,8 +19,8 @@ from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
-from verefine_viz.recording.reader import chunks_of
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.session.engine import Run
 
 KB = 1000

@@ -11,7 +11,7 @@ from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.entry import as_recorded
+from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder

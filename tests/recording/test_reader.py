@@ -12,10 +12,10 @@ from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
-from verefine_viz.recording.entry import Entry
+from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.unfinished import part_path
+from verefine_viz.recording.recording_file import part_path
 
 
 def error_of(path: Path) -> str:

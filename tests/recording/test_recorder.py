@@ -16,7 +16,7 @@ from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.unfinished import journal_path, part_path
+from verefine_viz.recording.recording_file import journal_path, part_path
 from verefine_viz.session.files import load_session
 
 

@@ -19,8 +19,9 @@ from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.dependency import DependencyGraph, Edge
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording import entities
-from verefine_viz.recording.reader import chunks_of, read_recording
+from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.session.engine import Run
 
 

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from tests.recording.runs import recorded_run, session
+from tests.recording.screenshots import screenshots
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
-from verefine_viz.recording.screenshot import screenshots
 
 
 def test_the_viewer_shows_the_recording(tmp_path: Path) -> None:

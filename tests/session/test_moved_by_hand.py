@@ -13,7 +13,7 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.verdict import verdict
+from verefine_viz.recording.verify import verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.session.toolbox import Toolbox
@@ -77,7 +77,7 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
     loaded = box.run(problem, (recorder,))
     loaded.finish()
     assert first_difference(fork.iterations, loaded.iterations) is None
-    found = verdict(tmp_path / "run.rrd")
+    found = verify(tmp_path / "run.rrd")
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, fork.length)
 
 

@@ -12,7 +12,7 @@ from tests.patience import Countdown
 from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.verdict import verify
+from verefine_viz.recording.verify import verify
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
@@ -69,14 +69,14 @@ def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path
         assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
         assert debugger.written == ()
     countdown.left = None
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None
 
 
 def test_of_a_run_and_of_its_beginning(debugger: Debugger) -> None:
     debugger.carry_out([c.RunTo(2)])
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None
     debugger.carry_out([c.RunUntil("end")])
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None
 
 
 def test_of_a_fork_with_a_moved_pose_and_other_settings(debugger: Debugger) -> None:
@@ -87,7 +87,7 @@ def test_of_a_fork_with_a_moved_pose_and_other_settings(debugger: Debugger) -> N
     recorded = read_recording(exported(debugger))
     assert len(recorded.session.edits) == 1
     assert recorded.session.changes[0].after_iteration == 3
-    assert verify(recorded.path) is None
+    assert verify(recorded.path).difference is None
 
 
 @pytest.mark.parametrize(
@@ -96,17 +96,17 @@ def test_of_a_fork_with_a_moved_pose_and_other_settings(debugger: Debugger) -> N
 )
 def test_of_a_fork_before_the_first_iteration(debugger: Debugger, changes: c.Changes) -> None:
     debugger.carry_out([c.RunUntil("end"), c.Fork(changes, 0, run=True)])
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None
     debugger.carry_out([c.Seek(1)])
     debugger.carry_out([*moved(debugger, 0.003), c.RunUntil("end")])
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None
 
 
 def test_of_a_fork_from_before_a_change_keeps_the_change(debugger: Debugger) -> None:
     debugger.carry_out([c.RunTo(3), c.Fork((("physics.steps", 7),), 2, run=True), c.Fork((), 1, run=True)])
     recorded = read_recording(exported(debugger))
     assert [(k.after_iteration, k.settings) for k in recorded.session.changes] == [(1, {"physics": {"steps": 7}})]
-    assert verify(recorded.path) is None
+    assert verify(recorded.path).difference is None
 
 
 def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_path: Path) -> None:
@@ -116,14 +116,14 @@ def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_p
         again = Debugger(debugger.workspace.session, None, Toolbox, keep=Exporter(server, tmp_path))
         again.carry_out([*commands, c.RunUntil("end")])
         assert again.view().session.method.exploration == 5.0
-        assert verify(exported(again)) is None
+        assert verify(exported(again)).difference is None
 
 
 def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
     debugger.carry_out([c.RunUntil("end"), s.CompareRun((("method.name", "sir"),)), s.SwapSides()])
     path = exported(debugger)
     assert read_recording(path).session.method.name == "sir"
-    assert verify(path) is None
+    assert verify(path).difference is None
 
 
 def test_of_other_first_poses(tmp_path: Path) -> None:
@@ -133,4 +133,4 @@ def test_of_other_first_poses(tmp_path: Path) -> None:
     before = debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj
     debugger.carry_out([c.Restart((("hypotheses.seed", 5), ("method.iterations", 1))), c.RunUntil("end")])
     assert not np.array_equal(debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj, before)
-    assert verify(exported(debugger)) is None
+    assert verify(exported(debugger)).difference is None

@@ -72,7 +72,7 @@ def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
     from verefine_viz.commands.own_refiner import check_refiners
     from verefine_viz.recording.reader import Recorded
-    from verefine_viz.recording.verdict import run_again, verdict
+    from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.session.engine import Run
 
     def again(recorded: Recorded) -> Run:
@@ -80,11 +80,11 @@ def _verify(recording: Path) -> int:
         return run_again(recorded)
 
     _check_file(recording)
-    found = verdict(recording, again)
-    print(f"{recording}: {found.in_words}", flush=True)
-    if found.ends_early:
+    verification = verify(recording, again)
+    print(f"{recording}: {verification.in_words}", flush=True)
+    if verification.ends_early:
         return ENDED_EARLY
-    return DIFFERS if found.difference else 0
+    return DIFFERS if verification.difference else 0
 
 
 def _open(recording: Path) -> int:

@@ -7,12 +7,14 @@ hollow (docs/methods.md 1.8.24). Decomposing takes seconds, so the parts are kep
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import logging
 import os
 import zipfile
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
@@ -107,7 +109,7 @@ def collider(
         Cancelled: nobody waits for it any more; nothing is kept.
     """
     folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
-    path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}.npz"
+    path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
     kept = _read(path)
     if kept is None:
         shape = "convex parts" if kind == "decomposition" else "hull"
@@ -115,6 +117,13 @@ def collider(
         kept = build(model, kind, patience)
         _write(path, kept)
     return kept
+
+
+@lru_cache(maxsize=1)
+def _built_with() -> str:
+    """The versions of the libraries that decide what comes out: another version may give other parts."""
+    names = ("coacd", "fast-simplification", "numpy", "scipy", "trimesh")
+    return hashlib.sha256(" ".join(version(name) for name in names).encode()).hexdigest()[:8]
 
 
 def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) -> Collider:

@@ -1,25 +1,28 @@
-"""What does not change during a run, logged once: the frame, its support plane, a mesh for everything drawn later."""
+"""What does not change during a run, logged once: the frame, its support plane, a mesh for everything drawn later.
+
+Stages of an object move by their transforms alone, so their meshes are made once for all frames that show them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from functools import cache, lru_cache
+from functools import lru_cache
+from typing import Any
 
+import fast_simplification
 import numpy as np
 import rerun as rr
 from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.camera import Camera
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
-from verefine_viz.core.palette import OBJECT_COLORS
-from verefine_viz.core.problem import Problem
-from verefine_viz.recording import chunks, columns, entities
+from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout, world_from_camera
-from verefine_viz.recording.meshes import object_pieces
-from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.recording_file import RecordingFile
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 3_000, 20_000
 """About how many pixels of the objects are drawn as points; the rest of the frame gets far fewer."""
@@ -28,58 +31,115 @@ AROUND = 3
 SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
 PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
+DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
+GHOST_FACES = 300
+STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
+STAGE_ALPHA |= {"incumbent": 255}
+GHOST_ALPHA = 35
+TRUTH_ALPHA = 60
 
 
-def background(problem: Problem, layout: Layout, pictures: bool) -> Iterator[Piece]:
+def log_background(file: RecordingFile, problem: Problem, layout: Layout, pictures: bool) -> None:
     """Everything static of a frame; transforms of the stages follow with the iterations.
 
     Args:
+        file: where to.
         problem: the frame.
         layout: its layout.
         pictures: also colour, depth and masks as images, and a denser cloud.
     """
     observation = problem.observation
     T_world_cam = world_from_camera(observation)
-    yield _up()
-    yield chunks.fixed_row(entities.SCENE, columns.transforms(T_world_cam[None]))
+    file.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    file.log(entities.SCENE, _transform(T_world_cam))
     if observation.support:
-        yield from _support(observation.support, layout)
+        _log_support(file, observation.support, layout)
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
-        yield from object_pieces(target, entities.branch(target.instance, problem), own)
+        _log_object(file, target, entities.branch(target.instance, problem), own)
     near_m = _depth_m(T_world_cam, layout.center_world)
-    yield _camera(observation.camera, near_m)
-    yield _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS)
+    camera = observation.camera
+    pinhole = rr.Pinhole(
+        image_from_camera=camera.K,
+        resolution=[camera.width, camera.height],
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.12 * near_m,
+        color=(140, 140, 140),
+    )
+    file.log(entities.CAMERA, pinhole)
+    file.log(entities.CLOUD, _cloud(observation, near_m, CLOUD_POINTS_WITH_PICTURES if pictures else CLOUD_POINTS))
     if pictures:
-        yield from _images(problem)
+        _log_images(file, problem)
 
 
-@cache
-def _up() -> Piece:
-    return chunks.fixed("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+def _log_object(file: RecordingFile, target: Target, branch: str, own: RGB | None) -> None:
+    """An object's meshes; ``own`` is its colour in a scene of several."""
+    n_faces = DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
+    looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
+    if own is not None:
+        looks |= {"placed": own, "incumbent": own}
+    for stage, color in looks.items():
+        mesh = _mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
+        file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
+    if target.instance.hypotheses:
+        file.log(entities.hypotheses(branch), _ghosts(target))
+    T_gt = target.instance.T_cam_obj_gt
+    if T_gt is not None:
+        mesh = _mesh(target.model, n_faces, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
+        file.log(entities.ground_truth(branch), mesh, _transform(T_gt))
 
 
-def _camera(camera: Camera, near_m: float) -> Piece:
-    return _pinhole(tuple(camera.K.ravel().tolist()), camera.width, camera.height, round(0.12 * near_m, 2) or 0.01)
+def _transform(T: Float) -> rr.Transform3D:
+    return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
+
+
+def _ghosts(target: Target) -> rr.Mesh3D:
+    """All initial hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
+    vertices, faces, normals = _simplified(target.model, GHOST_FACES)
+    Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses], np.float32)
+    n, turned = len(Ts), Ts[:, :3, :3].transpose(0, 2, 1)
+    colors = np.array([ARM_COLORS[arm % len(ARM_COLORS)] for arm in range(n)], np.uint8)
+    first = np.uint32(len(vertices)) * np.arange(n, dtype=np.uint32)
+    return rr.Mesh3D(
+        vertex_positions=(vertices @ turned + Ts[:, None, :3, 3]).reshape(-1, 3),
+        vertex_normals=(normals @ turned).reshape(-1, 3),
+        triangle_indices=(faces[None] + first[:, None, None]).reshape(-1, 3),
+        vertex_colors=np.repeat(colors, len(vertices), axis=0),
+        albedo_factor=(255, 255, 255, GHOST_ALPHA),
+    )
 
 
 @lru_cache(maxsize=256)
-def _pinhole(K: tuple[float, ...], width: int, height: int, image_plane_m: float) -> Piece:
-    """Made once for all frames that a camera takes from about as far."""
-    pinhole = rr.Pinhole(
-        image_from_camera=np.reshape(K, (3, 3)),
-        resolution=[width, height],
-        camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=image_plane_m,
-        color=(140, 140, 140),
+def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
+    vertices, faces, normals = _simplified(model, n_faces)
+    return rr.Mesh3D(
+        vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)
     )
-    return chunks.fixed(entities.CAMERA, pinhole)
 
 
-def _images(problem: Problem) -> Iterator[Piece]:
+@lru_cache(maxsize=256)
+def _simplified(
+    model: ObjectModel, n_faces: int
+) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """A coarse mesh to draw, with smooth vertex normals."""
+    vertices: Any = model.vertices.astype(np.float32)
+    faces: Any = np.array(model.faces)
+    if len(faces) > n_faces:
+        simpler: Any = fast_simplification.simplify(vertices, faces, target_count=n_faces)
+        vertices, faces = simpler
+    corners = vertices[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], across)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+    return vertices, faces.astype(np.uint32), normals.astype(np.float32)
+
+
+def _log_images(file: RecordingFile, problem: Problem) -> None:
     observation = problem.observation
     if observation.rgb is not None:
-        yield chunks.fixed(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
+        file.log(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
     # Tenths of a millimetre as long as they fit 16 bits.
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
     # Not as PNG, which is smaller but slow to encode.
@@ -88,14 +148,14 @@ def _images(problem: Problem) -> Iterator[Piece]:
     nearest, farthest = _depth_range(depth)
     ranged = (nearest - 0.15 * (farthest - nearest), farthest)
     image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis", depth_range=ranged)
-    yield chunks.fixed(entities.DEPTH, image)
+    file.log(entities.DEPTH, image)
     labels = np.zeros(observation.camera.shape, np.uint8)
     classes = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
     for k, instance in enumerate(problem.instances[:255], start=1):
         labels[instance.mask] = k
         color = OBJECT_COLORS[(k - 1) % len(OBJECT_COLORS)]
         classes.append(rr.AnnotationInfo(k, entities.branch(instance, problem), color))
-    yield chunks.fixed(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
+    file.log(entities.MASKS, rr.AnnotationContext(classes), rr.SegmentationImage(labels, opacity=0.35))
 
 
 def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
@@ -107,7 +167,7 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
     return float(nearest), max(float(farthest), float(nearest) + 1.0)
 
 
-def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
+def _cloud(observation: Observation, near_m: float, n_points: int) -> rr.Points3D:
     mask = observation.object_mask
     if not mask.any():
         mask = np.ones_like(mask)
@@ -119,13 +179,7 @@ def _cloud(observation: Observation, near_m: float, n_points: int) -> Piece:
     points, colors = _points(
         observation.depth_m, rgb, mask, camera.fx, camera.fy, camera.cx, camera.cy, far_m, window, step
     )
-    cloud = rr.Points3D
-    parts = [
-        columns.vectors(cloud.descriptor_positions(), columns.Ragged([len(points)], points), 3),
-        columns.numbers(cloud.descriptor_colors(), columns.Ragged([len(points)], colors), np.uint32),
-        columns.numbers(cloud.descriptor_radii(), [[0.0012]], np.float32),
-    ]
-    return chunks.fixed_row(entities.CLOUD, parts)
+    return rr.Points3D(points, colors=colors, radii=0.0012)
 
 
 _NO_COLORS = np.zeros((0, 0, 3), np.uint8)
@@ -194,33 +248,18 @@ def _depth_m(T_world_cam: Float, point_world: tuple[float, float, float]) -> flo
     return depth_m if depth_m > 0 else 1.0
 
 
-def _support(support: Support, layout: Layout) -> Iterator[Piece]:
+def _log_support(file: RecordingFile, support: Support, layout: Layout) -> None:
     n, reach_m = support.normal_world, max(0.15, 0.7 * layout.width_m)
     corners = layout.center_world + reach_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.
     corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
-    mesh, arrow = rr.Mesh3D, rr.Arrows3D
-    triangles, plane_color, gravity_vector, gravity_color, gravity_label = _looks_of_support()
-    plane = [
-        columns.vectors(mesh.descriptor_vertex_positions(), [corners], 3),
-        triangles,
-        columns.vectors(mesh.descriptor_vertex_normals(), [[n] * 4], 3),
-        plane_color,
-    ]
-    yield chunks.fixed_row(entities.PLANE, plane)
-    foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
-    origin = columns.vectors(arrow.descriptor_origins(), [foot], 3)
-    yield chunks.fixed_row(entities.GRAVITY, [origin, gravity_vector, gravity_color, gravity_label])
-
-
-@cache
-def _looks_of_support() -> tuple[columns.Column, ...]:
-    """What is the same in every frame."""
-    mesh, arrow = rr.Mesh3D, rr.Arrows3D
-    return (
-        columns.vectors(mesh.descriptor_triangle_indices(), [[[0, 1, 2], [0, 2, 3]]], 3, np.uint32),
-        columns.numbers(mesh.descriptor_albedo_factor(), [[PLANE_COLOR]], np.uint32),
-        columns.vectors(arrow.descriptor_vectors(), [[0, 0, -0.1]], 3),
-        columns.numbers(arrow.descriptor_colors(), [[GRAVITY_COLOR]], np.uint32),
-        columns.texts(arrow.descriptor_labels(), [["gravity"]]),
+    plane = rr.Mesh3D(
+        vertex_positions=corners,
+        triangle_indices=[[0, 1, 2], [0, 2, 3]],
+        vertex_normals=[n] * 4,
+        albedo_factor=PLANE_COLOR,
     )
+    file.log(entities.PLANE, plane)
+    foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
+    gravity = rr.Arrows3D(origins=[foot], vectors=[[0, 0, -0.1]], colors=[GRAVITY_COLOR], labels=["gravity"])
+    file.log(entities.GRAVITY, gravity)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration, Stage, StageName
 from verefine_viz.core.simulated import Contacts
-from verefine_viz.recording.entry import NO_CONTACTS, Entry
+from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry
 
 
 class Block:

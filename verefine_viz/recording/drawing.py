@@ -1,28 +1,31 @@
-"""Iterations as rerun draws them: poses, contacts, curves, bandit, events, text; one chunk per entity for many."""
+"""Iterations as rerun draws them: poses, contacts, curves, bandit, events, text; one batch per entity for many."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
 from verefine_viz.core.records import EventKind, Iteration
-from verefine_viz.recording import chunks, columns, curves, entities
+from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
-from verefine_viz.recording.entry import NO_CONTACTS, Entry
-from verefine_viz.recording.exact import exact
+from verefine_viz.recording.graphs import Tree
 from verefine_viz.recording.layout import Branch, Layout
-from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry, framed
 from verefine_viz.recording.poses import Poses
-from verefine_viz.recording.scene_curves import scene_curves, scene_styles, start_best
-from verefine_viz.recording.tree import Tree
+from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.wording import describe
 
+ENTRY = "entry"
+"""The component of :data:`entities.LOSSLESS` that holds an iteration as bytes."""
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
 CONTACT_COLOR = 0xFFE650FF
@@ -38,45 +41,52 @@ class Drawing:
         self._layout = layout
         self._poses = Poses(layout)
         self._tree = Tree(layout)
-        self._held = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
+        self._last_scores = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
         self._worked_on: int | None = None
         self._started: set[int] = set()
 
-    def start(self) -> Iterator[Piece]:
+    def start(self, file: RecordingFile) -> None:
         """Styles of everything that follows."""
         branches = self._layout.branches
         for branch in branches:
-            yield from curves.styles(branch.name, branch.n_arms, branch.has_truth)
-            yield from _object_styles(branch.name)
-        yield from self._poses.start()
-        yield from _lane_styles(tuple(b.name for b in branches), max((b.n_arms for b in branches), default=0) + 1)
+            curves.log_styles(file, branch)
+            contact_style = rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])
+            file.log(entities.contacts(branch.name), contact_style)
+            path_style = rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])
+            file.log(entities.simulated_path(branch.name), path_style)
+        self._poses.start(file)
+        names = [b.name for b in branches]
+        file.log(entities.LANE, _lane_style(names, max((b.n_arms for b in branches), default=0) + 1))
+        file.log(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown"))
         if self._layout.is_scene or self._layout.has_tree:
-            yield from scene_styles(tuple(b.name for b in branches))
-            yield from start_best(self._layout)
-        yield from self._tree.styles()
+            curves.log_scene_styles(file, self._layout)
+            curves.send_initial_best(file, self._layout)
+        if self._layout.has_tree:
+            file.log(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
 
-    def draw(self, entries: Sequence[Entry]) -> Iterator[Piece]:
+    def draw(self, file: RecordingFile, entries: Sequence[Entry]) -> None:
         """The iterations, which follow the ones before without a gap."""
         block = Block(entries)
         turns = self._turns(block.iterations)
         # First: where a file is cut, all else can be drawn again.
-        yield exact(block)
+        _send_lossless(file, block)
         for iteration in block.iterations:
             self._poses.add(iteration)
-        yield from self._poses.chunks()
+        self._poses.send(file)
         for branch in self._layout.branches:
             own = block.own(branch.instance_id)
             mine = [block.iterations[k] for k in own]
-            yield from _contacts(branch, mine, turns.get(branch.instance_id, []))
+            _send_contacts(file, branch, mine, turns.get(branch.instance_id, []))
             if own:
                 if branch.instance_id not in self._started:
                     self._started.add(branch.instance_id)
-                    yield curves.start(branch, mine[0].index - 1)
-                yield from curves.curves(branch, block, own, self._held[branch.instance_id])
+                    curves.send_initial(file, branch, mine[0].index - 1)
+                curves.send_curves(file, branch, block, own, self._last_scores[branch.instance_id])
         if self._layout.is_scene or self._layout.has_tree:
-            yield from scene_curves(self._layout, block)
-        yield from self._tree.draw(block.iterations)
-        yield from _events(self._layout, block)
+            curves.send_scene_curves(file, self._layout, block)
+        self._tree.send(file, block.iterations)
+        _send_events(file, self._layout, block)
+        _send_choices(file, block)
 
     def _turns(self, iterations: Sequence[Iteration]) -> dict[int, list[int]]:
         """Iterations at which another object's turn begins, by the object whose turn that ends."""
@@ -88,22 +98,35 @@ class Drawing:
         return turns
 
 
-@lru_cache(maxsize=64)
-def _object_styles(branch_name: str) -> tuple[Piece, ...]:
-    root = f"{entities.OBJECTS}/{branch_name}"
-    return (
-        chunks.fixed(f"{root}/contacts", rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])),
-        chunks.fixed(f"{root}/path", rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])),
+def _send_lossless(file: RecordingFile, block: Block) -> None:
+    """Every iteration bit by bit: the poses by their stages (float64, row by row) for whoever looks at recordings with
+    other tools, and everything as :class:`Entry`.
+    """
+    stages = rr.components.TextBatch([name for names in block.names for name in names])
+    poses = rr.AnyBatchValue(_named("Ts_cam_obj"), block.Ts_cam_obj.ravel())
+    entries = rr.components.BlobBatch([framed(entry.packed) for entry in block.entries])
+    file.send(
+        entities.LOSSLESS,
+        block.indices,
+        [
+            rr.ComponentColumn(_named("stages"), stages, lengths=block.n_stages),
+            rr.ComponentColumn(_named("Ts_cam_obj"), poses, lengths=[16 * n for n in block.n_stages]),
+            rr.ComponentColumn(_named(ENTRY), entries),
+        ],
     )
 
 
-def _contacts(branch: Branch, iterations: Sequence[Iteration], turns: Sequence[int]) -> Iterator[Piece]:
-    """Contacts and way of the simulation; nothing from an iteration of ``turns`` on."""
+def _named(name: str) -> str:
+    return f"{entities.PROPERTY}:{name}"
+
+
+def _send_contacts(file: RecordingFile, branch: Branch, iterations: Sequence[Iteration], turns: Sequence[int]) -> None:
+    """Contacts and path of the simulation; nothing from an iteration of ``turns`` on."""
     shown = {i.index: (last_contacts(i), i.path.Ts_cam_obj) for i in iterations if i.path is not None}
     shown |= {k: (NO_CONTACTS, _NO_PATH) for k in turns}
     if not shown:
         return
-    root, indices = f"{entities.OBJECTS}/{branch.name}", sorted(shown)
+    indices = sorted(shown)
     contacts, paths = zip(*[shown[k] for k in indices], strict=True)
     # All at once: most iterations have a handful of contacts.
     lengths = [len(c.depths_m) for c in contacts]
@@ -111,54 +134,64 @@ def _contacts(branch: Branch, iterations: Sequence[Iteration], turns: Sequence[i
     normals = np.concatenate([c.normals_cam for c in contacts])
     # Light touches stay visible: an arrow is at least 10 mm long.
     lengths_m = np.maximum(ARROW_M_PER_N * np.concatenate([c.forces_n for c in contacts]), 0.01)
-    arrow = rr.Arrows3D
-    parts = [
-        columns.vectors(arrow.descriptor_origins(), columns.Ragged(lengths, origins), 3),
-        columns.vectors(arrow.descriptor_vectors(), columns.Ragged(lengths, normals * lengths_m[:, None]), 3),
-    ]
     hits = np.concatenate([c.others for c in contacts]) >= 0
-    if hits.any():
-        colors = columns.Ragged(lengths, np.where(hits, COLLISION_COLOR, CONTACT_COLOR))
-        parts.append(columns.numbers(arrow.descriptor_colors(), colors, np.uint32))
-    yield chunks.rows_of(f"{root}/contacts", indices, parts)
-    ways = columns.Ragged([len(path) for path in paths], np.concatenate(paths)[:, :3, 3])
-    yield chunks.rows_of(f"{root}/path", indices, [columns.strips(rr.LineStrips3D.descriptor_strips(), ways)])
+    colors = np.where(hits, COLLISION_COLOR, CONTACT_COLOR).astype(np.uint32)
+    arrows = rr.Arrows3D.columns(origins=origins, vectors=normals * lengths_m[:, None], colors=colors)
+    file.send(entities.contacts(branch.name), indices, arrows.partition(lengths))
+    lines = rr.LineStrips3D.columns(strips=[path[:, :3, 3] for path in paths if len(path)])
+    file.send(entities.simulated_path(branch.name), indices, lines.partition([min(len(path), 1) for path in paths]))
 
 
 _NO_PATH = np.zeros((0, 4, 4))
 
 
-def _events(layout: Layout, block: Block) -> Iterator[Piece]:
-    iterations, indices = block.iterations, block.indices
+def _send_events(file: RecordingFile, layout: Layout, block: Block) -> None:
     names = {b.instance_id: b.name for b in layout.branches}
     lane = [
-        [
+        (
             names[i.instance_id],
             f"hypothesis {i.arm + 1}",
             i.accepted,
             _notable(tuple([event.kind for event in i.events])),
-        ]
-        for i in iterations
+        )
+        for i in block.iterations
     ]
-    yield chunks.rows_of(entities.LANE, indices, [columns.texts(rr.StateChange.descriptor_state(), lane)])
-    logged = [(i.index, event) for i in iterations for event in i.events]
-    if logged:
-        parts = [
-            columns.text(rr.TextLog.descriptor_text(), [event.text for _, event in logged]),
-            columns.text(rr.TextLog.descriptor_level(), [_LEVELS.get(event.kind, "INFO") for _, event in logged]),
-        ]
-        yield chunks.rows_of(entities.LOG, [k for k, _ in logged], parts)
-    texts = [describe(entry, layout, *ways) for entry, ways in zip(block.entries, block.ways(), strict=True)]
-    yield chunks.rows_of(entities.CHOICE, indices, [columns.text(rr.TextDocument.descriptor_text(), texts)])
-    chosen = [(i.index, i.choice.ucb) for i in iterations if i.choice is not None]
-    if chosen:
-        lengths = [len(ucb) for _, ucb in chosen]
-        heights = _above_lowest(np.concatenate([ucb for _, ucb in chosen]), lengths)
-        bars = [
-            columns.bars(rr.BarChart.descriptor_values(), columns.Ragged(lengths, heights)),
-            _numbers_of_bars(tuple(lengths)),
-        ]
-        yield chunks.rows_of(entities.BANDIT, [k for k, _ in chosen], bars)
+    states = rr.StateChange.columns(state=[state for row in lane for state in row])
+    file.send(entities.LANE, block.indices, states.partition([4] * len(lane)))
+    events = [(i.index, event) for i in block.iterations for event in i.events]
+    if events:
+        texts = rr.TextLog.columns(
+            text=[event.text for _, event in events],
+            level=[_LEVELS.get(event.kind, "INFO") for _, event in events],
+        )
+        file.send(entities.LOG, [k for k, _ in events], texts)
+    described = [describe(entry, layout, *ways) for entry, ways in zip(block.entries, block.ways(), strict=True)]
+    file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=described))
+
+
+def _send_choices(file: RecordingFile, block: Block) -> None:
+    """The UCB of each hypothesis as bars."""
+    choices = [(i.index, i.choice.ucb) for i in block.iterations if i.choice is not None]
+    if not choices:
+        return
+    lengths = [len(ucb) for _, ucb in choices]
+    heights = _above_lowest(np.concatenate([ucb for _, ucb in choices]), lengths)
+    bars = np.split(heights, list(accumulate(lengths[:-1])))
+    file.send(
+        entities.BANDIT,
+        [k for k, _ in choices],
+        [
+            _tensors(rr.BarChart.descriptor_values(), bars),
+            # A bar begins at its number: half before the hypothesis's, so that it stands over it.
+            _tensors(rr.BarChart.descriptor_abscissa(), [np.arange(n) + 0.5 for n in lengths]),
+        ],
+    )
+
+
+def _tensors(descriptor: rr.ComponentDescriptor, rows: Iterable[NDArray[Any]]) -> rr.ComponentColumn:
+    """A column of one tensor a row, which ``rr.BarChart.columns`` does not make."""
+    each = [rr.components.TensorDataBatch(np.ascontiguousarray(row)).as_arrow_array() for row in rows]
+    return rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(each)))
 
 
 def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:
@@ -171,12 +204,6 @@ def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:
     none = lowest > highest
     lowest[none], highest[none] = 0.0, 0.0
     return np.where(known, ucb, np.repeat(highest, lengths)) - np.repeat(lowest, lengths)
-
-
-@lru_cache(maxsize=64)
-def _numbers_of_bars(lengths: tuple[int, ...]) -> columns.Column:
-    """A bar begins at its number: half before the hypothesis's, so that it stands over it."""
-    return columns.bars(rr.BarChart.descriptor_abscissa(), [np.arange(n) + 0.5 for n in lengths])
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}
@@ -202,8 +229,7 @@ def _notable(kinds: tuple[EventKind, ...]) -> str:
     return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "")
 
 
-@lru_cache(maxsize=64)
-def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Piece, ...]:
+def _lane_style(branch_names: Sequence[str], n_arms: int) -> rr.StateConfiguration:
     colors = {name: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, name in enumerate(branch_names)}
     labels = {name: name for name in branch_names}
     for j in range(n_arms):
@@ -213,11 +239,7 @@ def _lane_styles(branch_names: tuple[str, ...], n_arms: int) -> tuple[Piece, ...
     for kind, short in _NOTABLE.items():
         name = kind.replace("_", " ")
         colors[name], labels[name] = EVENT_COLORS[kind], short
-    look = rr.StateConfiguration(values=list(colors), labels=list(labels.values()), colors=list(colors.values()))
-    return (
-        chunks.fixed(entities.LANE, look),
-        chunks.fixed(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown")),
-    )
+    return rr.StateConfiguration(values=list(colors), labels=list(labels.values()), colors=list(colors.values()))
 
 
 _SHORT_STAGES = {"current": "cur", "simulated": "sim", "mixed": "mix", "refined": "ref", "edited": "edit"}

@@ -13,6 +13,8 @@ from verefine_viz.core.problem import Instance, Problem
 TIMELINE = "iteration"
 APPLICATION = "verefine_viz"
 PROPERTY = "verefine"
+PROPERTIES = f"/__properties/{PROPERTY}"
+"""Where rerun keeps what :meth:`RecordingStream.send_property` sent."""
 
 SCENE = "/scene"
 CAMERA = f"{SCENE}/camera"
@@ -32,8 +34,9 @@ BANDIT = "/bandit"
 LANE = "/events/lane"
 LOG = "/events/log"
 CHOICE = "/choice"
-EXACT = "/exact"
+LOSSLESS = "/lossless_log"
 GRAPH = "/dependencies"
+GRAPH_OBJECTS = f"{GRAPH}/objects"
 EVIDENCE = f"{GRAPH}/evidence"
 TREE = "/tree"
 
@@ -51,6 +54,46 @@ def branch(instance: Instance, problem: Problem) -> str:
     return f"{instance.instance_id}_{name or 'object'}"
 
 
-def stage_frame(branch_name: str, stage: str) -> str:
+def stage(branch_name: str, stage_name: str) -> str:
+    """The mesh of an object at one of its stages."""
+    return f"{OBJECTS}/{branch_name}/stages/{stage_name}"
+
+
+def stage_frame(branch_name: str, stage_name: str) -> str:
     """The named coordinate frame in which the mesh of a stage is drawn."""
-    return f"{branch_name}/{stage}"
+    return f"{branch_name}/{stage_name}"
+
+
+def poses(branch_name: str) -> str:
+    """The transforms of an object's stage frames."""
+    return f"{OBJECTS}/{branch_name}/poses"
+
+
+def hypotheses(branch_name: str) -> str:
+    """The meshes of an object's initial poses."""
+    return f"{OBJECTS}/{branch_name}/hypotheses"
+
+
+def ground_truth(branch_name: str) -> str:
+    """The mesh of an object at its true pose."""
+    return f"{OBJECTS}/{branch_name}/ground_truth"
+
+
+def contacts(branch_name: str) -> str:
+    """Contact forces at the end of an object's simulation."""
+    return f"{OBJECTS}/{branch_name}/contacts"
+
+
+def simulated_path(branch_name: str) -> str:
+    """The line along which an object's origin moved in its simulation."""
+    return f"{OBJECTS}/{branch_name}/path"
+
+
+def curve(group: str, branch_name: str) -> str:
+    """One group of an object's curves."""
+    return f"{CURVES}/{group}/{branch_name}"
+
+
+def is_score_map(entity: str) -> bool:
+    """Whether an entity is a score map, of an object or of the scene."""
+    return entity.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))

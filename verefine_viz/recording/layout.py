@@ -1,4 +1,4 @@
-"""What drawing needs to know of a problem: small enough to be kept in the recording itself."""
+"""What drawing needs to know of a problem: small enough to be part of the recording itself."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Layout:
                     f" {n_arms}"
                 )
             if i.stage(i.accepted) is None:
-                raise ValueError(f"iteration {i.index} kept its {i.accepted} pose, and has none")
+                raise ValueError(f"iteration {i.index} accepted its {i.accepted} pose, and has none")
             if i.choice is not None and any(len(n) != n_arms for n in _numbers(i.choice)):
                 raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
             if i.path is not None and not len(i.path.Ts_cam_obj):

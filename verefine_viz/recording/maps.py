@@ -6,8 +6,7 @@ Of an iteration two poses side by side; of a pass over several objects the scene
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
-from verefine_viz.recording import chunks, columns, entities
-from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.png import indexed_png
+from verefine_viz.recording import entities
+from verefine_viz.recording.recording_file import RecordingFile
+from verefine_viz.rendering.png import indexed_png
 
 TILE_PX = 128
 """Every object is shown this large, whatever its size in the image; together with the pairs this bounds the bytes."""
@@ -63,7 +62,7 @@ class Maps:
             "f_n": FIT,
         }
 
-    def observed(self, iteration: int) -> Piece:
+    def send_observed(self, file: RecordingFile, iteration: int) -> None:
         """The same cut-out of what the sensor saw: colour and depth."""
         o = self._observation
         scale = self._scales["rendered"]
@@ -72,10 +71,10 @@ class Maps:
         left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
-        return chunks.at(f"{entities.MAPS}/{OBSERVED}", iteration, picture)
+        file.send(f"{entities.MAPS}/{OBSERVED}", [iteration], _row(picture))
 
-    def pair(self, iteration: Iteration, placed: Sequence[Placed]) -> Iterator[Piece]:
-        """The maps of the two poses that an iteration had to choose from; what is computed, is computed at once."""
+    def send_pair(self, file: RecordingFile, iteration: Iteration, placed: Sequence[Placed]) -> None:
+        """The maps of the two poses that an iteration had to choose from."""
         (target,) = self._targets
         made = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
@@ -83,20 +82,19 @@ class Maps:
             name: np.concatenate([self._index_image(name, made[0]), gap, self._index_image(name, made[-1])], axis=1)
             for name in MAP_NAMES
         }
-        return self._pictures(entities.MAPS, iteration.index, images)
+        self._send(file, entities.MAPS, iteration.index, images)
 
-    def scene(self, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Iterator[Piece]:
+    def send_scene(self, file: RecordingFile, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         made = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
         images = {name: self._index_image(name, made) for name in SCENE_MAP_NAMES}
-        return self._pictures(entities.SCENE_MAPS, iteration, images)
+        self._send(file, entities.SCENE_MAPS, iteration, images)
 
-    def _pictures(self, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> Iterator[Piece]:
-        of = rr.EncodedImage
+    def _send(self, file: RecordingFile, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> None:
         for name, image in images.items():
             palette = CLASS_PALETTE if name == "classes" else self._scales[name].palette
-            parts = [columns.blobs(of.descriptor_blob(), [indexed_png(image, palette)]), _png_type()]
-            yield chunks.rows_of(f"{root}/{name}", [iteration], parts)
+            picture = rr.EncodedImage(contents=indexed_png(image, palette), media_type="image/png")
+            file.send(f"{root}/{name}", [iteration], _row(picture))
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
         """Palette indices of one map."""
@@ -125,9 +123,9 @@ class Maps:
         return tile
 
 
-@cache
-def _png_type() -> columns.Column:
-    return columns.texts(rr.EncodedImage.descriptor_media_type(), [["image/png"]])
+def _row(picture: rr.AsComponents) -> list[rr.ComponentColumn]:
+    """One row of a picture's components."""
+    return [rr.ComponentColumn(b.component_descriptor(), b) for b in picture.as_component_batches()]
 
 
 def compared(iteration: Iteration) -> Sequence[Stage]:
@@ -149,7 +147,6 @@ def _square(mask: NDArray[np.bool_], size_px: int) -> tuple[NDArray[np.int64], N
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
-# It keeps the interpreter's lock: to get that back from the thread that writes can take longer than these pixels.
 @njit(cache=True)
 def _indices(
     values: NDArray[np.float32], known: NDArray[np.bool_], factor: float, low: float, high: float

@@ -131,14 +131,14 @@ def _recorded_instances(recorded: Recorded, problem: Problem) -> Sequence[int]:
 
 def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
     """An object's state after one more of its iterations."""
-    kept, choice, j = iteration.accepted_stage, iteration.choice, iteration.arm
+    accepted, choice, j = iteration.accepted_stage, iteration.choice, iteration.arm
     arms = list(before.arms)
     if choice is not None and len(choice.plays) == len(arms):
         known = zip(arms, choice.plays.tolist(), choice.mean.tolist(), strict=True)
         arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in known]
     if j < len(arms):
-        score = kept.score or arms[j].current.score
-        arm = arms[j].moved(Entry(kept.T_cam_obj, score, kept.name, iteration.index))
+        score = accepted.score or arms[j].current.score
+        arm = arms[j].moved(Entry(accepted.T_cam_obj, score, accepted.name, iteration.index))
         judged = [s.score.score for s in iteration.stages[1:] if s.score is not None]
         arms[j] = arm.rewarded(max(judged)) if judged else arm
     return replace(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration, PlacedPose
-from verefine_viz.recording import chunks, columns, entities
+from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout
-from verefine_viz.recording.piece import Piece
+from verefine_viz.recording.recording_file import RecordingFile
 
 NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])
 """Too small to be seen: what has no valid transform at all would be reported as an error in the view."""
@@ -33,16 +32,16 @@ class Poses:
         self._best: dict[int, Float] = {}
         self._placed: dict[int, Float] = {}
 
-    def start(self) -> Iterator[Piece]:
+    def start(self, file: RecordingFile) -> None:
         """Nothing is shown before the first iteration."""
         for branch in self._branches.values():
-            yield _nothing(branch.name, self._stages)
+            _send(file, branch.name, [(0, stage, NOWHERE) for stage in self._stages])
 
     def add(self, iteration: Iteration) -> None:
         """Takes the next one."""
         k, own, before = iteration.index, iteration.instance_id, self._worked_on
         if before is not None and before != own:
-            # Another object's turn: of this one only what it came to stays.
+            # Another object's turn: only the best pose of this one stays.
             for stage in entities.WORKED_ON:
                 self._move(k, before, stage, NOWHERE)
         self._worked_on = own
@@ -55,11 +54,11 @@ class Poses:
         for pose in _incumbent(iteration):
             self._move(k, pose.instance_id, "incumbent", pose.T_cam_obj)
 
-    def chunks(self) -> Iterator[Piece]:
+    def send(self, file: RecordingFile) -> None:
         """What moved since the last call."""
         for instance_id, moves in self._moves.items():
             if moves:
-                yield _transforms(self._branches[instance_id].name, moves)
+                _send(file, self._branches[instance_id].name, moves)
                 moves.clear()
 
     def _place(self, iteration: Iteration) -> None:
@@ -92,28 +91,13 @@ def _incumbent(iteration: Iteration) -> Sequence[PlacedPose]:
     return iteration.tree.incumbent if iteration.tree is not None else ()
 
 
-@lru_cache(maxsize=64)
-def _nothing(branch_name: str, stages: tuple[str, ...]) -> Piece:
-    return _transforms(branch_name, [(0, stage, NOWHERE) for stage in stages])
-
-
-def _transforms(branch_name: str, moves: Moves) -> Piece:
+def _send(file: RecordingFile, branch_name: str, moves: Moves) -> None:
     indices, stages, Ts = zip(*moves, strict=True)
-    parts = [
-        *columns.transforms(np.concatenate(Ts).reshape(-1, 4, 4)),
-        _children(branch_name, stages),
-        _parents(len(moves)),
-    ]
-    return chunks.rows_of(f"{entities.OBJECTS}/{branch_name}/poses", indices, parts)
-
-
-@lru_cache(maxsize=256)
-def _children(branch_name: str, stages: tuple[str, ...]) -> columns.Column:
-    """Frames that move, mostly the same ones in the same order."""
-    frames = [entities.stage_frame(branch_name, stage) for stage in stages]
-    return columns.text(rr.Transform3D.descriptor_child_frame(), frames)
-
-
-@lru_cache(maxsize=256)
-def _parents(n: int) -> columns.Column:
-    return columns.text(rr.Transform3D.descriptor_parent_frame(), [f"tf#{entities.SCENE}"] * n)
+    poses = np.concatenate(Ts).reshape(-1, 4, 4)
+    columns = rr.Transform3D.columns(
+        translation=poses[:, :3, 3],
+        mat3x3=poses[:, :3, :3],
+        child_frame=[entities.stage_frame(branch_name, stage) for stage in stages],
+        parent_frame=[f"tf#{entities.SCENE}"] * len(moves),
+    )
+    file.send(entities.poses(branch_name), indices, columns)

@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-import subprocess
-import tempfile
-import warnings
+import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
+import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, Field, Json, ValidationError
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import Chunk
 
 from verefine_viz.core.errors import InputError, quoted
 from verefine_viz.core.input_files import open_input
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
-from verefine_viz.recording.entry import Entry
-from verefine_viz.recording.exact import entry_from
-from verefine_viz.recording.journal import read_journal
+from verefine_viz.recording.drawing import ENTRY
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.lossless_log import Entry, read_journal, unframed
 from verefine_viz.recording.recorder import SCHEMA
-from verefine_viz.recording.rrd_messages import is_cut
-from verefine_viz.recording.unfinished import journal_path, part_path
-from verefine_viz.recording.viewer_process import executable
+from verefine_viz.recording.recording_file import COMPLETE, journal_path, part_path, saved_chunks
 
 _MAGIC = b"RRF2"
-PROPERTIES = f"/__properties/{entities.PROPERTY}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +106,13 @@ def _checked_properties(path: Path, properties: Mapping[str, Any]) -> _Propertie
     Raises:
         InputError: they are those of another program or version, or damaged.
     """
-    schema = properties.get("schema")
-    if schema is None:
+    if "schema" not in properties:
         raise InputError(f"{path} is a rerun recording of another program; expected one that view or batch wrote")
-    if not isinstance(schema, int) or schema < 0:
+    schema = str(properties["schema"])
+    if not re.fullmatch(r"[0-9]{1,9}", schema):
         raise InputError(f"{path} is damaged: its schema is {quoted(schema)}, expected {SCHEMA}; run its session again")
-    if schema != SCHEMA:
-        when, todo = ("a later", "update") if schema > SCHEMA else ("an earlier", "run its session again")
+    if int(schema) != SCHEMA:
+        when, todo = ("a later", "update") if int(schema) > SCHEMA else ("an earlier", "run its session again")
         raise InputError(
             f"{path} was written by {when} version (recording schema {schema}, this one reads {SCHEMA}); {todo}"
         )
@@ -182,52 +175,6 @@ def has_content(path: Path) -> bool:
     return _is_file(path) and path.stat().st_size > len(_MAGIC)
 
 
-def chunks_of(path: Path) -> list[Chunk]:
-    """All chunks of the recording (not of its blueprint) in a file that rerun is known to read."""
-    with warnings.catch_warnings():
-        # That the footer of a killed run is missing is what we are here for.
-        warnings.simplefilter("ignore")
-        return RrdReader(path).stream().to_chunks()
-
-
-def saved_chunks(path: Path) -> tuple[list[Chunk], bool]:
-    """The same of any file: what is left of one that is damaged or was cut off; and whether all of it could be read.
-
-    Raises:
-        InputError: nothing in it can be saved, or it ends before the message that says whose recording it is.
-    """
-    if _is_sound(path):
-        with suppress(RuntimeError, ValueError, OSError):
-            return chunks_of(path), True
-    with tempfile.TemporaryDirectory() as folder:
-        fixed = _repaired(path, Path(folder))
-        try:
-            return chunks_of(fixed), False
-        except (RuntimeError, ValueError, OSError):
-            raise InputError(f"{path} ended early: it holds nothing of a run; run its session again") from None
-
-
-def _is_sound(path: Path) -> bool:
-    """Whether rerun can decode the file. Asked of another process: bytes that make no sense abort the one that reads
-    them.
-    """
-    return _rerun("verify", "--check-footers", "false", str(path.resolve())).returncode == 0
-
-
-def _repaired(path: Path, folder: Path) -> Path:
-    # The merge takes files by their suffix.
-    source, fixed = folder / "cut.rrd", folder / "fixed.rrd"
-    source.symlink_to(path.resolve())
-    done = _rerun("merge", "--continue-on-error", str(source), "-o", str(fixed))
-    if done.returncode != 0 or not fixed.is_file() or not _is_sound(fixed):
-        raise InputError(f"{path} is damaged beyond repair; nothing in it can be read; run its session again")
-    return fixed
-
-
-def _rerun(*arguments: str) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run([str(executable()), "rrd", *arguments], capture_output=True, check=False)
-
-
 def _read(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...], bool]:
     """Properties, iterations, and whether nothing was cut off; nothing at all of a part that was just begun.
 
@@ -239,7 +186,7 @@ def _read(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...], bool]:
     try:
         chunks, is_whole = saved_chunks(path)
         properties, entries = _content(chunks, path)
-        return properties, entries, is_whole and not is_cut(path)
+        return properties, entries, is_whole and properties.get(COMPLETE) == str(len(entries))
     except InputError:
         # Somebody writes it right now. The journal beside it has every iteration.
         if is_part(path) and _is_file(journal_path(final_path(path))):
@@ -256,39 +203,37 @@ def _content(chunks: Iterable[Chunk], path: Path) -> tuple[dict[str, Any], tuple
     properties: dict[str, Any] = {}
     entries: list[Entry] = []
     for chunk in chunks:
-        if chunk.entity_path == PROPERTIES:
-            for row in _records(chunk):
-                properties |= {name: _plain(values[0]) for name, values in row.items() if values is not None}
-        elif chunk.entity_path == entities.EXACT:
-            try:
-                entries += map(entry_from, _records(chunk))
-            except ValueError as error:
-                raise InputError(f"{path}: an iteration cannot be read: {error}; run its session again") from None
+        if chunk.entity_path == entities.PROPERTIES:
+            for name, rows in _components(chunk):
+                for row in rows:
+                    if row.values:
+                        properties[name] = row.values[0].as_py()
+        elif chunk.entity_path == entities.LOSSLESS:
+            entries += [_entry(row, path) for name, rows in _components(chunk) if name == ENTRY for row in rows]
     return properties, _without_gap(entries)
 
 
-def _records(chunk: Chunk) -> Iterator[dict[str, Any]]:
-    """The rows of a chunk by component name, without what rerun puts before a name."""
-    batch = chunk.to_record_batch()
-    names = [str(name) for name in batch.schema.names]
-    short = [name.rsplit(":", 1)[-1] for name in names]
-    columns = [batch.column(i) for i in range(len(names))]
-    for k in range(batch.num_rows):
-        yield {s: _value(column[k]) for s, column in zip(short, columns, strict=True)}
+def _components(chunk: Chunk) -> Iterator[tuple[str, Any]]:
+    """The components of a chunk, each a row of lists, by name without what rerun puts before it."""
+    batch: Any = chunk.to_record_batch()
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        if pa.types.is_list(column.type):
+            yield name.rsplit(":", 1)[-1], column
 
 
-def _value(scalar: Any) -> Any:
-    values = getattr(scalar, "values", None)
-    if values is None:
-        return scalar.as_py()
-    if str(values.type) in ("double", "float", "int64"):
-        return values.to_numpy(zero_copy_only=False)
-    return values.to_pylist()
-
-
-def _plain(value: Any) -> Any:
-    """A number as Python's own."""
-    return value.item() if isinstance(value, np.generic) else value
+def _entry(row: Any, path: Path) -> Entry:
+    """
+    Raises:
+        InputError: it is missing, damaged or something else.
+    """
+    try:
+        content = row.values[0].values.to_numpy().tobytes() if row.values else b""
+        bodies = unframed(content)
+        if len(bodies) != 1:
+            raise ValueError("its checksum does not fit it")
+        return Entry.read(bodies[0])
+    except (ValueError, AttributeError) as error:
+        raise InputError(f"{path}: an iteration cannot be read: {error}; run its session again") from None
 
 
 def _without_gap(entries: Iterable[Entry]) -> tuple[Entry, ...]:

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 import json
+import math
 import platform
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numba import njit
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
-from verefine_viz.core.records import Iteration, PlacedPose
+from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
-from verefine_viz.recording.against_truth import AgainstTruth
-from verefine_viz.recording.blueprint import blueprint_messages
+from verefine_viz.evaluation.errors import add_s_mm
+from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.entry import Entry
-from verefine_viz.recording.frame import frame_chunks
-from verefine_viz.recording.journal import Journal
+from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.layout import Layout, layout_of
-from verefine_viz.recording.live_file import LiveFile
+from verefine_viz.recording.lossless_log import Entry, Journal
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
-from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.rrd_file import RrdFile
-from verefine_viz.recording.threaded_file import ThreadedFile
-from verefine_viz.recording.unfinished import journal_path, name_finished, part_path
+from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
+from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
 
-SCHEMA = 3
-"""Of the recording; a reader refuses others. 3: iterations as msgpack."""
+SCHEMA = 4
+"""Of the recording; a reader refuses others. 4: written by rerun's own SDK, iterations with their checksums."""
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 BLOCK_WITH_MAPS = 10
@@ -45,7 +43,7 @@ class Recorder:
     """Records one run to ``path``.
 
     The file is ``path`` + ``.part`` until the run is over. When :meth:`on_iteration` returns, the iteration is in the
-    journal and survives the end of the process; it is drawn beside the run or, in one go, at its end.
+    journal and survives the end of the process; it is drawn with others in blocks.
     """
 
     def __init__(
@@ -78,10 +76,11 @@ class Recorder:
             self._block = min(block, BLOCK_WITH_MAPS)
         if live_port is not None:
             self._block = 1
-        self._file: RrdFile | ThreadedFile | LiveFile | None = None
+        self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
+        self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
-        self._truth = AgainstTruth()
+        self._truth = _AgainstTruth()
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -95,21 +94,24 @@ class Recorder:
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout)
         about = properties(self._session, self._problem, self._layout)
-        part = part_path(self._path)
+        has_maps = self._verifier_of is not None
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._journal = Journal(journal_path(self._path), about)
-            part.unlink(missing_ok=True)
-            has_maps = self._verifier_of is not None
-            port = self._live_port
-            if port is not None:
-                self._file = LiveFile(part, port, self._layout, has_maps)
-            else:
-                file = RrdFile(part)
-                self._file = ThreadedFile(file) if has_maps else file
-        except (OSError, RuntimeError) as error:
+            part_path(self._path).unlink(missing_ok=True)
+        except OSError as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        self._file.send(frame_chunks(about, self._problem, self._layout, self._drawing, pictures=has_maps))
+        file = self._file = RecordingFile(part_path(self._path), self._live_port)
+        # What makes the iterations readable comes first.
+        file.send_properties(about)
+        file.send_name(f"{about['title']} {about['frame']} {about['method']}".strip())
+        if self._live_port is not None:
+            file.send_blueprint(blueprint_of(self._layout, has_maps))
+        self._drawing.start(file)
+        if self._problem.dependencies is not None and self._layout.is_scene:
+            log_dependencies(file, self._problem.dependencies, self._layout)
+        log_background(file, self._problem, self._layout, pictures=has_maps)
+        file.flush()
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         """Writes one iteration; it is on disk when this returns.
@@ -123,21 +125,10 @@ class Recorder:
         self._journal.append(entry)
         self._pending.append(entry)
         if self._verifier_of is not None:
-            for chunks in self._pictures(self._verifier_of(iteration.index), iteration):
-                self._file.send(chunks)
+            self._send_maps(self._file, self._verifier_of(iteration.index), iteration)
         if len(self._pending) >= self._block:
-            self.draw_now()
-
-    def draw_now(self) -> None:
-        """Draws the iterations that wait for their block."""
-        if self._pending and self._file is not None:
-            pending, self._pending = self._pending, []
-            self._file.send(self._drawing.draw(pending))
-
-    def flush(self) -> None:
-        """Waits until all that was drawn is in the file, for whoever opens it unfinished."""
-        if self._file is not None:
-            self._file.flush()
+            self._draw(self._file)
+        self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
         """Completes the file and gives it its name."""
@@ -151,43 +142,99 @@ class Recorder:
         """
         if self._file is None:
             return
-        self.draw_now()
         file, self._file = self._file, None
         try:
-            file.close(blueprint_messages(self._layout, self._verifier_of is not None))
+            self._draw(file)
+            if self._live_port is None:
+                # Last: where a file is cut, its iterations matter more.
+                file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
+            file.close(self._n_drawn)
+            # The journal is not needed any more.
+            part_path(self._path).replace(self._path)
+            journal_path(self._path).unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write the recording {self._path}: {error.strerror}") from None
         finally:
             self._journal.close()
-        name_finished(self._path)
 
-    def _pictures(self, verifier: Verifier, iteration: Iteration) -> Iterator[Iterable[Piece]]:
+    def _draw(self, file: RecordingFile) -> None:
+        """Draws the iterations that wait for their block."""
+        if self._pending:
+            pending, self._pending = self._pending, []
+            self._drawing.draw(file, pending)
+            self._n_drawn += len(pending)
+
+    def _send_maps(self, file: RecordingFile, verifier: Verifier, iteration: Iteration) -> None:
         """The maps of an iteration, and of the scene where it closes a pass."""
         placed = self._placed(iteration.placed) if self._session.method.occluders == "placed" else ()
         if self._maps is None or self._maps[:2] != (iteration.instance_id, verifier):
             maps = Maps([self._targets[iteration.instance_id]], verifier)
             self._maps = (iteration.instance_id, verifier, maps)
-            yield [maps.observed(iteration.index)]
-        yield self._maps[2].pair(iteration, placed)
+            maps.send_observed(file, iteration.index)
+        self._maps[2].send_pair(file, iteration, placed)
         scene = iteration.scene
         if scene is not None:
             targets = [self._targets[p.instance_id] for p in scene.poses]
             own = {p.instance_id for p in scene.poses}
             others = [p for p in placed if p.instance_id not in own]
             maps = Maps(targets, verifier, SCENE_TILE_PX)
-            yield maps.scene(iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
+            maps.send_scene(file, iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
 
 
-def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, Any]:
-    """Everything that is needed to run it again, and who made it."""
+class _AgainstTruth:
+    """Judges iterations one after another; remembers each object's best pose, which seldom changes."""
+
+    def __init__(self) -> None:
+        self._best: dict[int, tuple[Best, float]] = {}
+
+    def errors(self, target: Target, iteration: Iteration) -> Float:
+        """What ``Entry.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
+        T_gt = target.instance.T_cam_obj_gt
+        if T_gt is None:
+            return _UNKNOWN
+        best, T_accepted = iteration.best, iteration.accepted_stage.T_cam_obj
+        known, best_mm = self._best.get(iteration.instance_id, (None, 0.0))
+        if known is not best:
+            best_mm = add_s_mm(target.model, best.T_cam_obj, T_gt)
+            self._best[iteration.instance_id] = best, best_mm
+        rotation_deg, translation_m = _turn_and_shift(T_accepted, T_gt, target.model.symmetries)
+        return np.array([rotation_deg, 1e3 * translation_m, best_mm])
+
+
+_UNKNOWN = np.full(3, np.nan)
+
+
+@njit(cache=True)
+def _turn_and_shift(T_est: Float, T_gt: Float, symmetries: Float) -> tuple[float, float]:
+    """Angle to the nearest of the poses that look the same [deg], from the traces alone (to 1e-5°, enough for a curve),
+    and distance of the origins.
+    """
+    largest = -1.0
+    for S in symmetries:
+        trace = 0.0
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    trace += T_est[k, i] * T_gt[k, j] * S[j, i]
+        largest = max(largest, (trace - 1.0) / 2.0)
+    square = 0.0
+    for k in range(3):
+        square += (T_est[k, 3] - T_gt[k, 3]) ** 2
+    return math.degrees(math.acos(min(1.0, largest))), math.sqrt(square)
+
+
+def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, str]:
+    """Everything that is needed to run it again, and who made it, as texts."""
     settings = session.model_dump_json()
     return {
-        "schema": SCHEMA,
+        "schema": str(SCHEMA),
         "title": session.title or problem.title,
         "frame": problem.frame,
         "method": session.method.name,
-        "seed": session.method.seed,
+        "seed": str(session.method.seed),
         "settings": settings,
         "session": _toml(settings),
         "layout": layout.to_json(),
@@ -204,10 +251,10 @@ def _toml(settings: str) -> str:
 @cache
 def versions() -> dict[str, str]:
     """Python and the packages whose numbers enter a run."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
+    installed = {"python": platform.python_version(), "machine": platform.machine()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+            installed[package] = "missing"
+    return installed

@@ -11,22 +11,12 @@ from urllib.parse import quote
 
 from rerun.chunk import Chunk
 
-from verefine_viz.recording.blueprint import blueprint_messages
+from verefine_viz.recording import entities
 from verefine_viz.recording.drawing import Drawing
-from verefine_viz.recording.entities import MAPS, SCENE_MAPS
-from verefine_viz.recording.frame import property_chunks
-from verefine_viz.recording.piece import Piece
-from verefine_viz.recording.reader import (
-    PROPERTIES,
-    Recorded,
-    existing,
-    final_path,
-    has_content,
-    read_recording,
-    saved_chunks,
-)
-from verefine_viz.recording.rrd_file import RrdFile
-from verefine_viz.recording.viewer_process import LOOPBACK, free_port, has_display, start_viewer
+from verefine_viz.recording.reader import Recorded, existing, final_path, has_content, read_recording
+from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, saved_chunks
+from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port, has_display, start_viewer
+from verefine_viz.recording.views import blueprint_of
 
 
 @dataclass(frozen=True)
@@ -60,30 +50,31 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
         return OpenViewer(start_viewer([str(path)], env), "")
     page, data = free_port(), free_port()
     arguments = [str(path), "--web-viewer", "--web-viewer-port", str(page), "--port", str(data)]
-    # The page alone would be empty: it has to be told where the recording comes from.
+    # The page alone would be empty: its address says where the recording comes from.
     source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
     return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}")
 
 
 def completed(recorded: Recorded, folder: Path) -> Path:
-    """A copy of an unfinished recording in ``folder``, with all its iterations drawn."""
+    """A copy of an unfinished recording in ``folder``, with all its iterations drawn.
+
+    Raises:
+        InputError: the disk does not take it.
+    """
     target = folder / final_path(recorded.path).name
     chunks: list[Chunk] = []
     if has_content(recorded.path):
         chunks, _ = saved_chunks(recorded.path)
-    has_maps = any(_is_map(chunk) for chunk in chunks)
+    maps = [chunk for chunk in chunks if entities.is_score_map(chunk.entity_path)]
+    file = RecordingFile(target)
+    file.send_properties({name: text for name, text in recorded.properties.items() if name != COMPLETE})
+    file.send_name(f"{recorded.title} {recorded.frame} {recorded.session.method.name}")
+    file.send_blueprint(blueprint_of(recorded.layout, bool(maps)))
     drawing = Drawing(recorded.layout)
-    file = RrdFile(target)
-    if not any(chunk.entity_path == PROPERTIES for chunk in chunks):
-        file.send(property_chunks(recorded.properties))
-    file.send(drawing.start())
+    drawing.start(file)
     # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.
-    file.send(Piece.of(chunk) for chunk in chunks if chunk.is_static or _is_map(chunk))
+    file.send_chunks([*(c for c in chunks if c.is_static and not c.entity_path.startswith("/__properties")), *maps])
     if recorded.entries:
-        file.send(drawing.draw(recorded.entries))
-    file.close(blueprint_messages(recorded.layout, has_maps))
+        drawing.draw(file, recorded.entries)
+    file.close(len(recorded.entries))
     return target
-
-
-def _is_map(chunk: Chunk) -> bool:
-    return chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))

@@ -1,17 +1,23 @@
-"""Where the views of a recording stand in the window: what a person needs first is largest."""
+"""How a recording looks when it is opened: its views, where they stand, and where the 3D views look from.
+
+What a person needs first is largest.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import rerun.blueprint as rrb
 
+from verefine_viz.methods.registry import method_of
 from verefine_viz.recording import entities
-from verefine_viz.recording.curve_views import curves, curves_by_object, series
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
-from verefine_viz.recording.shown import Shown
 
+LEGEND_ARMS = 12
+"""With more hypotheses a legend would hide the curves."""
 MAP_TITLES = {
     OBSERVED: "Observed: colour | depth",
     "classes": "Pixel classes",
@@ -21,52 +27,97 @@ MAP_TITLES = {
     "f_n": "f_n, normal fit 0…1",
     "rendered": "Rendered depth",
 }
-SCENE_MAP_TITLES = {
-    "classes": "Pixel classes",
-    "difference": "Δdepth ±2τ",
-    "rendered": "Rendered depth",
+SCENE_MAP_TITLES = {name: MAP_TITLES[name] for name in ("classes", "difference", "rendered")}
+CURVE_TITLES = {
+    "score": "Score of each hypothesis",
+    "ucb": "UCB of each hypothesis",
+    "pulls": "Pulls",
+    "fit": "Fit of the two candidates",
+    "error": "Error against ground truth",
+    "physics": "Simulation and refiner",
+    "scene": "Score of the scene",
+    "best": "Best score of each object",
+    "add_s": "ADD(-S) of each object's best pose [mm]",
+    "cost": "Cost of the scene",
 }
+PER_OBJECT = ("score", "ucb", "error", "physics")
+"""Curves of a scene that are drawn object by object: those of several in one view could not be told apart."""
+DARK = (24, 26, 30)
 
 
-def arranged(spatial: Sequence[rrb.Spatial3DView], what: Shown) -> rrb.Blueprint:
+@dataclass(frozen=True)
+class ViewSpec:
+    """What there is to be shown in a recording, on which its views depend."""
+
+    layout: Layout
+    has_maps: bool
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        return tuple(b.name for b in self.layout.branches)
+
+    @property
+    def worked_on(self) -> tuple[str, ...]:
+        """The branches that have hypotheses."""
+        return tuple(b.name for b in self.layout.branches if b.n_arms)
+
+    @property
+    def has_truth(self) -> bool:
+        return any(b.has_truth for b in self.layout.branches)
+
+    @property
+    def has_graph(self) -> bool:
+        return self.layout.has_graph and self.layout.is_scene
+
+    @property
+    def has_choice(self) -> bool:
+        return method_of(self.layout.method).chooses
+
+    @property
+    def has_legend(self) -> bool:
+        return all(b.n_arms <= LEGEND_ARMS for b in self.layout.branches)
+
+
+def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
     """The whole window: an overview, and a tab for each thing that only several objects have."""
-    below = curves(what)
+    spec = ViewSpec(layout, has_maps)
+    below = _curves(spec)
     overview = rrb.Vertical(
         rrb.Horizontal(
-            _pictures(spatial, what),
-            *([_maps(what)] if what.has_maps else []),
-            _why(what),
-            column_shares=[5, 4, 3] if what.has_maps else [6, 3],
+            _pictures(spec),
+            *([_maps(spec)] if has_maps else []),
+            _why(spec),
+            column_shares=[5, 4, 3] if has_maps else [6, 3],
         ),
         rrb.Horizontal(*below, _events(), column_shares=[*([8 / len(below)] * len(below)), 5]),
         row_shares=[3, 2],
-        name="Scene" if what.is_scene else "Object",
+        name="Scene" if layout.is_scene else "Object",
     )
-    tabs = [overview, *_scene_tabs(what)]
+    tabs = [overview, *_scene_tabs(spec)]
     return rrb.Blueprint(
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        # What it came to is seen first; from there a person goes back.
+        # The result is seen first; from there a person goes back.
         rrb.TimePanel(timeline=entities.TIMELINE, state="collapsed", play_state="following"),
         auto_views=False,
     )
 
 
-def _scene_tabs(what: Shown) -> list[rrb.Container]:
+def _scene_tabs(spec: ViewSpec) -> list[rrb.Container]:
     """What only several objects have, a tab of the whole window each."""
     tabs: list[rrb.Container] = []
-    if what.is_scene:
-        tabs.append(rrb.Tabs(*curves_by_object(what), name="Objects"))
-    if what.has_graph:
-        graph = _graph(f"{entities.GRAPH}/objects", "Which object has to do with which")
+    if spec.layout.is_scene:
+        tabs.append(rrb.Tabs(*_curves_by_object(spec), name="Objects"))
+    if spec.has_graph:
+        graph = _graph(entities.GRAPH_OBJECTS, "Which object has to do with which")
         evidence = rrb.TextDocumentView(origin=entities.EVIDENCE, name="Evidence and order")
         tabs.append(rrb.Horizontal(graph, evidence, column_shares=[3, 2], name="Dependencies"))
-    if what.has_tree:
+    if spec.layout.has_tree:
         tree = _graph(entities.TREE, "Search tree: hypothesis, visits, mean cost; white: this iteration")
         why = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
         tabs.append(
-            rrb.Horizontal(tree, rrb.Vertical(series("cost", what), why), column_shares=[3, 2], name="Search tree")
+            rrb.Horizontal(tree, rrb.Vertical(_series("cost", spec), why), column_shares=[3, 2], name="Search tree")
         )
     return tabs
 
@@ -83,18 +134,24 @@ def _graph(origin: str, name: str) -> rrb.GraphView:
     )
 
 
-def _hidden(what: Shown) -> dict[Any, Any]:
+def _pictures(spec: ViewSpec) -> rrb.Container:
+    views: list[rrb.View] = [_scene(spec)]
+    if spec.layout.is_scene:
+        views.append(_answer(spec))
+    if spec.has_maps:
+        views.append(
+            rrb.Spatial2DView(
+                origin=entities.CAMERA, contents=[f"+ {entities.IMAGE}", f"+ {entities.MASKS}"], name="Camera"
+            )
+        )
+        views.append(rrb.Spatial2DView(origin=entities.DEPTH, name="Depth"))
+    return rrb.Tabs(*views)
+
+
+def _scene(spec: ViewSpec) -> rrb.Spatial3DView:
     # The mixed pose only starts the refiner, and what is best for the scene has a view of its own.
-    stages = [f"{entities.OBJECTS}/{b}/stages/{s}" for b in what.branches for s in ("mixed", "incumbent")]
-    return {stage: rrb.EntityBehavior(visible=False) for stage in stages}
-
-
-def spatial_views(what: Shown) -> list[rrb.Spatial3DView]:
-    """The 3D views, made first since messages about the eye name them."""
-    return [_scene(what), _answer(what)] if what.is_scene else [_scene(what)]
-
-
-def _scene(what: Shown) -> rrb.Spatial3DView:
+    hidden = [entities.stage(b, s) for b in spec.branches for s in ("mixed", "incumbent")]
+    overrides: dict[Any, Any] = {stage: rrb.EntityBehavior(visible=False) for stage in hidden}
     return rrb.Spatial3DView(
         origin="/",
         contents=[
@@ -106,46 +163,41 @@ def _scene(what: Shown) -> rrb.Spatial3DView:
             f"- {entities.MASKS}",
         ],
         name="Scene",
-        background=[24, 26, 30],
-        overrides=_hidden(what),
+        background=DARK,
+        overrides=overrides,
+        eye_controls=_eye(spec.layout),
     )
 
 
-def _answer(what: Shown) -> rrb.Spatial3DView:
+def _answer(spec: ViewSpec) -> rrb.Spatial3DView:
     """The objects where the method says they are, so far: as the best scene, or each at its best."""
-    stage = "incumbent" if what.has_passes or what.has_tree else "best"
+    stage = "incumbent" if spec.layout.has_passes or spec.layout.has_tree else "best"
     return rrb.Spatial3DView(
         origin="/",
         contents=[
             f"+ {entities.CLOUD}",
             f"+ {entities.SUPPORT}/**",
-            *(f"+ {entities.OBJECTS}/{b}/stages/{stage}" for b in what.branches),
-            *(f"+ {entities.OBJECTS}/{b}/poses" for b in what.branches),
+            *(f"+ {entities.stage(b, stage)}" for b in spec.branches),
+            *(f"+ {entities.poses(b)}" for b in spec.branches),
         ],
         name="Answer so far",
-        background=[24, 26, 30],
+        background=DARK,
+        eye_controls=_eye(spec.layout),
     )
 
 
-def _pictures(spatial: Sequence[rrb.Spatial3DView], what: Shown) -> rrb.Container:
-    views: list[rrb.View] = [*spatial]
-    if what.has_maps:
-        views.append(
-            rrb.Spatial2DView(
-                origin=entities.CAMERA, contents=[f"+ {entities.IMAGE}", f"+ {entities.MASKS}"], name="Camera"
-            )
-        )
-        views.append(rrb.Spatial2DView(origin=entities.DEPTH, name="Depth"))
-    return rrb.Tabs(*views)
+def _eye(layout: Layout) -> rrb.EyeControls3D:
+    """All 3D views begin at the same place."""
+    return rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
 
 
-def _maps(what: Shown) -> rrb.Container:
+def _maps(spec: ViewSpec) -> rrb.Container:
     views = [rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title) for name, title in MAP_TITLES.items()]
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Grid(*views[:6], grid_columns=2, name="Maps: simulated | refined"),
         *views[6:],
     ]
-    if what.has_passes:
+    if spec.layout.has_passes:
         scene = [
             rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)
             for name, title in SCENE_MAP_TITLES.items()
@@ -162,11 +214,53 @@ def _events() -> rrb.Container:
     )
 
 
-def _why(what: Shown) -> rrb.Container | rrb.View:
+def _why(spec: ViewSpec) -> rrb.Container | rrb.View:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
-    if not what.has_choice:
+    if not spec.has_choice:
         return text
     bandit = rrb.BarChartView(
         origin=entities.BANDIT, name="UCB by hypothesis, above the lowest", plot_legend=rrb.PlotLegend(visible=False)
     )
     return rrb.Vertical(text, bandit, row_shares=[3, 1])
+
+
+def _curves(spec: ViewSpec) -> list[rrb.Container]:
+    """What stands below the scene: tabs of curves, one or two groups of them."""
+    if spec.layout.is_scene:
+        left, right = ["best"], ["add_s"] if spec.has_truth else []
+        if spec.layout.has_passes:
+            left.insert(0, "scene")
+        if spec.layout.has_tree:
+            left.insert(0, "cost")
+        groups = [left, right] if right else [[name] for name in left]
+    else:
+        left = ["score", "ucb", "pulls"] if spec.has_choice else ["score"]
+        right = ["error", "physics", "fit"] if spec.has_truth else ["physics", "fit"]
+        groups = [left, right]
+    return [rrb.Tabs(*(_series(name, spec) for name in names)) for names in groups]
+
+
+def _curves_by_object(spec: ViewSpec) -> Iterator[rrb.Grid]:
+    """A tab per group of curves, in it a view per object."""
+    for group in PER_OBJECT:
+        if (group == "ucb" and not spec.has_choice) or (group == "error" and not spec.has_truth):
+            continue
+        views = (
+            rrb.TimeSeriesView(origin=entities.curve(group, branch), name=branch, plot_legend=_legend(group, spec))
+            for branch in spec.worked_on
+        )
+        yield rrb.Grid(*views, name=CURVE_TITLES[group])
+
+
+def _series(name: str, spec: ViewSpec) -> rrb.View:
+    """One of the kinds of curves."""
+    return rrb.TimeSeriesView(
+        origin=f"{entities.CURVES}/{name}", name=CURVE_TITLES[name], plot_legend=_legend(name, spec)
+    )
+
+
+def _legend(name: str, spec: ViewSpec) -> rrb.PlotLegend:
+    per_arm = name in ("score", "ucb", "pulls")
+    # Where the curves of a good run are not at its end: scores rise, errors fall.
+    corner = rrb.Corner2D.RightTop if name in ("error", "add_s", "physics", "cost") else rrb.Corner2D.RightBottom
+    return rrb.PlotLegend(corner, visible=spec.has_legend or not per_arm)

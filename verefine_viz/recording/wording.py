@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 
 from verefine_viz.core.records import Iteration, PlacedPose, SceneRecord, TreeStep
-from verefine_viz.recording.entry import Entry
 from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.lossless_log import Entry
 
 
 def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:

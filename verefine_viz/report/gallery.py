@@ -10,7 +10,7 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
-from verefine_viz.recording.entry import Entry
+from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.report.loaded import Key, Loaded, key
 from verefine_viz.report.pictures import Pictures, pictures

@@ -10,7 +10,7 @@ import viser
 
 from verefine_viz.core.colormaps import rgb
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
-from verefine_viz.recording.png import indexed_png
+from verefine_viz.rendering.png import indexed_png
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MAP_NAMES, MapName
 from verefine_viz.viewer.drawing.bandit_tables import passes_table

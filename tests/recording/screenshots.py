@@ -13,7 +13,7 @@ from rerun.experimental import ViewerClient
 
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.recording.entities import TIMELINE
-from verefine_viz.recording.viewer_process import LOOPBACK, free_port, start_viewer
+from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port, start_viewer
 
 LOAD_S = 60.0
 
@@ -21,7 +21,7 @@ LOAD_S = 60.0
 def screenshots(
     recording: Path, iterations: Sequence[int], out: Path, size_px: tuple[int, int] = (1600, 1000)
 ) -> tuple[Path, ...]:
-    """One PNG per iteration in the folder ``out``.
+    """One PNG per iteration in the folder ``out``, as the viewer shows it (needs a Vulkan driver, Mesa's will do).
 
     Raises:
         UnavailableError: the viewer does not start here.
@@ -52,7 +52,7 @@ def screenshots(
 
 
 def _connect(port: int, process: subprocess.Popen[bytes]) -> ViewerClient:
-    found: list[ViewerClient] = []
+    clients: list[ViewerClient] = []
 
     def answers() -> bool:
         try:
@@ -60,11 +60,11 @@ def _connect(port: int, process: subprocess.Popen[bytes]) -> ViewerClient:
             client.get_state()
         except (RuntimeError, ConnectionError, ValueError):
             return False
-        found.append(client)
+        clients.append(client)
         return True
 
     _wait(answers, process)
-    return found[0]
+    return clients[0]
 
 
 def _wait(ready: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from verefine_viz.core.compare import Difference, differences
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
-from verefine_viz.recording.entry import as_recorded
+from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.recorder import versions
 from verefine_viz.session.engine import Run
@@ -24,11 +24,11 @@ A micrometre in a pose. Rounding begins ten digits further down, but contacts in
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verification:
     """A recording against a new run of its session."""
 
     n_compared: int
-    """Iterations of both that were found the same bit by bit, from the first."""
+    """Iterations of both that are the same bit by bit, from the first."""
     difference: str | None
     """Where the new run first differs, how, by how much and why, as far as that is known; None = nowhere."""
     n_planned: int
@@ -54,12 +54,7 @@ class Verdict:
         return f"{early}; the same up to iteration {self.n_compared}" if self.n_compared else early
 
 
-def verify(path: Path, make_run: MakeRun | None = None) -> str | None:
-    """Where a new run of the recorded session first differs, and how; None = nowhere. See :func:`verdict`."""
-    return verdict(path, make_run).difference
-
-
-def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
+def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
     """Runs the recorded session again and compares bit by bit, as far as the recording goes.
 
     Where only last digits differ it goes on, to know whether they lead anywhere.
@@ -73,21 +68,23 @@ def verdict(path: Path, make_run: MakeRun | None = None) -> Verdict:
     """
     recorded = read_recording(path)
     run = (make_run or run_again)(recorded)
-    found: list[tuple[int, Difference]] = []
+    first_and_real: list[tuple[int, Difference]] = []
     """The first difference, and the first that is more than rounding."""
     n_same, largest = 0, 0.0
     for iteration in recorded.iterations:
         here = _differences(iteration, run)
-        n_same += not found and not here
+        n_same += not first_and_real and not here
         largest = max([largest, *(d.size for d in here)])
         real = next((d for d in here if d.size > ROUNDING), None)
-        if here and not found:
-            found.append((iteration.index, here[0]))
+        if here and not first_and_real:
+            first_and_real.append((iteration.index, here[0]))
         if real is not None:
-            found.append((iteration.index, real))
+            first_and_real.append((iteration.index, real))
             break
-    words = _in_words(found, largest, len(recorded.iterations), recorded.versions) if found else None
-    return Verdict(n_same, words, run.n_iterations, recorded.is_complete)
+    words = None
+    if first_and_real:
+        words = _in_words(first_and_real, largest, len(recorded.iterations), recorded.versions)
+    return Verification(n_same, words, run.n_iterations, recorded.is_complete)
 
 
 def run_again(recorded: Recorded) -> Run:
@@ -118,23 +115,23 @@ def _differences(iteration: Iteration, run: Run) -> list[Difference]:
     return list(differences(iteration, as_recorded(run.step())))
 
 
-def _in_words(found: list[tuple[int, Difference]], largest: float, n: int, recorded: Mapping[str, str]) -> str:
+def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, n: int, recorded: Mapping[str, str]) -> str:
     """What a person should know about the first difference and, where it is of another kind, the first real one."""
-    (index, first), changed = found[0], _changed(recorded)
-    told = f"iteration {index}: {first.words}"
+    (index, first), changed = first_and_real[0], _changed(recorded)
+    text = f"iteration {index}: {first.words}"
     if first.size > ROUNDING:
-        return f"{told}; recorded with {changed}" if changed else told
+        return f"{text}; recorded with {changed}" if changed else text
     if largest <= ROUNDING:
-        told += (
+        text += (
             f"; only last digits differ, in all {n} iterations by {largest:.1g} at most, and everything else is the "
             "same: in effect it is the same run"
         )
     else:
-        index, real = found[1]
-        told += f"; it begins with last digits and leads to more, iteration {index}: {real.words}"
+        index, real = first_and_real[1]
+        text += f"; it begins with last digits and leads to more, iteration {index}: {real.words}"
     if changed:
-        return f"{told}; recorded with {changed}, and other versions compute last digits differently"
-    return f"{told}; another state of the program, or another machine, computes last digits differently (same versions)"
+        return f"{text}; recorded with {changed}, and other versions compute last digits differently"
+    return f"{text}; another state of the program, or another machine, computes last digits differently (same versions)"
 
 
 def _changed(recorded: Mapping[str, str]) -> str:

@@ -1,0 +1,87 @@
+"""The file of a recording: what was sent is in it after a flush, and a disk that takes no more is one line."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, chunks_of, saved_chunks
+
+
+def values_in(path: Path) -> list[float]:
+    chunks: list[Any] = [c for c in chunks_of(path) if c.entity_path == "/a"]
+    return [v for c in chunks for row in c.to_record_batch().column("Scalars:scalars").to_pylist() for v in row]
+
+
+def numbers(*values: float) -> rr.ComponentColumnList:
+    return rr.Scalars.columns(scalars=values)
+
+
+def test_what_was_sent_is_in_the_file_after_a_flush(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    file = RecordingFile(path)
+    for k in range(3):
+        file.send("/a", [k], numbers(float(k)))
+        file.flush()
+        assert values_in(path) == list(map(float, range(k + 1)))
+    file.close(3)
+    assert values_in(path) == [0.0, 1.0, 2.0]
+
+
+def test_what_it_says_last_is_that_it_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    file = RecordingFile(path)
+    file.send_properties({"title": "µ"})
+    file.send("/a", [0], numbers(1.0))
+    file.close(1)
+    chunks, is_whole = saved_chunks(path)
+    assert is_whole
+    assert [str(name) for name in chunks[-1].to_record_batch().schema.names][1:] == [COMPLETE]
+    path.write_bytes(path.read_bytes()[:-20])
+    chunks, is_whole = saved_chunks(path)
+    assert not is_whole
+    assert chunks[-1].entity_path == "/a"
+
+
+@contextmanager
+def file_limit(n_bytes: int) -> Iterator[None]:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_file_that_may_not_grow_is_one_line_however_often(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    file = RecordingFile(path)
+    with file_limit(20_000):
+        file.log("/a", rr.Points3D(np.random.default_rng(0).random((5000, 3))))
+        for _ in range(2):
+            with pytest.raises(InputError, match=r"^cannot write the recording .*a\.rrd: File too large$"):
+                file.flush()
+        with pytest.raises(InputError, match=r"File too large$"):
+            file.close(0)
+
+
+def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    file = RecordingFile(Path("/dev/full"))
+    file.log("/a", rr.Points3D([[0, 0, 0]]))
+    with pytest.raises(InputError, match=r"^cannot write the recording /dev/full: No space left on device$"):
+        file.close(0)
+
+
+def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^cannot write the recording .*/a\.rrd: No such file or directory$"):
+        RecordingFile(tmp_path / "no folder" / "a.rrd")
