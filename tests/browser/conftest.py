@@ -14,9 +14,9 @@ from bench.browser import headless_chromium
 from verefine_viz.commands.chromium import find_chromium
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session
-from verefine_viz.viewer import client_messages
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
+from verefine_viz.viewer.web import client_messages
 
 SHOTS = Path(__file__).parent / "shots"
 TAKES_SHOTS = bool(os.environ.get("SHOTS"))

@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.fakes import box_problem
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import Change
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.scenes.instance_notes import within_reach
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -134,21 +137,34 @@ def test_a_first_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: P
     box = Toolbox(resolve(raw))
     problem = box.problem(made.frame)
     assert [len(i.hypotheses) for i in problem.instances] == [1]
-    (note,) = [n for n in problem.notes if "left out" in n]
-    assert "2 of its 3 poses are left out, more than 100 m away, such as net's at 150 m" in note
+    (note,) = [n for n in box.source.notes if "100 m" in n]
+    assert "2 rows give no pose: they lie more than 100 m from the camera" in note
     run = box.run(problem)
     run.finish()
     assert [best is not None for best in run.final_state.best] == [True]
 
 
-def test_an_object_all_of_whose_first_poses_are_out_of_reach_gets_no_answer(tmp_path: Path) -> None:
+def test_a_file_all_of_whose_poses_are_out_of_reach_is_refused(tmp_path: Path) -> None:
     made = make(tmp_path)
-    box = Toolbox(resolve(with_estimates(made, [1e7], tmp_path)))
-    problem = box.problem(made.frame)
-    (note,) = [n for n in problem.notes if "has no hypothesis" in n]
+    with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):
+        Toolbox(resolve(with_estimates(made, [1e7], tmp_path))).problem(made.frame)
+
+
+def test_hypotheses_out_of_reach_are_left_out_with_a_note() -> None:
+    problem = box_problem(n_hypotheses=3)
+    (instance,) = problem.instances
+    far = [
+        replace(h, T_cam_obj=transform(np.eye(3), [0, 0, z_m]))
+        for h, z_m in zip(instance.hypotheses, (150, 9e3), strict=False)
+    ]
+    near = instance.hypotheses[2]
+    left, (note,) = within_reach(replace(instance, hypotheses=(*far, near)), problem.models[1])
+    assert left.hypotheses == (near,)
+    assert "2 of its 3 poses are left out, more than 100 m away, such as fake #0's at 150 m" in note
+    left, (note,) = within_reach(replace(instance, hypotheses=(far[1],)), problem.models[1])
+    assert left.hypotheses == ()
+    assert "has no hypothesis" in note
     assert note.endswith(
-        "1 of 1 is left out, more than 100 m away, net's at 1e+04 m; check the unit of the translation"
+        "1 of 1 is left out, more than 100 m away, fake #1's at 9e+03 m; check the unit of the translation"
     )
-    run = box.run(problem)
-    run.finish()
-    assert list(run.final_state.best) == [None]
+    assert within_reach(instance, problem.models[1]) == (instance, ())
