@@ -182,6 +182,7 @@ JOURNALS = [
     (of(ABOUT, b"x"), "not an iteration"),
     (of(ABOUT, ormsgpack.packb({})), "is damaged"),
     (of(ABOUT, b"\x91" * 5000), "is damaged"),
+    (b"VRFJ5\n", "was written by another version"),
     (b"", "another program"),
     (MAGIC, "another program"),
     (bytes(range(256)) * 4, "another program"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
 from typing import Any
@@ -19,13 +19,11 @@ from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
 from verefine_viz.recording.graphs import Tree
 from verefine_viz.recording.layout import Branch, Layout
-from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry, framed
+from verefine_viz.recording.lossless_log import ENTRY, NO_CONTACTS, Entry, framed
 from verefine_viz.recording.poses import Poses
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.wording import describe
 
-ENTRY = "entry"
-"""The component of :data:`entities.LOSSLESS` that holds an iteration as bytes."""
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
 CONTACT_COLOR = 0xFFE650FF
@@ -176,22 +174,26 @@ def _send_choices(file: RecordingFile, block: Block) -> None:
         return
     lengths = [len(ucb) for _, ucb in choices]
     heights = _above_lowest(np.concatenate([ucb for _, ucb in choices]), lengths)
-    bars = np.split(heights, list(accumulate(lengths[:-1])))
-    file.send(
-        entities.BANDIT,
-        [k for k, _ in choices],
-        [
-            _tensors(rr.BarChart.descriptor_values(), bars),
-            # A bar begins at its number: half before the hypothesis's, so that it stands over it.
-            _tensors(rr.BarChart.descriptor_abscissa(), [np.arange(n) + 0.5 for n in lengths]),
-        ],
-    )
+    bars = [_tensor(row) for row in np.split(heights, list(accumulate(lengths[:-1])))]
+    # What rr.BarChart.columns does not make: a tensor for each row.
+    columns = [
+        rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(tensors)))
+        for descriptor, tensors in (
+            (rr.BarChart.descriptor_values(), bars),
+            (rr.BarChart.descriptor_abscissa(), [_numbers_of_bars(n) for n in lengths]),
+        )
+    ]
+    file.send(entities.BANDIT, [k for k, _ in choices], columns)
 
 
-def _tensors(descriptor: rr.ComponentDescriptor, rows: Iterable[NDArray[Any]]) -> rr.ComponentColumn:
-    """A column of one tensor a row, which ``rr.BarChart.columns`` does not make."""
-    each = [rr.components.TensorDataBatch(np.ascontiguousarray(row)).as_arrow_array() for row in rows]
-    return rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(each)))
+def _tensor(values: NDArray[Any]) -> pa.Array:
+    return rr.components.TensorDataBatch(np.ascontiguousarray(values)).as_arrow_array()
+
+
+@lru_cache(maxsize=64)
+def _numbers_of_bars(n: int) -> pa.Array:
+    """A bar begins at its number: half before the hypothesis's, so that it stands over it."""
+    return _tensor(np.arange(n) + 0.5)
 
 
 def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:

@@ -28,7 +28,10 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.simulated import Contacts, SimulatedPath, Tipping
 
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+ENTRY = "entry"
+"""The component of a recording that holds an iteration as bytes."""
 MAGIC = b"VRFJ6\n"
+"""How a journal begins; the digit is its version."""
 _HEAD = struct.Struct("<II")
 
 
@@ -113,9 +116,11 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
 
     Raises:
-        InputError: it cannot be read, or holds something else than iterations.
+        InputError: it cannot be read, is of another version, or holds something else than iterations.
     """
     content = read_input(path, "journal")
+    if content[:4] == MAGIC[:4] and not content.startswith(MAGIC):
+        raise InputError(f"journal {path} was written by another version; run its session again")
     bodies = unframed(content[len(MAGIC) :]) if content.startswith(MAGIC) else []
     if not bodies:
         return {}, ()

@@ -18,9 +18,8 @@ from verefine_viz.core.input_files import open_input
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
-from verefine_viz.recording.drawing import ENTRY
 from verefine_viz.recording.layout import Layout
-from verefine_viz.recording.lossless_log import Entry, read_journal, unframed
+from verefine_viz.recording.lossless_log import ENTRY, Entry, read_journal, unframed
 from verefine_viz.recording.recorder import SCHEMA
 from verefine_viz.recording.recording_file import COMPLETE, journal_path, part_path, saved_chunks
 

@@ -126,9 +126,11 @@ class Recorder:
         self._pending.append(entry)
         if self._verifier_of is not None:
             self._send_maps(self._file, self._verifier_of(iteration.index), iteration)
-        if len(self._pending) >= self._block:
+        is_due = len(self._pending) >= self._block
+        if is_due:
             self._draw(self._file)
-        self._file.flush()
+        if is_due or self._verifier_of is not None:
+            self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
         """Completes the file and gives it its name."""
