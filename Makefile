@@ -10,7 +10,7 @@ WORKERS ?= 2
 BIN = $(VENV)/bin
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test test-lowest lint bench clean system-app system-test
+.PHONY: help app test resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -29,6 +29,10 @@ app: $(VENV)/.ready-app
 test: $(VENV)/.ready-dev system-test
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
+
+# Whether the lowest versions that pyproject.toml allows go together; test-lowest runs with them.
+resolve-lowest: $(VENV)/.ready-dev
+	@$(BIN)/uv pip compile --quiet --resolution lowest-direct --extra dev --python $(BIN)/python pyproject.toml -o /dev/null
 
 test-lowest: system-app
 	@sh scripts/test-lowest $(LOWEST)
