@@ -4,6 +4,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,17 +48,29 @@ class NoisyVerifier(FakeVerifier):
 
 
 def pictures(path: Path, name: str) -> dict[int, np.ndarray]:
-    """Decoded RGB pictures of a map by iteration."""
-    found: dict[int, np.ndarray] = {}
+    """RGB pictures of a map by iteration, in the colours that the recording gives its indices."""
+    rows: dict[int, dict[str, Any]] = {}
+    palette = np.zeros((256, 3), np.uint8)
     for chunk in chunks_of(path):
         if chunk.entity_path == f"{entities.MAPS}/{name}":
-            batch = chunk.to_record_batch()
-            blobs = batch.column(batch.schema.get_field_index("EncodedImage:blob"))
-            times = batch.column(batch.schema.get_field_index("iteration"))
-            for blob, time in zip(blobs, times, strict=True):
-                content = bytes(blob.values[0].values.to_numpy())
-                found[time.as_py()] = np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))
-    return found
+            batch: Any = chunk.to_record_batch()
+            if chunk.is_static:
+                for entry in batch.column("AnnotationContext:context").to_pylist()[0][0]:
+                    color = entry["class_description"]["info"]["color"]
+                    palette[entry["class_id"]] = [color >> 24 & 255, color >> 16 & 255, color >> 8 & 255]
+                continue
+            for row in batch.to_pylist():
+                rows[row["iteration"]] = row
+    return {k: picture(row, palette) for k, row in rows.items()}
+
+
+def picture(row: dict[str, Any], palette: np.ndarray) -> np.ndarray:
+    """A row as RGB."""
+    if "EncodedImage:blob" in row:
+        return np.asarray(Image.open(io.BytesIO(bytes(row["EncodedImage:blob"][0]))).convert("RGB"))
+    (size,) = row["SegmentationImage:format"]
+    indices = np.array(row["SegmentationImage:buffer"][0], np.uint8)
+    return palette[indices.reshape(size["height"], size["width"])]
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)

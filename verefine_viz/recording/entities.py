@@ -92,8 +92,3 @@ def simulated_path(branch_name: str) -> str:
 def curve(group: str, branch_name: str) -> str:
     """One group of an object's curves."""
     return f"{CURVES}/{group}/{branch_name}"
-
-
-def is_score_map(entity: str) -> bool:
-    """Whether an entity is a score map, of an object or of the scene."""
-    return entity.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))

@@ -14,7 +14,7 @@ from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
-from verefine_viz.core.records import Choice, Iteration, PlacedPose
+from verefine_viz.core.records import Iteration, PlacedPose
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.entities import branch
@@ -108,13 +108,12 @@ class Layout:
         for i in iterations:
             n_arms = arms.get(i.instance_id, 0)
             if i.arm not in range(n_arms):
-                raise ValueError(
-                    f"iteration {i.index} is about hypothesis {i.arm + 1} of instance {i.instance_id}, which has"
-                    f" {n_arms}"
-                )
+                subject = f"hypothesis {i.arm + 1} of instance {i.instance_id}"
+                raise ValueError(f"iteration {i.index} is about {subject}, which has {n_arms}")
             if i.stage(i.accepted) is None:
                 raise ValueError(f"iteration {i.index} accepted its {i.accepted} pose, and has none")
-            if i.choice is not None and any(len(n) != n_arms for n in _numbers(i.choice)):
+            choice = () if i.choice is None else (i.choice.plays, i.choice.mean, i.choice.exploration, i.choice.ucb)
+            if any(len(numbers) != n_arms for numbers in choice):
                 raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
             if i.path is not None and not len(i.path.Ts_cam_obj):
                 raise ValueError(f"the simulation of iteration {i.index} has no pose")
@@ -144,10 +143,6 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
     solved = {b.instance_id for b in branches if b.n_arms}
     has_clusters = any(len(solved.intersection(cluster)) > 1 for cluster in problem.clusters)
     return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
-
-
-def _numbers(choice: Choice) -> tuple[Float, ...]:
-    return choice.plays, choice.mean, choice.exploration, choice.ucb
 
 
 def _placed(iteration: Iteration) -> Iterator[PlacedPose]:

@@ -1,4 +1,4 @@
-"""Score maps as small indexed PNGs, cut out around what is judged, in fixed colours.
+"""Score maps as small images of indices into fixed colours, cut out around what is judged.
 
 Of an iteration two poses side by side; of a pass over several objects the scene.
 """
@@ -6,7 +6,8 @@ Of an iteration two poses side by side; of a pass over several objects the scene
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
-from verefine_viz.rendering.png import indexed_png
 
 TILE_PX = 128
 """Every object is shown this large, whatever its size in the image; together with the pairs this bounds the bytes."""
@@ -34,6 +34,45 @@ SCENE_TILE_PX = 224
 MAP_NAMES = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
 SCENE_MAP_NAMES = ("rendered", "difference", "classes")
 OBSERVED = "observed"
+
+
+def log_colors(file: RecordingFile) -> None:
+    """The colours of all maps."""
+    scales = {"rendered": depth_scale(0.0, 1.0), "difference": difference_scale(1.0)}
+    scales |= {"angle": ANGLE, "f_d": FIT, "f_n": FIT}
+    palettes = {name: scale.palette for name, scale in scales.items()} | {"classes": CLASS_PALETTE}
+    opaque = rr.SegmentationImage.from_fields(opacity=1.0)
+    for root, names in ((entities.MAPS, MAP_NAMES), (entities.SCENE_MAPS, SCENE_MAP_NAMES)):
+        for name in names:
+            file.log(f"{root}/{name}", _annotations(palettes[name]), opaque)
+
+
+@lru_cache(maxsize=16)
+def _annotations(palette: bytes) -> rr.AnnotationContext:
+    colors = np.frombuffer(palette, np.uint8).reshape(256, 3)
+    return rr.AnnotationContext([rr.AnnotationInfo(k, color=color) for k, color in enumerate(colors)])
+
+
+class PendingMaps:
+    """Maps of several iterations, to be sent at once."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, tuple[list[int], list[NDArray[np.uint8]]]] = {}
+
+    def add(self, entity: str, iteration: int, indices: NDArray[np.uint8]) -> None:
+        """One more (H, W) of ``entity``, as large as those before."""
+        iterations, images = self._rows.setdefault(entity, ([], []))
+        iterations.append(iteration)
+        images.append(indices)
+
+    def send(self, file: RecordingFile) -> None:
+        """All that was added since the last call."""
+        for entity, (iterations, images) in self._rows.items():
+            height, width = images[0].shape
+            size = rr.components.ImageFormat(width=width, height=height, channel_datatype=rr.ChannelDatatype.U8)
+            buffers = [image.tobytes() for image in images]
+            file.send(entity, iterations, rr.SegmentationImage.columns(buffer=buffers, format=[size] * len(images)))
+        self._rows.clear()
 
 
 class Maps:
@@ -71,30 +110,23 @@ class Maps:
         left = right if o.rgb is None else self._cut(o.rgb)
         gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
         picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
-        file.send(f"{entities.MAPS}/{OBSERVED}", [iteration], _row(picture))
+        row = [rr.ComponentColumn(b.component_descriptor(), b) for b in picture.as_component_batches()]
+        file.send(f"{entities.MAPS}/{OBSERVED}", [iteration], row)
 
-    def send_pair(self, file: RecordingFile, iteration: Iteration, placed: Sequence[Placed]) -> None:
+    def add_pair(self, pending: PendingMaps, iteration: Iteration, placed: Sequence[Placed]) -> None:
         """The maps of the two poses that an iteration had to choose from."""
         (target,) = self._targets
         made = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
-        images = {
-            name: np.concatenate([self._index_image(name, made[0]), gap, self._index_image(name, made[-1])], axis=1)
-            for name in MAP_NAMES
-        }
-        self._send(file, entities.MAPS, iteration.index, images)
+        for name in MAP_NAMES:
+            images = [self._index_image(name, made[0]), gap, self._index_image(name, made[-1])]
+            pending.add(f"{entities.MAPS}/{name}", iteration.index, np.concatenate(images, axis=1))
 
-    def send_scene(self, file: RecordingFile, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
+    def add_scene(self, pending: PendingMaps, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         made = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
-        images = {name: self._index_image(name, made) for name in SCENE_MAP_NAMES}
-        self._send(file, entities.SCENE_MAPS, iteration, images)
-
-    def _send(self, file: RecordingFile, root: str, iteration: int, images: Mapping[str, NDArray[np.uint8]]) -> None:
-        for name, image in images.items():
-            palette = CLASS_PALETTE if name == "classes" else self._scales[name].palette
-            picture = rr.EncodedImage(contents=indexed_png(image, palette), media_type="image/png")
-            file.send(f"{root}/{name}", [iteration], _row(picture))
+        for name in SCENE_MAP_NAMES:
+            pending.add(f"{entities.SCENE_MAPS}/{name}", iteration, self._index_image(name, made))
 
     def _index_image(self, name: str, maps: ScoreMaps) -> NDArray[np.uint8]:
         """Palette indices of one map."""
@@ -121,11 +153,6 @@ class Maps:
         tile = image[self._at.rows[:, None], self._at.columns]
         tile[self._outside] = 0
         return tile
-
-
-def _row(picture: rr.AsComponents) -> list[rr.ComponentColumn]:
-    """One row of a picture's components."""
-    return [rr.ComponentColumn(b.component_descriptor(), b) for b in picture.as_component_batches()]
 
 
 def compared(iteration: Iteration) -> Sequence[Stage]:

@@ -77,27 +77,16 @@ def read_recording(path: Path) -> Recorded:
     properties, entries, is_whole = _read(path)
     if is_part(path):
         journal = journal_path(final_path(path))
-        about, journalled = read_journal(journal) if _is_file(journal) else ({}, ())
-        properties = properties or about
+        begun, journalled = read_journal(journal) if _is_file(journal) else ({}, ())
+        properties = properties or begun
         entries = _without_gap((*journalled, *entries))
-    checked = _checked_properties(path, properties)
-    layout = checked.layout
+    about, is_complete = _checked_properties(path, properties), is_whole and not is_part(path)
     try:
-        layout.check(entry.iteration for entry in entries)
+        about.layout.check(entry.iteration for entry in entries)
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; run its session again") from None
-    return Recorded(
-        path,
-        checked.title,
-        checked.frame,
-        checked.settings,
-        checked.session,
-        checked.versions,
-        layout,
-        entries,
-        is_whole and not is_part(path),
-        properties,
-    )
+    texts = (about.title, about.frame, about.settings, about.session, about.versions)
+    return Recorded(path, *texts, about.layout, entries, is_complete, properties)
 
 
 def _checked_properties(path: Path, properties: Mapping[str, Any]) -> _Properties:

@@ -25,7 +25,7 @@ from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.lossless_log import Entry, Journal
-from verefine_viz.recording.maps import SCENE_TILE_PX, Maps
+from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
@@ -78,6 +78,7 @@ class Recorder:
             self._block = 1
         self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
+        self._pending_maps = PendingMaps()
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
         self._truth = _AgainstTruth()
@@ -103,14 +104,15 @@ class Recorder:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
         file = self._file = RecordingFile(part_path(self._path), self._live_port)
         # What makes the iterations readable comes first.
-        file.send_properties(about)
-        file.send_name(f"{about['title']} {about['frame']} {about['method']}".strip())
+        file.send_properties(about, f"{about['title']} {about['frame']} {about['method']}".strip())
         if self._live_port is not None:
             file.send_blueprint(blueprint_of(self._layout, has_maps))
         self._drawing.start(file)
         if self._problem.dependencies is not None and self._layout.is_scene:
             log_dependencies(file, self._problem.dependencies, self._layout)
         log_background(file, self._problem, self._layout, pictures=has_maps)
+        if has_maps:
+            log_colors(file)
         file.flush()
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
@@ -125,11 +127,9 @@ class Recorder:
         self._journal.append(entry)
         self._pending.append(entry)
         if self._verifier_of is not None:
-            self._send_maps(self._file, self._verifier_of(iteration.index), iteration)
-        is_due = len(self._pending) >= self._block
-        if is_due:
+            self._add_maps(self._file, self._verifier_of(iteration.index), iteration)
+        if len(self._pending) >= self._block:
             self._draw(self._file)
-        if is_due or self._verifier_of is not None:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
@@ -164,23 +164,24 @@ class Recorder:
         if self._pending:
             pending, self._pending = self._pending, []
             self._drawing.draw(file, pending)
+            self._pending_maps.send(file)
             self._n_drawn += len(pending)
 
-    def _send_maps(self, file: RecordingFile, verifier: Verifier, iteration: Iteration) -> None:
+    def _add_maps(self, file: RecordingFile, verifier: Verifier, iteration: Iteration) -> None:
         """The maps of an iteration, and of the scene where it closes a pass."""
         placed = self._placed(iteration.placed) if self._session.method.occluders == "placed" else ()
         if self._maps is None or self._maps[:2] != (iteration.instance_id, verifier):
             maps = Maps([self._targets[iteration.instance_id]], verifier)
             self._maps = (iteration.instance_id, verifier, maps)
             maps.send_observed(file, iteration.index)
-        self._maps[2].send_pair(file, iteration, placed)
+        self._maps[2].add_pair(self._pending_maps, iteration, placed)
         scene = iteration.scene
         if scene is not None:
             targets = [self._targets[p.instance_id] for p in scene.poses]
             own = {p.instance_id for p in scene.poses}
             others = [p for p in placed if p.instance_id not in own]
             maps = Maps(targets, verifier, SCENE_TILE_PX)
-            maps.send_scene(file, iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
+            maps.add_scene(self._pending_maps, iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]

@@ -61,15 +61,13 @@ class RecordingFile:
             reason = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
             raise InputError(f"cannot write the recording {path}: {reason}") from None
 
-    def send_properties(self, values: Mapping[str, str]) -> None:
-        """What the recording is about; in the file when this returns."""
+    def send_properties(self, values: Mapping[str, str], name: str = "") -> None:
+        """What the recording is about, and what viewers call it; in the file when this returns."""
         texts = [rr.components.TextBatch([text]).described(rr.ComponentDescriptor(n)) for n, text in values.items()]
         self._stream.send_property(entities.PROPERTY, texts)
+        if name:
+            self._stream.send_recording_name(name)
         self.flush()
-
-    def send_name(self, name: str) -> None:
-        """What viewers call the recording."""
-        self._stream.send_recording_name(name)
 
     def send_blueprint(self, blueprint: rrb.Blueprint) -> None:
         """How the recording looks when it is opened."""

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from rerun.chunk import Chunk
-
-from verefine_viz.recording import entities
 from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.entities import MAPS, SCENE_MAPS
 from verefine_viz.recording.reader import Recorded, existing, final_path, has_content, read_recording
 from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, saved_chunks
 from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port, has_display, start_viewer
@@ -62,18 +60,17 @@ def completed(recorded: Recorded, folder: Path) -> Path:
         InputError: the disk does not take it.
     """
     target = folder / final_path(recorded.path).name
-    chunks: list[Chunk] = []
-    if has_content(recorded.path):
-        chunks, _ = saved_chunks(recorded.path)
-    maps = [chunk for chunk in chunks if entities.is_score_map(chunk.entity_path)]
+    chunks = saved_chunks(recorded.path)[0] if has_content(recorded.path) else []
+    maps = [chunk for chunk in chunks if chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))]
     file = RecordingFile(target)
-    file.send_properties({name: text for name, text in recorded.properties.items() if name != COMPLETE})
-    file.send_name(f"{recorded.title} {recorded.frame} {recorded.session.method.name}")
+    about = {name: text for name, text in recorded.properties.items() if name != COMPLETE}
+    file.send_properties(about, f"{recorded.title} {recorded.frame} {recorded.session.method.name}")
     file.send_blueprint(blueprint_of(recorded.layout, bool(maps)))
     drawing = Drawing(recorded.layout)
     drawing.start(file)
     # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.
-    file.send_chunks([*(c for c in chunks if c.is_static and not c.entity_path.startswith("/__properties")), *maps])
+    fixed = [c for c in chunks if c.is_static and not c.entity_path.startswith("/__properties")]
+    file.send_chunks([*fixed, *(chunk for chunk in maps if not chunk.is_static)])
     if recorded.entries:
         drawing.draw(file, recorded.entries)
     file.close(len(recorded.entries))
