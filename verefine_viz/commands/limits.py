@@ -8,7 +8,7 @@ import os
 from verefine_viz.core.errors import SettingsError, quoted
 
 MOST_PER_CORE = 4
-"""More than the cores save no time, and a process takes up to 1 GB; a few more are nobody's mistake."""
+"""More than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
 MOST_SEEDS = 1000
 """Of a sweep or a study; the paper has 10 to 20 repetitions."""
 MOST_MEMORY_GB = 100_000

@@ -1,4 +1,4 @@
-"""Lock files: held by one process at a time, let go of by the system when that process ends, however it ends.
+"""Lock files: held by one process at a time, released by the system when that process ends, however it ends.
 
 A lock file may be one that holds something (a journal). It is opened without being emptied, and never through a link:
 what a link leads to belongs to somebody else.

@@ -49,7 +49,7 @@ def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: P
     paths = (str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH"))
     # Waiting threads would spend processor time as well.
     settings = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OMP_WAIT_POLICY": "passive"}
-    # Files, not pipes: nobody has to read while the other writes.
+    # Files, not pipes: neither side waits for the other.
     with TemporaryFile() as mesh, TemporaryFile() as answer, TemporaryFile() as said:
         np.savez(mesh, vertices=vertices, faces=faces)
         mesh.seek(0)
