@@ -9,7 +9,6 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 
 pytestmark = pytest.mark.browser
 
@@ -44,11 +43,11 @@ def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None
 def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     screen.app.send(c.RunUntil("end"))
-    screen.app.send(s.CompareRun((("method.name", "sir"),)))
+    screen.app.send(c.CompareRun((("method.name", "sir"),)))
     screen.app.wait_until_idle(240)
     screen.tab("A/B")
     assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))
-    screen.app.send(s.StopComparing())
+    screen.app.send(c.StopComparing())
     screen.app.send(c.ProbePixel(330, 250))
     screen.app.wait_until_idle(60)
     screen.page.get_by_role("tab", name="Score", exact=True).first.click(timeout=SLOW_MS)
@@ -65,7 +64,7 @@ def test_tables_and_settings_of_several_objects_fit_on_a_small_screen(look: Look
     method = {"name": "vf_depth", "iterations": 1}
     screen = look(saved(tmp_path, scene={"demo": "clutter"}, hypotheses={"max_per_object": 2}, method=method))
     screen.app.send(c.RunUntil("end"))
-    screen.app.send(s.CompareRun((("method.name", "rir"),)))
+    screen.app.send(c.CompareRun((("method.name", "rir"),)))
     screen.app.wait_until_idle(240)
     screen.tab("A/B")
     assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))

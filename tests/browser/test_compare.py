@@ -8,7 +8,6 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 
 pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
@@ -69,7 +68,7 @@ def test_published_against_recommended_on_the_mug(look: Look) -> None:
 def test_two_pages_and_both_sliders_show_the_same_moment(look: Look, chromium: object) -> None:
     screen = look(MUG)
     screen.app.send(c.RunUntil("end"))
-    screen.app.send(s.CompareRun((("method.name", "sir"),)))
+    screen.app.send(c.CompareRun((("method.name", "sir"),)))
     screen.tab("A/B")
     screen.text(r"^moment 25 / 25")
     other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]

@@ -21,7 +21,7 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import serving
-from verefine_viz.viewer.comparison_commands import OpenRecording
+from verefine_viz.viewer.commands import OpenRecording
 from verefine_viz.viewer.debugger import Debugger
 
 MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}

@@ -17,7 +17,6 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import CANCELLED, App
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.debugger import Debugger
@@ -89,7 +88,7 @@ LONG = {
     "another frame": lambda app: c.OpenFrame(SLOW),
     "new initial poses": restarting,
     "another session": opening,
-    "B of a comparison": lambda app: s.CompareRun((("hypotheses.seed", 1),)),
+    "B of a comparison": lambda app: c.CompareRun((("hypotheses.seed", 1),)),
 }
 
 

@@ -17,7 +17,6 @@ from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
@@ -26,7 +25,7 @@ from verefine_viz.viewer.panels.compare import computing
 
 def test_b_is_computed_beside_the_open_run() -> None:
     d = debugger().carry_out([TWO, c.RunUntil("end"), c.Seek(3)])
-    d.apply(s.CompareRun(SIR))
+    d.apply(c.CompareRun(SIR))
     d.tick()
     assert sides(d).running
     assert sides(d).effort_b.iterations == 1
@@ -35,10 +34,10 @@ def test_b_is_computed_beside_the_open_run() -> None:
     d.apply(c.ColorCloud())
     d.apply(c.TurnPage(0))
     assert d.comparison.is_running, "looking around does not disturb it"
-    d.apply(s.PauseB())
+    d.apply(c.PauseB())
     assert not d.comparison.is_running
     assert sides(d).effort_b.iterations == 1
-    d.carry_out([s.RunB()])
+    d.carry_out([c.RunB()])
     assert sides(d).effort_b.iterations == sides(d).effort_b.planned == 4
     assert not sides(d).running
 
@@ -48,7 +47,7 @@ def test_b_waits_for_a_run_that_is_on() -> None:
     d.apply(TWO)
     d.apply(c.RunUntil("end"))
     d.tick()
-    d.apply(s.CompareRun(SIR))
+    d.apply(c.CompareRun(SIR))
     assert "when A is through" in computing(sides(d), a_is_running=True)
     d.tick()
     assert (d.workspace.run.length, sides(d).effort_b.iterations) == (2, 0), "A goes on first"
@@ -63,16 +62,16 @@ def test_b_waits_for_a_run_that_is_on() -> None:
 
 def test_a_branch_can_be_b_and_is_refused_when_there_is_none() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.Fork((("method.exploration", 5.0),), 2, run=True)])
-    d.carry_out([s.CompareBranch(0)])
+    d.carry_out([c.CompareBranch(0)])
     v = sides(d)
     assert v.differences.deed is not None
     assert v.differences.deed.place > 2
     with pytest.raises(InputError, match="there is no branch 7 to compare with; this frame has 2"):
-        d.carry_out([s.CompareBranch(7)])
+        d.carry_out([c.CompareBranch(7)])
     d.carry_out([c.Restart()])
     assert d.view().comparison is None, "a restart takes the branches away, and with them the comparison"
     with pytest.raises(InputError, match="there is no branch 1 to compare with; this frame has 1"):
-        d.carry_out([s.CompareBranch(1)])
+        d.carry_out([c.CompareBranch(1)])
 
 
 class FewerStarts(FakeTools):
@@ -88,7 +87,7 @@ class FewerStarts(FakeTools):
 def test_b_with_other_first_poses_and_another_order_is_shown_as_it_is() -> None:
     d = Debugger(SESSION, None, FewerStarts).carry_out([TWO])
     changes = (("hypotheses.max_per_object", 1), ("dependency.order", (("#1", "#0"),)), ("method.name", "vf_breadth"))
-    view = d.carry_out([s.CompareRun(changes), s.SwapSides(), c.ShowScene()]).view()
+    view = d.carry_out([c.CompareRun(changes), c.SwapSides(), c.ShowScene()]).view()
     problem = d.workspace.run.problem
     assert view.problem is problem
     assert [o.instance_id for o in view.scene.objects] == [1, 0]
@@ -96,10 +95,10 @@ def test_b_with_other_first_poses_and_another_order_is_shown_as_it_is() -> None:
 
 
 def test_b_that_became_the_open_run_is_restarted_and_kept_with_its_own_settings() -> None:
-    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), s.SwapSides()])
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.SwapSides()])
     assert d.workspace.session.method.name == "sir"
-    assert d.carry_out([s.SwapSides()]).workspace.session.method.name == "rir"
-    d.carry_out([s.SwapSides(), c.Restart((("method.iterations", 3),)), c.RunUntil("end")])
+    assert d.carry_out([c.SwapSides()]).workspace.session.method.name == "rir"
+    d.carry_out([c.SwapSides(), c.Restart((("method.iterations", 3),)), c.RunUntil("end")])
     assert d.view().session.method.name == "sir"
     assert d.workspace.run.length == 6
     assert d.carry_out([c.OpenFrame("0/1")]).view().session.method.name == "sir", "as all frames of the session"
@@ -107,7 +106,7 @@ def test_b_that_became_the_open_run_is_restarted_and_kept_with_its_own_settings(
 
 @pytest.mark.parametrize(
     "command",
-    [s.RunB(), s.SwapSides(), s.SeekMoment(1), s.StepMoment(1), s.SeekDifference(), s.ShowSide("A"), s.StopComparing()],
+    [c.RunB(), c.SwapSides(), c.SeekMoment(1), c.StepMoment(1), c.SeekDifference(), c.ShowSide("A"), c.StopComparing()],
 )
 def test_without_b_the_page_says_what_to_do(command: c.Command) -> None:
     with pytest.raises(InputError, match="nothing is compared yet; choose what B is in the A/B panel first"):
@@ -124,10 +123,10 @@ def test_without_b_the_page_says_what_to_do(command: c.Command) -> None:
     ],
 )
 def test_nonsense_is_refused_in_one_line_and_changes_nothing(changes: Any, words: str) -> None:
-    d = debugger().carry_out([c.Step(), s.CompareRun(SIR)])
+    d = debugger().carry_out([c.Step(), c.CompareRun(SIR)])
     before = debugger().carry_out(d.log)
     with pytest.raises(SettingsError, match=words) as caught:
-        d.carry_out([s.CompareRun(changes)])
+        d.carry_out([c.CompareRun(changes)])
     assert "\n" not in str(caught.value)
     same(d, before)
 
@@ -137,9 +136,9 @@ ANY_MOVE = st.sampled_from(
         c.Step(), c.Back(), c.Seek(3), c.SeekEnd(), c.RunUntil("end"), c.RunTo(4), c.Restart(), c.OpenFrame("0/1"),
         c.OpenFrame("0/2"), c.Focus(0), c.Fork((("method.exploration", 0.3),), 0, run=True), c.ShowBranch(0),
         c.ShowBranch(1), c.ShowLayer("hypotheses"), c.ShowLayer("accepted", False), c.TogglePause(), c.ColorCloud(),
-        s.CompareRun(SIR), s.CompareRun(SIR, run=False), s.CompareRun((("preset", "published"),)), s.CompareBranch(0),
-        s.CompareBranch(1), s.RunB(), s.RunB(2), s.PauseB(), s.StopComparing(), s.SwapSides(), s.SeekMoment(2),
-        s.SeekMoment(9), s.StepMoment(-1), s.SeekDifference(), s.ShowSide("B"), s.ShowSidePoses("kept"),
+        c.CompareRun(SIR), c.CompareRun(SIR, run=False), c.CompareRun((("preset", "published"),)), c.CompareBranch(0),
+        c.CompareBranch(1), c.RunB(), c.RunB(2), c.PauseB(), c.StopComparing(), c.SwapSides(), c.SeekMoment(2),
+        c.SeekMoment(9), c.StepMoment(-1), c.SeekDifference(), c.ShowSide("B"), c.ShowSidePoses("kept"),
     ]
 )  # fmt: skip
 

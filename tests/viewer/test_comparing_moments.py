@@ -7,27 +7,26 @@ import numpy as np
 from tests.viewer.two_runs import SIR, TWO, debugger, sides
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.drawing.comparison_tables import now_table
 
 
 def test_both_move_along_one_timeline() -> None:
-    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)])
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])
     v = sides(d)
     # Three hypotheses and K = 2: A takes six refiner calls an object, B two.
     assert len(v.timeline) == 12
     assert v.place == 12
-    d.carry_out([s.SeekMoment(2)])
+    d.carry_out([c.SeekMoment(2)])
     v = sides(d)
     assert (v.place, d.workspace.run.cursor) == (2, 2)
     assert v.moment is not None
     assert (v.moment.a, v.moment.b) == (2, 2)
-    d.carry_out([s.StepMoment(1)])
+    d.carry_out([c.StepMoment(1)])
     v = sides(d)
     assert v.moment is not None
     assert (v.place, v.moment.b) == (3, None)
     assert "B ■" in now_table(v)
-    d.carry_out([s.ShowSidePoses("kept")])
+    d.carry_out([c.ShowSidePoses("kept")])
     v = sides(d)
     assert v.now_b is not None
     assert v.now_b.iteration == 2, "B stays where it was when A goes on alone"
@@ -35,29 +34,29 @@ def test_both_move_along_one_timeline() -> None:
     v = sides(d)
     assert v.moment is not None
     assert (v.moment.a, v.moment.b) == (8, 4), "A's own slider moves both"
-    d.carry_out([s.SeekMoment(0)])
+    d.carry_out([c.SeekMoment(0)])
     assert sides(d).place == 0
     assert d.workspace.run.cursor == 0
-    assert sides(d.carry_out([s.SeekMoment(99)])).place == 12
+    assert sides(d.carry_out([c.SeekMoment(99)])).place == 12
 
 
 def test_moments_that_only_b_has_can_be_reached() -> None:
     d = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
-    d.carry_out([TWO, c.RunUntil("end"), s.CompareRun((("method.iterations", 3),))])
+    d.carry_out([TWO, c.RunUntil("end"), c.CompareRun((("method.iterations", 3),))])
     assert len(sides(d).timeline) == 6
-    d.carry_out([s.SeekMoment(3)])
+    d.carry_out([c.SeekMoment(3)])
     v = sides(d)
     assert v.moment is not None
     assert (v.place, v.moment.a, v.moment.b, d.workspace.run.cursor) == (3, None, 3, 1)
     assert d.view().target.instance.instance_id == 0
-    d.carry_out([s.SeekMoment(6)])
+    d.carry_out([c.SeekMoment(6)])
     assert (sides(d).place, d.workspace.run.cursor) == (6, 2)
 
 
 def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
-    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), s.SeekMoment(2)])
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.SeekMoment(2)])
     before = sides(d)
-    d.carry_out([s.SwapSides()])
+    d.carry_out([c.SwapSides()])
     after = sides(d)
     assert (after.name_a, after.name_b) == (before.name_b, before.name_a) == ("sir", "rir")
     assert after.moment is not None
@@ -69,57 +68,57 @@ def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
     for k, (T_a, T_b) in before.poses.items():
         np.testing.assert_array_equal(after.poses[k][0], T_b)
         np.testing.assert_array_equal(after.poses[k][1], T_a)
-    d.carry_out([s.SwapSides()])
+    d.carry_out([c.SwapSides()])
     assert sides(d).place == before.place
 
 
 def test_stage_layers_are_put_away_and_come_back() -> None:
     d = debugger().carry_out([c.Step()])
     before = d.view().options.layers
-    d.carry_out([s.CompareRun(SIR)])
+    d.carry_out([c.CompareRun(SIR)])
     assert not d.view().options.layers & {"simulated", "refined", "accepted", "hypotheses"}
     assert {"cloud", "ground truth"} <= d.view().options.layers
     d.carry_out([c.ShowLayer("hypotheses")])
     assert "hypotheses" in d.view().options.layers
-    d.carry_out([s.StopComparing()])
+    d.carry_out([c.StopComparing()])
     assert d.view().options.layers == before
     assert d.view().comparison is None
 
 
 def test_sides_can_be_hidden_and_show_best_or_kept() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),)), s.ShowSide("B")])
+    d = debugger().carry_out([c.RunUntil("end"), c.CompareRun((("method.exploration", 5.0),)), c.ShowSide("B")])
     assert sides(d).shown == {"A"}
-    assert sides(d.carry_out([s.ShowSide("B")])).shown == {"A", "B"}
-    d.carry_out([s.SeekMoment(3), s.ShowSidePoses("kept")])
+    assert sides(d.carry_out([c.ShowSide("B")])).shown == {"A", "B"}
+    d.carry_out([c.SeekMoment(3), c.ShowSidePoses("kept")])
     v = sides(d)
     T_a, T_b = v.poses[0]
     runs = [b.run for b in d.workspace.work.branches]
     np.testing.assert_array_equal(T_a, runs[0].iterations[2].accepted_stage.T_cam_obj)
     np.testing.assert_array_equal(T_b, runs[1].iterations[2].accepted_stage.T_cam_obj)
-    T_a, T_b = sides(d.carry_out([s.ShowSidePoses("best")])).poses[0]
+    T_a, T_b = sides(d.carry_out([c.ShowSidePoses("best")])).poses[0]
     np.testing.assert_array_equal(T_a, runs[0].iterations[2].best.T_cam_obj)
     np.testing.assert_array_equal(T_b, runs[1].iterations[2].best.T_cam_obj)
 
 
 def test_a_pose_is_told_with_the_iteration_and_the_hypothesis_that_made_it() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),))])
+    d = debugger().carry_out([c.RunUntil("end"), c.CompareRun((("method.exploration", 5.0),))])
     best, last = d.workspace.run.iterations[-1].best, d.workspace.run.iterations[-1]
     assert (best.iteration, best.arm) != (last.index, last.arm), "else this proves nothing"
     now = sides(d).now_a
     assert now is not None
     assert (now.iteration, now.arm, now.stage, now.score) == (best.iteration, best.arm, best.stage, best.score.score)
     assert f"<td>{best.iteration}</td><td>{best.arm + 1}</td><td>{best.stage}</td>" in now_table(sides(d))
-    now = sides(d.carry_out([s.ShowSidePoses("kept")])).now_a
+    now = sides(d.carry_out([c.ShowSidePoses("kept")])).now_a
     assert now is not None
     assert (now.iteration, now.arm, now.stage) == (last.index, last.arm, last.accepted)
-    d.carry_out([s.SeekMoment(0)])
+    d.carry_out([c.SeekMoment(0)])
     now, first = sides(d).now_a, d.workspace.run.state_at(0).best[0]
     assert now is not None
     assert (now.iteration, now.arm, now.stage) == (0, first.arm, "initial")
 
 
 def test_curves_run_over_the_calls_of_the_object_in_focus() -> None:
-    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR), c.Focus(0)])
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.Focus(0)])
     curves = sides(d).curves
     assert curves.calls == (0, 1, 2, 3, 4, 5, 6)
     assert len(curves.score_a) == len(curves.score_b) == 7

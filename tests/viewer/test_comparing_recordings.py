@@ -11,14 +11,13 @@ from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, sam
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.drawing.comparison_tables import summary
 
 
 def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:
     path = record(tmp_path / "rir.rrd", SESSION)
-    d = page().carry_out([TWO, c.RunUntil("end"), s.CompareRecording(str(path))])
+    d = page().carry_out([TWO, c.RunUntil("end"), c.CompareRecording(str(path))])
     v = sides(d)
     assert "did the same in all 12 iterations that both have made, bit for bit" in summary(v)
     assert {o.winner for o in v.outcomes} == {"even"}
@@ -29,17 +28,17 @@ def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:
 def test_two_recordings_from_disk(tmp_path: Path) -> None:
     one = record(tmp_path / "rir.rrd", SESSION)
     other = record(tmp_path / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2)))
-    d = page().carry_out([s.OpenRecording(str(one)), s.CompareRecording(str(other))])
+    d = page().carry_out([c.OpenRecording(str(one)), c.CompareRecording(str(other))])
     assert d.workspace.frame == "0/2"
     v = sides(d)
     assert (v.name_a, v.name_b) == ("rir, rir.rrd", "sir, sir.rrd")
     assert (v.effort_a.iterations, v.effort_b.iterations) == (12, 4)
     assert d.workspace.run.cursor == 0
-    for command in (c.Step(), s.SeekDifference(), s.SwapSides(), c.SelectArm(0), s.SeekMoment(99), c.Focus(1)):
+    for command in (c.Step(), c.SeekDifference(), c.SwapSides(), c.SelectArm(0), c.SeekMoment(99), c.Focus(1)):
         d.carry_out([command])
         d.view()
-    live = page().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)])
-    ours, theirs = sides(d.carry_out([s.SwapSides(), s.SeekMoment(99)])), sides(live)
+    live = page().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])
+    ours, theirs = sides(d.carry_out([c.SwapSides(), c.SeekMoment(99)])), sides(live)
     assert [m.key for m in ours.timeline.moments] == [m.key for m in theirs.timeline.moments]
     assert ours.differences.deed == theirs.differences.deed
     assert [o.winner for o in ours.outcomes] == [o.winner for o in theirs.outcomes]
@@ -47,20 +46,20 @@ def test_two_recordings_from_disk(tmp_path: Path) -> None:
 
 def test_a_recording_is_not_continued_but_can_be_run_again(tmp_path: Path) -> None:
     path = record(tmp_path / "rir.rrd", SESSION)
-    d = page().carry_out([s.OpenRecording(str(path)), c.Seek(3)])
+    d = page().carry_out([c.OpenRecording(str(path)), c.Seek(3)])
     with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued"):
         d.carry_out([c.Fork((("method.exploration", 5.0),))])
-    d.carry_out([s.CompareRun((("method.exploration", 5.0),))])
+    d.carry_out([c.CompareRun((("method.exploration", 5.0),))])
     assert sides(d).effort_b.iterations == 12
     d.carry_out([c.Restart()])
     assert d.workspace.run.length == 0
-    d.carry_out([c.RunUntil("end"), s.CompareRecording(str(path))])
+    d.carry_out([c.RunUntil("end"), c.CompareRecording(str(path))])
     assert sides(d).differences.first is None
 
 
 def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(tmp_path: Path) -> None:
     path = record(tmp_path / "rir.rrd", SESSION)
-    d = page().carry_out([s.OpenRecording(str(path)), c.Seek(3), c.EditPose()])
+    d = page().carry_out([c.OpenRecording(str(path)), c.Seek(3), c.EditPose()])
     assert "This run was read from a file, and cannot go on from one" in d.message
     assert "Continue from here" not in d.message
     with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued; .*press Restart"):
@@ -78,7 +77,7 @@ def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> N
     damaged.write_bytes(one.read_bytes()[:200])
     no_rrd = tmp_path / "no.rrd"
     no_rrd.write_text("hello")
-    d = page().carry_out([s.OpenRecording(str(one))])
+    d = page().carry_out([c.OpenRecording(str(one))])
     before = page().carry_out(d.log)
     for path, words in (
         (elsewhere, "elsewhere.rrd shows frame 0/1 of mug, seed 0, A shows frame 0/2 of mug, seed 0; "),
@@ -87,8 +86,8 @@ def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> N
         (no_rrd, "no.rrd is not a rerun recording"),
         (tmp_path / "gone.rrd", "gone.rrd does not exist"),
     ):
-        for command in (s.CompareRecording(str(path)), s.OpenRecording(str(path))):
-            if isinstance(command, s.OpenRecording) and path in (elsewhere, other_scene):
+        for command in (c.CompareRecording(str(path)), c.OpenRecording(str(path))):
+            if isinstance(command, c.OpenRecording) and path in (elsewhere, other_scene):
                 continue
             with pytest.raises(VerefineError) as caught:
                 d.carry_out([command])
@@ -101,18 +100,18 @@ def test_a_page_opens_with_two_recordings_or_says_why_not(tmp_path: Path) -> Non
     one = record(tmp_path / "rir.rrd", SESSION)
     other = record(tmp_path / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2)))
     elsewhere = record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
-    app = App(SESSION, None, port=0, make_tools=Numbered, first=(s.OpenRecording(str(one)),)).start()
+    app = App(SESSION, None, port=0, make_tools=Numbered, first=(c.OpenRecording(str(one)),)).start()
     try:
         app.wait_until_idle()
-        app.send(s.CompareRecording(str(other)))
+        app.send(c.CompareRecording(str(other)))
         app.wait_until_idle()
         assert "A (rir, rir.rrd) and B (sir, sir.rrd) do the same" in app.page.layout.compare._words._handle.content
-        app.send(s.CompareRecording(str(elsewhere)))
+        app.send(c.CompareRecording(str(elsewhere)))
         app.wait_until_idle()
         assert "two runs are compared on the same frame" in app.debugger.message
     finally:
         app.stop()
-    bad = (s.OpenRecording(str(one)), s.CompareRecording(str(elsewhere)))
+    bad = (c.OpenRecording(str(one)), c.CompareRecording(str(elsewhere)))
     app = App(SESSION, None, port=0, make_tools=Numbered, first=bad).start()
     try:
         with pytest.raises(VerefineError, match="two runs are compared on the same frame"):

@@ -14,7 +14,6 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.comparison import Difference
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.comparison_tables import (
     better,
@@ -31,11 +30,11 @@ from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 
 def test_the_first_difference_is_reached_and_said() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun((("method.exploration", 5.0),))])
+    d = debugger().carry_out([c.RunUntil("end"), c.CompareRun((("method.exploration", 5.0),))])
     v = sides(d)
     assert v.differences.deed is not None
     assert v.differences.deed.kind == "hypothesis"
-    d.carry_out([s.SeekDifference()])
+    d.carry_out([c.SeekDifference()])
     v = sides(d)
     assert v.place == v.differences.deed.place  # type: ignore[union-attr]
     assert v.which == "kept"
@@ -47,14 +46,14 @@ def test_the_first_difference_is_reached_and_said() -> None:
 
 
 def test_a_run_beside_itself_has_no_difference_to_jump_to() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), s.CompareRun(), s.SeekDifference()])
+    d = debugger().carry_out([c.RunUntil("end"), c.CompareRun(), c.SeekDifference()])
     assert d.message == "No difference in the 6 iterations that both have made."
     assert "did the same in all 6 iterations that both have made, bit for bit" in summary(sides(d))
     assert {o.winner for o in sides(d).outcomes} == {"even"}
 
 
 def test_scores_by_other_settings_are_not_compared() -> None:
-    d = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun((*SIR, ("score.tau_m", 0.01)))])
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun((*SIR, ("score.tau_m", 0.01)))])
     v = sides(d)
     assert not v.scores_alike
     said = "Scores of A and B are not comparable: score.tau_m is 0.02 in A, 0.01 in B. "
@@ -71,7 +70,7 @@ def test_scores_by_other_settings_are_not_compared() -> None:
 
 
 def test_scores_by_the_same_settings_are_compared() -> None:
-    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun((*SIR, ("score.renderer", "cpu")))]))
+    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun((*SIR, ("score.renderer", "cpu")))]))
     assert scores_note(v) == ""
     assert "⚠" not in outcome_table(v)
     blind = without_truth(v)
@@ -92,7 +91,7 @@ def test_each_side_is_told_with_its_own_scores() -> None:
             scores = super().score(target, Ts_cam_obj, placed)
             return replace(scores, score=scores.score / 10)
 
-    d = Debugger(SESSION, None, Stricter).carry_out([c.RunUntil("end"), s.CompareRun((("score.tau_m", 0.01),))])
+    d = Debugger(SESSION, None, Stricter).carry_out([c.RunUntil("end"), c.CompareRun((("score.tau_m", 0.01),))])
     v = sides(d)
     assert v.now_a is not None
     assert v.now_b is not None
@@ -104,7 +103,7 @@ def test_each_side_is_told_with_its_own_scores() -> None:
 
 
 def test_settings_changed_on_the_way_count() -> None:
-    d = debugger().carry_out([c.RunUntil("end"), c.Fork((("score.alpha", 0.293),), 2, run=True), s.CompareBranch(0)])
+    d = debugger().carry_out([c.RunUntil("end"), c.Fork((("score.alpha", 0.293),), 2, run=True), c.CompareBranch(0)])
     assert "score.alpha is 0.293 in A, 0.707 in B" in scores_note(sides(d))
 
 
@@ -115,7 +114,7 @@ def without_truth(v: ComparisonSnapshot) -> ComparisonSnapshot:
 
 
 def test_settings_without_room_are_in_a_tooltip() -> None:
-    v = sides(debugger().carry_out([s.CompareRun((("preset", "published"),))]))
+    v = sides(debugger().carry_out([c.CompareRun((("preset", "published"),))]))
     shown, _, rest = settings_list(v).partition("title=")
     assert len(v.settings) > 8
     assert shown.count(" → ") == 9, "eight and the heading"
@@ -123,7 +122,7 @@ def test_settings_without_room_are_in_a_tooltip() -> None:
 
 
 def test_without_ground_truth_nobody_is_called_nearer() -> None:
-    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]))
+    v = sides(debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)]))
     assert "is nearer to ground truth on 2 of 2 objects, B on 0." in summary(v)
     means = [sum(o.errors.add_s_mm for o in side) / 2 for side in zip(*((o.a, o.b) for o in v.outcomes), strict=True)]
     assert f">{means[0]:.1f} → {means[1]:.1f}</span>" in outcome_table(v)
@@ -139,7 +138,7 @@ def test_names_from_data_are_text() -> None:
             problem = super().problem(frame)
             return replace(problem, models={k: replace(m, name=evil) for k, m in problem.models.items()})
 
-    d = Debugger(SESSION, None, Evil).carry_out([TWO, c.RunUntil("end"), s.CompareRun()])
+    d = Debugger(SESSION, None, Evil).carry_out([TWO, c.RunUntil("end"), c.CompareRun()])
     v = replace(sides(d), name_a=evil, name_b=evil, settings=(("method.name", evil, evil),))
     shown = "".join([sentence(summary(v)), legend(v), now_table(v), outcome_table(v), settings_list(v)])
     assert "<img src=x" not in shown
@@ -147,15 +146,15 @@ def test_names_from_data_are_text() -> None:
 
 
 def test_a_run_that_ends_earlier_is_said_to_be_done() -> None:
-    said = summary(sides(debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)])))
+    said = summary(sides(debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])))
     assert "Then B is done with box #0 after 2 refiner calls, while A goes on." in said
     shorter = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
-    said = summary(sides(shorter.carry_out([c.RunUntil("end"), s.CompareRun((("method.iterations", 3),))])))
+    said = summary(sides(shorter.carry_out([c.RunUntil("end"), c.CompareRun((("method.iterations", 3),))])))
     assert "do the same for 1 iteration. Then A is done with box after 1 refiner call, while B goes on." in said
 
 
 def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None:
-    v = sides(debugger().carry_out([c.RunUntil("end"), s.CompareRun(SIR)]))
+    v = sides(debugger().carry_out([c.RunUntil("end"), c.CompareRun(SIR)]))
     first = Difference(0, 0, "start", "starts hypothesis 1 of box 3.0 mm and 1.0° away")
     begun = summary(replace(v, differences=replace(v.differences, deed=first)))
     assert begun.startswith("A (rir) and B (sir) begin differently: B starts hypothesis 1 of box 3.0 mm and 1.0° away.")
@@ -165,7 +164,7 @@ def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None
 
 
 def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() -> None:
-    view = debugger().carry_out([TWO, c.RunUntil("end"), s.CompareRun(SIR)]).view()
+    view = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)]).view()
     assert view.comparison is not None
     assert view.frame_score is not None
     assert view.comparison.frame_scores is not None
@@ -175,15 +174,15 @@ def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() 
 
 
 def test_a_name_does_not_say_twice_on_which_side_it_is() -> None:
-    d = debugger().carry_out([TWO, c.RunTo(2), s.CompareRun(), s.RunB()])
+    d = debugger().carry_out([TWO, c.RunTo(2), c.CompareRun(), c.RunB()])
     assert (sides(d).name_a, sides(d).name_b) == ("first run", "same settings")
-    d.carry_out([s.SwapSides()])
+    d.carry_out([c.SwapSides()])
     assert (sides(d).name_a, sides(d).name_b) == ("same settings", "first run")
 
 
 def test_the_list_of_objects_says_how_two_runs_are_drawn() -> None:
     d = debugger().carry_out([TWO, c.RunTo(2)])
     assert "overlaps red" in objects_html(d.view())
-    compared = objects_html(d.carry_out([s.CompareRun(SIR)]).view())
+    compared = objects_html(d.carry_out([c.CompareRun(SIR)]).view())
     assert "3D: A solid, B as an outline." in compared
     assert "overlaps red" not in compared

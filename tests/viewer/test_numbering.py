@@ -11,7 +11,6 @@ from tests.viewer.test_answer import SearchTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, page, record
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.snapshot.snapshot import visit
 
@@ -39,9 +38,9 @@ def test_after_going_back_forking_comparing_and_restarting(name: str, tools: typ
     by_hand = [c.Seek(1), c.EditPose(), DRAGGED, c.ForkFromPose()]
     check(d.carry_out([*by_hand, c.ShowBranch(0), END, c.Fork(WIDER, 1, run=True)]))
     if tools is FakeTools:
-        check(d.carry_out([s.CompareRun(SIR), s.SwapSides()]))
+        check(d.carry_out([c.CompareRun(SIR), c.SwapSides()]))
     check(d.carry_out([c.Restart(), c.Step(), c.OpenFrame("0/1"), END]))
 
 
 def test_of_a_recording(tmp_path: Path) -> None:
-    check(page().carry_out([s.OpenRecording(str(record(tmp_path / "rir.rrd", SESSION)))]))
+    check(page().carry_out([c.OpenRecording(str(record(tmp_path / "rir.rrd", SESSION)))]))

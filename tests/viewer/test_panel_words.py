@@ -13,7 +13,6 @@ from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.session import opened
@@ -32,7 +31,7 @@ LABELS = {
 HELD = {"method.iterations": 5, "method.exploration": 0.7, "physics.enabled": True, "physics.steps": 3}
 
 
-def drawn(*commands: c.Command | s.Command) -> str:
+def drawn(*commands: c.Command) -> str:
     return view_words(Debugger(SESSION, None, FakeTools).carry_out(commands).view(), WITH_BOX)
 
 
@@ -58,7 +57,7 @@ def test_what_the_colours_of_the_cloud_are_of() -> None:
 
 
 def test_two_runs_are_drawn_as_such() -> None:
-    assert drawn(s.CompareRun()).startswith("Drawn: the poses of A, solid, and of B, as an outline. Off:")
+    assert drawn(c.CompareRun()).startswith("Drawn: the poses of A, solid, and of B, as an outline. Off:")
 
 
 def test_settings_that_are_not_the_presets_are_named() -> None:

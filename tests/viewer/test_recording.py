@@ -15,7 +15,6 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
 
@@ -120,7 +119,7 @@ def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_p
 
 
 def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
-    debugger.carry_out([c.RunUntil("end"), s.CompareRun((("method.name", "sir"),)), s.SwapSides()])
+    debugger.carry_out([c.RunUntil("end"), c.CompareRun((("method.name", "sir"),)), c.SwapSides()])
     path = exported(debugger)
     assert read_recording(path).session.method.name == "sir"
     assert verify(path).difference is None

@@ -13,7 +13,6 @@ from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.scene_page import scene_page
@@ -60,7 +59,7 @@ def test_it_names_every_colour_that_is_drawn_with_the_score_of_the_pose(debugger
 def test_colours_of_the_cloud_and_of_two_runs_are_named(debugger: Debugger) -> None:
     html = page(debugger, c.Step(), c.ColorCloud("class"))
     assert all(f"rgb{color}" in html and name in words(html) for name, color in CLASS_COLORS.items())
-    compared = words(page(debugger, s.CompareRun((("method.name", "pir"),)), s.RunB()))
+    compared = words(page(debugger, c.CompareRun((("method.name", "pir"),)), c.RunB()))
     sides = debugger.view().comparison
     assert sides is not None
     assert f"A {sides.name_a}, solid B {sides.name_b}, as an outline" in compared

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-import types
 from dataclasses import fields
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
+
+import msgspec
 
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.viewer import commands, comparison_commands
+from verefine_viz.viewer import commands
 from verefine_viz.viewer.commands import Command
 
 COMMANDS: dict[str, type[Command]] = {
     name: kind
-    for module in (commands, comparison_commands)
-    for name, kind in vars(module).items()
-    if isinstance(kind, type) and issubclass(kind, Command) and kind is not Command
+    for name, kind in vars(commands).items()
+    if isinstance(kind, type) and issubclass(kind, Command) and not kind.__subclasses__()
 }
 """Every command by its name."""
 
@@ -36,44 +36,24 @@ def from_json(text: str) -> Command:
         data = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"not a command: {error}") from None
-    if not isinstance(data, dict) or data.get("command") not in COMMANDS:
-        name = data.get("command") if isinstance(data, dict) else data
+    name = data.pop("command", None) if isinstance(data, dict) else data
+    if not isinstance(name, str) or name not in COMMANDS:
         raise InputError(unknown("command", name, COMMANDS))
-    cls = COMMANDS[data.pop("command")]
+    cls = COMMANDS[name]
     hints = get_type_hints(cls)
-    for name, value in data.items():
-        if name not in {f.name for f in fields(cls)}:
-            raise InputError(f"command {cls.__name__} has no field {name!r}")
-        data[name] = _tuples(value)
-        if not _fits(data[name], hints[name]):
-            raise InputError(f"command {cls.__name__}: {name} = {value!r} is not a {hints[name]}")
+    for field, value in data.items():
+        if field not in {f.name for f in fields(cls)}:
+            raise InputError(f"command {name} has no field {field!r}")
+        data[field] = _tuples(value)
+        try:
+            msgspec.convert(data[field], hints[field])
+        except msgspec.ValidationError as error:
+            raise InputError(f"command {name}: {field} = {value!r} is not right: {error}") from None
     try:
         return cls(**data)
     except TypeError as error:
-        raise InputError(f"command {cls.__name__}: {error}") from None
+        raise InputError(f"command {name}: {error}") from None
 
 
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
-
-
-def _fits(value: Any, hint: Any) -> bool:
-    """Whether a JSON value is of the annotated type; only the kinds of annotation that commands have."""
-    origin, args = get_origin(hint), get_args(hint)
-    if hint is Any:
-        return True
-    if origin is Literal:
-        return value in args
-    if origin in (Union, types.UnionType):
-        return any(_fits(value, a) for a in args)
-    if origin is tuple:
-        if not isinstance(value, tuple):
-            return False
-        if args and args[-1] is Ellipsis:
-            return all(_fits(v, args[0]) for v in value)
-        return len(value) == len(args) and all(_fits(v, a) for v, a in zip(value, args, strict=True))
-    if hint is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    if hint is int:
-        return isinstance(value, int) and not isinstance(value, bool)
-    return isinstance(value, hint)

@@ -1,23 +1,33 @@
-"""Everything a person can ask for, as data: what buttons, keys, links and scripts put into the queue.
+"""Everything that can be asked for, as data: what buttons, keys, links and scripts put into the queue.
 
-A session of work is a list of these, which can be kept as lines of text (:mod:`verefine_viz.viewer.command_json`).
+A session of work is a list of these, which can be saved as lines of text (:mod:`verefine_viz.viewer.command_json`).
 The debugger carries them out in order, on one thread (:mod:`verefine_viz.viewer.debugger`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, dataclass_transform, get_args
 
 from verefine_viz.batch.index import Order
 
 Changes = tuple[tuple[str, Any], ...]
 """Settings to change: (("method.exploration", 0.2), …)."""
+Goal = Literal["end", "event", "breakpoint"]
+CloudColors = Literal["colour", "residual", "class"]
+MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+BatchFilter = Literal["result", "cause", "object", "method", "run"]
+Pose = tuple[float, ...]
+"""The 16 numbers of a T_cam_obj, row by row."""
+Side = Literal["A", "B"]
+SidePose = Literal["best", "kept"]
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class Command:
-    """Base of all commands."""
+    """Base of all commands. What is derived from it is a frozen dataclass."""
 
     latest_wins: ClassVar[bool] = False
     """A newer one of the same kind makes an older one that still waits pointless (sliders, dragging)."""
@@ -32,123 +42,122 @@ class Command:
     keeps_edited_pose: ClassVar[bool] = False
     """It leaves the edited pose as it is."""
     controls_run: ClassVar[bool] = False
-    """It begins or pauses a run, which is logged when it ends."""
+    """It begins or pauses a run: what is logged is where that run ends."""
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
     def logged(self, cursor: int) -> tuple[Command, ...]:
         """What the log holds of it, so that doing that again gives the same; ``cursor``: where the run is after it."""
         return () if self.controls_run else (self,)
 
 
-Goal = Literal["end", "event", "breakpoint"]
-CloudColors = Literal["colour", "residual", "class"]
-MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
-MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
-BatchFilter = Literal["result", "cause", "object", "method", "run"]
-Pose = tuple[float, ...]
-"""The 16 numbers of a T_cam_obj, row by row."""
+# Kinds of commands
+
+
+class MoveCommand(Command):
+    """Shows another part of the history."""
+
+    only_looks = keeps_b_running = True
+
+
+class AdvanceCommand(Command):
+    """Goes on in the open run, and computes what is missing."""
+
+    keeps_b_running = True
+
+
+class OpenCommand(Command):
+    """Changes what is open."""
+
+    is_long = True
+
+
+class ViewCommand(Command):
+    """Changes how it is shown."""
+
+    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+
+
+class ComparisonCommand(Command):
+    """Is about B of a comparison, whatever the open run does."""
+
+    runs_beside = keeps_edited_pose = True
+
 
 # Moving through the run
 
 
-@dataclass(frozen=True)
-class Step(Command):
+class Step(AdvanceCommand):
     """To the end of the iteration that is shown stage by stage, else one iteration forward."""
 
-    keeps_b_running = True
 
-
-@dataclass(frozen=True)
-class StepStage(Command):
+class StepStage(AdvanceCommand):
     """One stage forward: current, simulated, mixed, refined, then the next iteration."""
 
-    keeps_b_running = True
 
-
-@dataclass(frozen=True)
-class Back(Command):
+class Back(MoveCommand):
     """One iteration back."""
 
-    only_looks = keeps_b_running = True
 
-
-@dataclass(frozen=True)
-class Seek(Command):
+class Seek(MoveCommand):
     """To an iteration that was computed already; 0 = before the first."""
 
-    latest_wins = only_looks = keeps_b_running = True
+    latest_wins = True
     cursor: int
 
 
-@dataclass(frozen=True)
-class SeekStage(Command):
+class SeekStage(MoveCommand):
     """To one stage of an iteration."""
-
-    only_looks = keeps_b_running = True
 
     cursor: int
     stage: str
 
 
-@dataclass(frozen=True)
-class SeekEnd(Command):
+class SeekEnd(MoveCommand):
     """To the last iteration that was computed."""
 
-    only_looks = keeps_b_running = True
 
-
-@dataclass(frozen=True)
-class SeekEvent(Command):
+class SeekEvent(MoveCommand):
     """To the next (+1) or previous (−1) mark on the timeline, among the iterations that were computed."""
-
-    only_looks = keeps_b_running = True
 
     direction: int
 
 
-@dataclass(frozen=True)
-class RunUntil(Command):
+class RunUntil(AdvanceCommand):
     """Compute on, to the end, the next event, or a breakpoint; breakpoints stop all of them."""
 
-    keeps_b_running = controls_run = True
-
+    controls_run = True
     goal: Goal = "end"
 
 
-@dataclass(frozen=True)
-class RunTo(Command):
+class RunTo(AdvanceCommand):
     """Compute on until the timeline holds this many iterations, breakpoints or not."""
 
-    keeps_b_running = controls_run = True
-
+    controls_run = True
     length: int
 
 
-@dataclass(frozen=True)
 class Pause(Command):
     """Stop computing after the iteration at hand."""
 
     keeps_edited_pose = controls_run = True
 
 
-@dataclass(frozen=True)
 class Cancel(Command):
     """End what takes long and is being done, with everything as it was before; does not wait for its turn."""
 
     keeps_edited_pose = controls_run = True
 
 
-@dataclass(frozen=True)
 class TogglePause(Command):
     """Run if paused, pause if running."""
 
     controls_run = True
 
 
-@dataclass(frozen=True)
-class Restart(Command):
+class Restart(OpenCommand):
     """Back to before iteration 1 with an empty timeline, settings changed if any are given."""
-
-    is_long = True
 
     changes: Changes = ()
 
@@ -156,45 +165,32 @@ class Restart(Command):
 # What is open, and how it is solved
 
 
-@dataclass(frozen=True)
-class OpenFrame(Command):
+class OpenFrame(OpenCommand):
     """Another frame of the session, ``scene/image``."""
-
-    is_long = True
 
     frame: str
 
 
-@dataclass(frozen=True)
-class OpenDemo(Command):
+class OpenDemo(OpenCommand):
     """Another built-in scene."""
-
-    is_long = True
 
     name: str
 
 
-@dataclass(frozen=True)
-class OpenSession(Command):
+class OpenSession(OpenCommand):
     """A session file."""
-
-    is_long = True
 
     path: str
 
 
-@dataclass(frozen=True)
-class Estimate(Command):
+class Estimate(OpenCommand):
     """New initial poses for one object of the open frame, as a new branch; the others of the frame stay."""
-
-    is_long = True
 
     instance_id: int
     estimator: Literal["ppf", "pcs", "session"]
     """session: back to those that the session gives its other objects."""
 
 
-@dataclass(frozen=True)
 class Fork(Command):
     """A new branch from iteration ``cursor`` on (None = where we are), with settings changed."""
 
@@ -207,105 +203,82 @@ class Fork(Command):
         return (replace(self, run=False),)
 
 
-@dataclass(frozen=True)
 class ForkFromPose(Command):
     """A new branch from where we are, in which the edited pose replaces the arm's current one."""
 
     keeps_edited_pose = True
 
 
-@dataclass(frozen=True)
 class ShowBranch(Command):
     """Another branch of this frame's runs."""
 
     index: int
 
 
-@dataclass(frozen=True)
 class SetBreakpoints(Command):
     """When a running method should stop and wait."""
 
     runs_beside = keeps_edited_pose = keeps_b_running = True
-
     changes: Changes
 
 
-# Looking
+# What is shown
 
 
-@dataclass(frozen=True)
 class Focus(Command):
     """An object of the frame, to which the page is then filtered; None = always the one that is worked on."""
 
     runs_beside = only_looks = keeps_b_running = True
-
     instance_id: int | None = None
 
 
-@dataclass(frozen=True)
 class ShowScene(Command):
     """The whole scene instead of one object, until one is chosen."""
 
     runs_beside = only_looks = True
 
 
-@dataclass(frozen=True)
 class SelectArm(Command):
     """Another hypothesis, whose history is shown; None = the one at work."""
 
     runs_beside = only_looks = keeps_b_running = True
-
     arm: int | None
 
 
-@dataclass(frozen=True)
-class Compare(Command):
+class Compare(ViewCommand):
     """Two stages side by side."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     a: str | None = None
     b: str | None = None
 
 
-@dataclass(frozen=True)
-class ShowMap(Command):
+class ShowMap(ViewCommand):
     """Which score map lies on the camera image in 3D, and is large in the Score panel."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     name: str
 
 
-@dataclass(frozen=True)
-class ProbePixel(Command):
+class ProbePixel(ViewCommand):
     """The numbers of one pixel of the score maps."""
 
-    latest_wins = runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+    latest_wins = True
     u: int
     v: int
 
 
-@dataclass(frozen=True)
-class ColorCloud(Command):
+class ColorCloud(ViewCommand):
     """What the colours of the observed cloud mean; None = the next of the three."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     by: CloudColors | None = None
 
 
-@dataclass(frozen=True)
-class ShowLayer(Command):
+class ShowLayer(ViewCommand):
     """A layer of the 3D scene on or off; None = the other way."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     name: str
     visible: bool | None = None
 
 
-@dataclass(frozen=True)
 class ScrubPath(Command):
     """One pose of the simulated path; None = hide it."""
 
@@ -313,37 +286,31 @@ class ScrubPath(Command):
     pose: int | None
 
 
-@dataclass(frozen=True)
 class PlayPath(Command):
     """Show the simulated path pose by pose."""
 
     keeps_edited_pose = keeps_b_running = True
 
 
-@dataclass(frozen=True)
 class Animate(Command):
     """Whether a step is shown stage by stage."""
 
     runs_beside = keeps_edited_pose = keeps_b_running = True
-
     on: bool
 
 
-@dataclass(frozen=True)
 class ScoreGroundTruth(Command):
     """Score the ground truth and put it beside the best pose."""
 
     runs_beside = keeps_edited_pose = keeps_b_running = True
 
 
-@dataclass(frozen=True)
 class EditPose(Command):
     """Start or stop editing the selected arm's pose with the gizmo."""
 
     on: bool = True
 
 
-@dataclass(frozen=True)
 class DragPose(Command):
     """The edited pose, while it is dragged."""
 
@@ -354,12 +321,10 @@ class DragPose(Command):
 # Writing files
 
 
-@dataclass(frozen=True)
 class SaveSession(Command):
     """Settings, also those changed on the way, breakpoints and edited poses, to ``sessions/<name>.toml``."""
 
     keeps_edited_pose = True
-
     name: str
     replace: bool = False
     """Whether a file that holds another session, or another branch, may be replaced."""
@@ -367,12 +332,10 @@ class SaveSession(Command):
     """What was typed as settings and is not in use, in words: it is not saved, and that is said."""
 
 
-@dataclass(frozen=True)
 class Export(Command):
     """Write the recording, the 3D scene as one HTML file, the results CSV, or the score maps as PNG."""
 
     runs_beside = is_long = keeps_edited_pose = keeps_b_running = True
-
     what: Literal["recording", "scene", "results", "maps", "commands"]
     client: int | None = None
     """The browser that asked, which gets the file as well; None = it is only written."""
@@ -384,11 +347,8 @@ class Export(Command):
 # The gallery of a batch
 
 
-@dataclass(frozen=True)
-class OpenAt(Command):
+class OpenAt(OpenCommand):
     """A frame at one of its iterations, computed up to there if need be."""
-
-    is_long = True
 
     frame: str
     iteration: int
@@ -401,56 +361,42 @@ class OpenAt(Command):
         return (replace(self, iteration=cursor),)
 
 
-@dataclass(frozen=True)
-class OpenFailure(Command):
+class OpenFailure(OpenCommand):
     """The next (+1) or previous (−1) answer of the gallery, in its order and among what its filters leave."""
-
-    is_long = True
 
     direction: int
 
 
-@dataclass(frozen=True)
-class OpenPoint(Command):
+class OpenPoint(OpenCommand):
     """The answer whose point in the plot of score over error lies nearest."""
-
-    is_long = True
 
     u: int
     v: int
 
 
-@dataclass(frozen=True)
-class SortBatch(Command):
+class SortBatch(ViewCommand):
     """The order in which a batch's answers are listed."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     order: Order
 
 
-@dataclass(frozen=True)
-class FilterBatch(Command):
+class FilterBatch(ViewCommand):
     """Which of a batch's answers are listed; every filter counts until it is set to "all"."""
-
-    runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
 
     by: BatchFilter
     value: str
 
 
-@dataclass(frozen=True)
-class TurnPage(Command):
+class TurnPage(ViewCommand):
     """Another page of the gallery, counted from 0."""
 
-    latest_wins = runs_beside = only_looks = keeps_edited_pose = keeps_b_running = True
+    latest_wins = True
     page: int
 
 
 # The order in which objects are solved; each restarts the run
 
 
-@dataclass(frozen=True)
 class CutDependency(Command):
     """Let what is seen between two instances count no more, or count again."""
 
@@ -460,7 +406,6 @@ class CutDependency(Command):
     cut: bool = True
 
 
-@dataclass(frozen=True)
 class MoveInOrder(Command):
     """Solve an object one place earlier (−1) or later (+1).
 
@@ -471,6 +416,95 @@ class MoveInOrder(Command):
     by: int
 
 
-@dataclass(frozen=True)
 class ResetOrder(Command):
     """Back to the order of the rule."""
+
+
+# Two runs compared: A is the run that is open, B stands beside it
+
+
+class CompareRun(ComparisonCommand):
+    """B is a new run of the same frame from its start, with the settings of the open run and these changes.
+
+    ("preset", "published") among them sets all that the preset sets.
+    """
+
+    is_long = True
+    changes: Changes = ()
+    more: str = ""
+    """Further changes, as they are typed: "score.tau_m = 0.01; physics.collider = hull"."""
+    run: bool = True
+    """Whether to compute it to its end at once."""
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return (replace(self, run=False),)
+
+
+class CompareBranch(ComparisonCommand):
+    """B is another branch of this frame."""
+
+    index: int
+
+
+class CompareRecording(ComparisonCommand):
+    """B is a recording of this frame (.rrd)."""
+
+    is_long = True
+    path: str
+
+
+class OpenRecording(OpenCommand):
+    """A recording as the open run (.rrd), on the frame that it was made of."""
+
+    path: str
+
+
+class RunB(ComparisonCommand):
+    """Compute B on until it holds this many iterations; None = to its end. The open run is left alone."""
+
+    controls_run = True
+    length: int | None = None
+
+
+class PauseB(ComparisonCommand):
+    """Stop computing B after the iteration at hand."""
+
+    controls_run = True
+
+
+class StopComparing(ComparisonCommand):
+    """Show the open run alone again; B stays as a branch."""
+
+
+class SwapSides(Command):
+    """B becomes the open run, and A stands beside it."""
+
+
+class SeekMoment(MoveCommand):
+    """Both runs to a place on their common timeline; 0 = before the first."""
+
+    latest_wins = True
+    place: int
+
+
+class StepMoment(AdvanceCommand):
+    """Both runs some places further on their common timeline, or back."""
+
+    by: int
+
+
+class SeekDifference(AdvanceCommand):
+    """Both runs to where B first does something otherwise than A."""
+
+
+class ShowSide(ViewCommand):
+    """The poses of A or of B in 3D on or off; None = the other way."""
+
+    side: Side
+    visible: bool | None = None
+
+
+class ShowSidePoses(ViewCommand):
+    """Which poses of both are drawn: the best so far, or what the latest iteration kept."""
+
+    which: SidePose

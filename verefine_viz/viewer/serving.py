@@ -14,8 +14,7 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.comparison_commands import CompareRecording, OpenRecording
+from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
 from verefine_viz.viewer.state.gallery import Gallery
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.session.comparison import Difference
 from verefine_viz.session.outcomes import Answer, Effort, Outcome, Winner, tally
-from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, swatch, table, text, warning
 from verefine_viz.viewer.drawing.tables import NOT_COMPARABLE
@@ -179,7 +179,7 @@ def legend(v: ComparisonSnapshot) -> str:
     a, b = swatch(SIDE_COLORS["A"]), swatch(SIDE_COLORS["B"])
     return (
         f"<p>{a}<b>A</b> {cut(v.name_a, 130)}, solid; {b}<b>B</b> {cut(v.name_b, 130)}, outline; "
-        f"{link('end A/B', s.StopComparing(), 'shows the open run alone again; B stays as a branch')}</p>"
+        f"{link('end A/B', c.StopComparing(), 'shows the open run alone again; B stays as a branch')}</p>"
     )
 
 

@@ -12,7 +12,7 @@ from verefine_viz.core.places import at_home
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.variants import parsed, settings_between, variant
-from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, Tools, nested
 from verefine_viz.viewer.state.state import State
@@ -99,13 +99,13 @@ def _named(changes: Sequence[tuple[str, Any]]) -> str:
 # The commands
 
 
-def compare_run(state: State, command: s.CompareRun) -> None:
+def compare_run(state: State, command: c.CompareRun) -> None:
     """B is a new run of the same frame with changed settings."""
     _put_beside(state, branch_with(state.workspace, (*command.changes, *parsed(command.more))))
     state.comparison.goal = (state.workspace.work.branches[-1], None) if command.run else None
 
 
-def compare_branch(state: State, command: s.CompareBranch) -> None:
+def compare_branch(state: State, command: c.CompareBranch) -> None:
     """B is another branch of the frame."""
     work, index = state.workspace.work, command.index
     if not 0 <= index < len(work.branches):
@@ -113,12 +113,12 @@ def compare_branch(state: State, command: s.CompareBranch) -> None:
     work.comparison = replace(work.comparison or ComparisonChoice(index), b=index, moment=None)
 
 
-def compare_recording(state: State, command: s.CompareRecording) -> None:
+def compare_recording(state: State, command: c.CompareRecording) -> None:
     """B is a recording of the frame."""
     _put_beside(state, branch_read(state.workspace, at_home(command.path)))
 
 
-def run_b(state: State, command: s.RunB) -> None:
+def run_b(state: State, command: c.RunB) -> None:
     """Computes B on."""
     _choice(state)
     branch = state.comparison.branch_b()
@@ -126,13 +126,13 @@ def run_b(state: State, command: s.RunB) -> None:
     state.comparison.goal = (branch, command.length)
 
 
-def stop_comparing(state: State, command: s.StopComparing) -> None:
+def stop_comparing(state: State, command: c.StopComparing) -> None:
     """Shows the open run alone again."""
     _choice(state)
     state.workspace.work.comparison = None
 
 
-def swap_sides(state: State, command: s.SwapSides) -> None:
+def swap_sides(state: State, command: c.SwapSides) -> None:
     """B becomes the open run, at the same moment."""
     choice, work, comparison = _choice(state), state.workspace.work, state.comparison
     compared, place = comparison.compared(), comparison.place()
@@ -144,13 +144,13 @@ def swap_sides(state: State, command: s.SwapSides) -> None:
     _seek(state, swapped.timeline.place(key) or 0)
 
 
-def step_moment(state: State, command: s.StepMoment) -> None:
+def step_moment(state: State, command: c.StepMoment) -> None:
     """Both runs some places further on their common timeline, or back."""
     _choice(state)
     _seek(state, state.comparison.place() + command.by)
 
 
-def seek_difference(state: State, command: s.SeekDifference) -> None:
+def seek_difference(state: State, command: c.SeekDifference) -> None:
     """Both runs to where B first does something otherwise than A."""
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
@@ -163,14 +163,14 @@ def seek_difference(state: State, command: s.SeekDifference) -> None:
     _seek(state, first.place)
 
 
-def show_side(state: State, command: s.ShowSide) -> None:
+def show_side(state: State, command: c.ShowSide) -> None:
     """The poses of A or of B in 3D on or off."""
     choice, side = _choice(state), command.side
     on = side not in choice.shown if command.visible is None else command.visible
     state.workspace.work.comparison = replace(choice, shown=choice.shown | {side} if on else choice.shown - {side})
 
 
-def show_side_poses(state: State, command: s.ShowSidePoses) -> None:
+def show_side_poses(state: State, command: c.ShowSidePoses) -> None:
     """Which poses of both are drawn."""
     state.workspace.work.comparison = replace(_choice(state), poses=command.which)
 
@@ -196,7 +196,7 @@ def _choice(state: State) -> ComparisonChoice:
 
 def _put_beside(state: State, branch: Branch) -> None:
     state.workspace.work.branches.append(branch)
-    compare_branch(state, s.CompareBranch(len(state.workspace.work.branches) - 1))
+    compare_branch(state, c.CompareBranch(len(state.workspace.work.branches) - 1))
 
 
 def _seek(state: State, place: int) -> None:
@@ -210,16 +210,16 @@ def _seek(state: State, place: int) -> None:
 
 
 HANDLERS = {
-    s.CompareRun: compare_run,
-    s.CompareBranch: compare_branch,
-    s.CompareRecording: compare_recording,
-    s.RunB: run_b,
-    s.PauseB: lambda state, command: state.pause_b(),
-    s.StopComparing: stop_comparing,
-    s.SwapSides: swap_sides,
-    s.SeekMoment: lambda state, command: _seek(state, command.place),
-    s.StepMoment: step_moment,
-    s.SeekDifference: seek_difference,
-    s.ShowSide: show_side,
-    s.ShowSidePoses: show_side_poses,
+    c.CompareRun: compare_run,
+    c.CompareBranch: compare_branch,
+    c.CompareRecording: compare_recording,
+    c.RunB: run_b,
+    c.PauseB: lambda state, command: state.pause_b(),
+    c.StopComparing: stop_comparing,
+    c.SwapSides: swap_sides,
+    c.SeekMoment: lambda state, command: _seek(state, command.place),
+    c.StepMoment: step_moment,
+    c.SeekDifference: seek_difference,
+    c.ShowSide: show_side,
+    c.ShowSidePoses: show_side_poses,
 }

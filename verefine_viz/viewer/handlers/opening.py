@@ -12,7 +12,6 @@ from verefine_viz.core.settings import Session
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.comparison_commands import OpenRecording
 from verefine_viz.viewer.handlers.reordering import as_restart
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.state import State
@@ -99,7 +98,7 @@ def open_frame(state: State, command: c.OpenFrame) -> None:
     state.options = state.options.afresh()
 
 
-def open_recording(state: State, command: OpenRecording) -> None:
+def open_recording(state: State, command: c.OpenRecording) -> None:
     """A recording as the open run."""
     state.workspace.open_recording(at_home(command.path))
     state.options = state.options.afresh()
@@ -201,7 +200,7 @@ HANDLERS = {
     c.OpenFrame: open_frame,
     c.OpenDemo: open_demo,
     c.OpenSession: open_session,
-    OpenRecording: open_recording,
+    c.OpenRecording: open_recording,
     c.Fork: fork,
     c.ShowBranch: show_branch,
     c.SaveSession: write,

@@ -8,7 +8,7 @@ import viser
 
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.methods.registry import METHOD_NAMES
-from verefine_viz.viewer import comparison_commands as s
+from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.comparison_tables import (
     legend,
     now_table,
@@ -26,17 +26,17 @@ from verefine_viz.viewer.state.branch import current_values
 from verefine_viz.viewer.text.names import TERMS
 from verefine_viz.viewer.web.viser_internals import compact
 
-MOVES: dict[str, s.Command] = {
-    "◀": s.StepMoment(-1),
-    "▶": s.StepMoment(1),
-    "First difference": s.SeekDifference(),
-    "Swap": s.SwapSides(),
+MOVES: dict[str, c.Command] = {
+    "◀": c.StepMoment(-1),
+    "▶": c.StepMoment(1),
+    "First difference": c.SeekDifference(),
+    "Swap": c.SwapSides(),
 }
-POSES: dict[str, s.SidePose] = {"best so far": "best", "accepted now": "kept"}
+POSES: dict[str, c.SidePose] = {"best so far": "best", "accepted now": "kept"}
 AS_A = "as A"
 ROW_PX = 25
 """So that the answers of six objects fit into the panel."""
-HINTS: dict[s.Side, str] = {"A": "solid", "B": "as an outline (T)"}
+HINTS: dict[c.Side, str] = {"A": "solid", "B": "as an outline (T)"}
 NOTHING = (
     "Nothing is compared yet. Choose below what B is: other settings for this frame, another branch, or a recording."
 )
@@ -55,7 +55,7 @@ class ComparePanel:
         self.slider = gui.add_slider(
             "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
         )
-        self.slider.on_update(by_person(lambda v: send(s.SeekMoment(int(v)))))
+        self.slider.on_update(by_person(lambda v: send(c.SeekMoment(int(v)))))
         gui.add_html(f"<style>{compact(self.moves, ROW_PX)}{compact(self.slider, ROW_PX)}</style>")
         self._now = Block(gui, "errors tight")
         self._outcome = Block(gui, "names")
@@ -65,12 +65,12 @@ class ComparePanel:
         self.score = Chart(gui, 110, self._curves)
         self.error = Chart(gui, 110, self._curves)
         self.poses = gui.add_dropdown("In 3D", tuple(POSES), visible=False, hint="which poses of A and B are drawn")
-        self.poses.on_update(by_person(lambda v: send(s.ShowSidePoses(POSES[v]))))
-        self.shown: dict[s.Side, viser.GuiCheckboxHandle] = {
+        self.poses.on_update(by_person(lambda v: send(c.ShowSidePoses(POSES[v]))))
+        self.shown: dict[c.Side, viser.GuiCheckboxHandle] = {
             side: gui.add_checkbox(f"Show {side}", True, visible=False, hint=hint) for side, hint in HINTS.items()
         }
         for side, box in self.shown.items():
-            box.on_update(by_person(lambda on, side=side: send(s.ShowSide(side, on))))
+            box.on_update(by_person(lambda on, side=side: send(c.ShowSide(side, on))))
         self._settings = Block(gui)
         self.choice = ChoiceOfB(gui, send)
 
@@ -125,12 +125,12 @@ def computing(v: ComparisonSnapshot, a_is_running: bool) -> str:
     """How far B is, and what can be done about it."""
     b = v.effort_b
     if v.running and a_is_running:
-        return f"<p>B begins when A is through, or paused. {link('Leave B for later', s.PauseB())}</p>"
+        return f"<p>B begins when A is through, or paused. {link('Leave B for later', c.PauseB())}</p>"
     if v.running:
-        return f"<p>B: {b.iterations} of {b.planned} iterations. {link('Pause', s.PauseB())}</p>"
+        return f"<p>B: {b.iterations} of {b.planned} iterations. {link('Pause', c.PauseB())}</p>"
     if b.iterations < b.planned:
         said = f"B has made {b.iterations} of {b.planned} iterations."
-        return f"<p>{said} {link('Compute the rest', s.RunB())}</p>"
+        return f"<p>{said} {link('Compute the rest', c.RunB())}</p>"
     return ""
 
 
@@ -158,22 +158,22 @@ class ChoiceOfB:
             self.branch = gui.add_dropdown("Branch", [""], visible=False, hint="a run of this frame as B")
             self.path = gui.add_text("File", "", hint="a recording (.rrd) of this frame")
             self.recording = gui.add_button_group("Recording", ["Open as B", "Open as A"])
-        self.run.on_click(by_person(lambda _: send(s.CompareRun(self.changes(), self.more.value))))
+        self.run.on_click(by_person(lambda _: send(c.CompareRun(self.changes(), self.more.value))))
         self.branch.on_update(by_person(self._chosen(send)))
         self.recording.on_click(
             by_person(
-                lambda label: send((s.CompareRecording if label.endswith("B") else s.OpenRecording)(self.path.value))
+                lambda label: send((c.CompareRecording if label.endswith("B") else c.OpenRecording)(self.path.value))
             )
         )
 
     def _chosen(self, send: Send) -> Any:
         def chosen(label: str) -> None:
             if label in self._branches and label:
-                send(s.CompareBranch(self._branches.index(label) - 1))
+                send(c.CompareBranch(self._branches.index(label) - 1))
 
         return chosen
 
-    def changes(self) -> s.Changes:
+    def changes(self) -> c.Changes:
         """What is set otherwise than in A."""
         values = {name: field.value for name, field in self.fields.items()}
         return tuple((name, v) for name, v in values.items() if v != self._known.get(name))

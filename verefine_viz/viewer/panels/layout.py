@@ -9,7 +9,6 @@ import viser
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.command_json import from_json
 from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch import BatchPanel
@@ -56,9 +55,9 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Colour of the cloud", "C", c.ColorCloud()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
     ("Play the simulated path", "P", c.PlayPath()),
-    ("A/B: first difference", "F", s.SeekDifference()),
-    ("A/B: swap", "X", s.SwapSides()),
-    ("A/B: B on / off", "T", s.ShowSide("B")),
+    ("A/B: first difference", "F", c.SeekDifference()),
+    ("A/B: swap", "X", c.SwapSides()),
+    ("A/B: B on / off", "T", c.ShowSide("B")),
     ("Run to the next event", None, c.RunUntil("event")),
     ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
     ("Pause", None, c.Pause()),

@@ -17,7 +17,7 @@ from verefine_viz.session.comparison import Differences, name_of
 from verefine_viz.session.outcomes import Effort, Outcome, effort_of, outcomes
 from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
-from verefine_viz.viewer.comparison_commands import SidePose
+from verefine_viz.viewer.commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
 from verefine_viz.viewer.state.comparison import Compared, Comparison

@@ -14,8 +14,7 @@ from verefine_viz.core.settings import Change, Session
 from verefine_viz.session.alignment import Key
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
-from verefine_viz.viewer.commands import Changes
-from verefine_viz.viewer.comparison_commands import SidePose
+from verefine_viz.viewer.commands import Changes, SidePose
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 from verefine_viz.viewer.state.timeline_marks import Mark, marks_of, once_per_object
 from verefine_viz.viewer.state.view_options import STAGES
