@@ -17,10 +17,10 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.app import CANCELLED, App
+from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import to_json
-from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.worker import RequestQueue
+from verefine_viz.viewer.debugger import Debugger, RequestQueue
+from verefine_viz.viewer.page import CANCELLED
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 SLOW = "0/2"
@@ -275,14 +275,14 @@ def test_the_program_ends_though_its_session_takes_for_ever_to_open(tmp_path: Pa
 
 def test_that_it_has_to_end_first_is_said_before_it_is_cancelled() -> None:
     said: list[bool] = []
-    requests = RequestQueue(lambda: said.append(requests.are_wanted))
+    requests = RequestQueue(lambda: said.append(requests.is_wanted()))
     requests.send(c.Cancel())
-    assert (said, requests.are_wanted) == ([], True)
+    assert (said, requests.is_wanted()) == ([], True)
     with requests.cancellable():
         requests.send(c.Cancel())
         requests.send(c.Cancel())
-        assert (said, requests.are_wanted) == ([True], False)
-    assert requests.are_wanted
+        assert (said, requests.is_wanted()) == ([True], False)
+    assert requests.is_wanted()
 
 
 def test_a_list_of_commands_may_hold_cancel() -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from time import monotonic
 
 from verefine_viz.session.compiling import COMPILING
+from verefine_viz.viewer.debugger import RequestQueue
 from verefine_viz.viewer.drawing.markup import block, text
 from verefine_viz.viewer.panels.run import RunPanel
 from verefine_viz.viewer.web.server import Server
-from verefine_viz.viewer.worker import RequestQueue
 
 LOADING = "Loading the program."
 BETWEEN_S = 0.12

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
+from contextlib import suppress
 from time import monotonic
 from typing import Literal
 
+from verefine_viz.core.errors import Cancelled, VerefineError
+from verefine_viz.refiners.foreign import raised_by_refiner
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.busy_status import BusyStatus
+from verefine_viz.viewer.debugger import STOP, Debugger, RequestQueue
 from verefine_viz.viewer.panels.layout import Layout
 from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
 from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
 from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.state import Unconfirmed
 from verefine_viz.viewer.web.server import Server
-from verefine_viz.viewer.worker import RequestQueue
+
+_LOG = logging.getLogger(__name__)
+REFRESH_S = 0.12
+"""Time between two pictures while a run is on [s]."""
+CANCELLED = "Cancelled: everything is as it was before."
 
 FRAME_S = 1 / 25
 """Time between two pictures of an animation, and from words to the picture that goes with them [s]."""
@@ -149,3 +159,101 @@ def _lacks_plausibility(view: Snapshot) -> bool:
     """Whether the plausibility of the poses in focus is still to be worked out."""
     missing = any(name not in view.plausible for name in plausibility_stages(view.poses))
     return missing and view.target.observation.support is not None
+
+
+class Worker:
+    """Takes one command after another, has the debugger carry it out and the page show what came of it.
+
+    Args:
+        page: of the debugger.
+        debugger: carries commands out.
+        requests: where they come from.
+        busy: says what is being done.
+    """
+
+    def __init__(self, page: Page, debugger: Debugger, requests: RequestQueue, busy: BusyStatus) -> None:
+        self._page, self._debugger, self._requests, self._busy = page, debugger, requests, busy
+        requests.view_meanwhile = self._view_meanwhile
+
+    def work(self) -> None:
+        """Until the program is stopped."""
+        with suppress(Cancelled):
+            while (command := self._requests.take(0 if self._debugger.is_busy else self._page.wait_s)) is not STOP:
+                self._try_to_carry_out(command)
+
+    def _try_to_carry_out(self, command: c.Command | object | None) -> None:
+        only_shows = not isinstance(command, c.Command) and not self._debugger.is_busy
+        try:
+            self._carry_out(command)
+        except Cancelled:
+            self._give_up(CANCELLED)
+        except Exception as error:  # The page must live on: what went wrong is shown.
+            offer = (error.label, error.command) if isinstance(error, Unconfirmed) else None
+            message = str(error)
+            if not isinstance(error, VerefineError):
+                _LOG.exception("command %s failed", command)
+                message = unforeseen(error)
+            self._give_up(message, refused=True, offer=offer, with_maps=not only_shows)
+
+    def _carry_out(self, command: c.Command | object | None) -> None:
+        if isinstance(command, c.Command):
+            self._page.leave_off()
+            before = self._debugger.run.cursor
+            with self._requests.cancellable(command.is_long):
+                self._debugger.apply(command)
+            if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
+                self.show()
+                self._page.animate(command, before)
+        elif self._debugger.is_busy:
+            with self._requests.cancellable():
+                self._debugger.tick()
+            if not self._debugger.is_busy or self._page.age_s > REFRESH_S:
+                self.show()
+        else:
+            with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it again.
+                self._page.go_on()
+
+    def _give_up(
+        self,
+        message: str,
+        refused: bool = False,
+        offer: tuple[str, c.Command] | None = None,
+        with_maps: bool = True,
+    ) -> None:
+        """Shows what was open before a command that was not carried out, and says why it was not.
+
+        Without score maps where they, or what comes with them, are what could not be shown: or it would go on for ever.
+        """
+        self._page.leave_off()
+        self._debugger.pause()
+        self._debugger.pause_b()
+        self._debugger.message, self._debugger.refused, self._debugger.offer = message, refused, offer
+        self._page.show(with_picture=True, with_maps=with_maps)
+        self._busy.shown()
+
+    def _view_meanwhile(self, command: c.Command) -> None:
+        """Carries out what does not disturb what is being done, and goes on saying what that is."""
+        try:
+            self._debugger.apply(command)
+        except VerefineError as error:
+            self._debugger.message, self._debugger.refused = str(error), True
+        self._page.show(with_picture=True)
+        self._page.go_on()
+        self._page.leave_off()
+        self._busy.repeat()
+
+    def show(self) -> None:
+        """What there is now."""
+        self._page.show(with_picture=self._debugger.is_busy)
+        self._busy.shown()
+
+
+def unforeseen(error: Exception) -> str:
+    """What the page says of an error that was not foreseen: a bug, unless a refiner of another program raised it."""
+    of_refiner = raised_by_refiner(error)
+    if not of_refiner:
+        return f"{type(error).__name__}: {error} (a bug: please report it with the log)"
+    return (
+        f"{of_refiner[0].upper()}{of_refiner[1:]}. The run stands before it: mend the refiner, then start the program "
+        "again."
+    )
