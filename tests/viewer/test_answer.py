@@ -24,8 +24,8 @@ from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.run import of_the_end
 from verefine_viz.viewer.panels.timeline import strip
 from verefine_viz.viewer.snapshot.build import FIRST
-from verefine_viz.viewer.snapshot.partial_iteration import OF_ITERATION
 from verefine_viz.viewer.snapshot.snapshot import visit
+from verefine_viz.viewer.state.view_options import OF_ITERATION
 from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.poses import compared
 

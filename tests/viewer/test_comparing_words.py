@@ -26,7 +26,7 @@ from verefine_viz.viewer.drawing.comparison_tables import (
 )
 from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 
 
 def test_the_first_difference_is_reached_and_said() -> None:

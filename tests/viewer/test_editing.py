@@ -15,7 +15,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import arms_table, what_n_counts
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.handlers.editing import Unconfirmed
+from verefine_viz.viewer.handlers.edit_handlers import Unconfirmed
 from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.poses import shift_mm
 from verefine_viz.viewer.text.sentences import chosen
@@ -142,8 +142,8 @@ def test_a_moved_pose_that_nothing_can_go_on_from_is_let_go_by_a_link() -> None:
 
 
 def test_saving_says_that_the_edited_pose_is_not_in_the_file(tmp_path: Path) -> None:
-    keeping = Exporter(None, tmp_path)  # pyright: ignore[reportArgumentType]
-    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([c.EditPose(), c.SaveSession("a")])
+    exporter = Exporter(None, tmp_path)  # pyright: ignore[reportArgumentType]
+    d = Debugger(Session(title="boxes"), None, FakeTools, write=exporter).carry_out([c.EditPose(), c.SaveSession("a")])
     assert d.message.endswith("a.toml")
     d.carry_out([DRAGGED, c.SaveSession("b")])
     assert d.message.endswith("; not the edited pose: press “Continue from here”, then save again")

@@ -70,9 +70,9 @@ def test_edits_and_changes_behind_the_end_of_the_run_are_noted() -> None:
     assert d.view().notes == ("the run has 15 iterations: no pose is moved by hand after iteration 999",)
 
 
-def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(keeping: Exporter, tmp_path: Path) -> None:
+def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(exporter: Exporter, tmp_path: Path) -> None:
     absent = edit_of(instance=5, frame="0/1")
-    d = Debugger(session(absent), None, FakeTools, keep=keeping)
+    d = Debugger(session(absent), None, FakeTools, write=exporter)
     assert d.workspace.run.edits == ()
     assert "by hand" not in headline(d.view())
     d.carry_out([c.OpenFrame("0/2"), c.SaveSession("again")])
@@ -80,7 +80,7 @@ def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(keepi
 
 
 @pytest.fixture
-def keeping(tmp_path: Path) -> Exporter:
+def exporter(tmp_path: Path) -> Exporter:
     server: Any = None  # Sessions are saved without a page.
     return Exporter(server, tmp_path)
 
@@ -96,9 +96,9 @@ def moved(path: Path) -> list[tuple[int, str]]:
 
 
 def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the_session(
-    keeping: Exporter, tmp_path: Path
+    exporter: Exporter, tmp_path: Path
 ) -> None:
-    d = Debugger(session(edit_of(instance=1)), None, FakeTools, keep=keeping)
+    d = Debugger(session(edit_of(instance=1)), None, FakeTools, write=exporter)
     d.carry_out([c.SaveSession("untouched"), *MOVE, c.SaveSession("moved")])
     assert (moved(tmp_path / "untouched.toml"), moved(tmp_path / "moved.toml")) == ([(1, "")], [(0, "0/1"), (1, "")])
     again = Debugger(load_session(tmp_path / "moved.toml"), None, FakeTools)
@@ -106,16 +106,16 @@ def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the
     assert [edit.instance for edit in again.carry_out([c.OpenFrame("0/2")]).workspace.run.edits] == [1]
 
 
-def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(keeping: Exporter, tmp_path: Path) -> None:
+def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(exporter: Exporter, tmp_path: Path) -> None:
     both = (edit_of(0, frame="0/1"), edit_of(1, frame="0/2"))
     opened = session(both[0]).model_copy(update={"edits": both})
-    d = Debugger(opened, None, FakeTools, keep=keeping).carry_out([c.SaveSession("same")])
+    d = Debugger(opened, None, FakeTools, write=exporter).carry_out([c.SaveSession("same")])
     assert load_session(tmp_path / "same.toml") == opened
     assert d.message.endswith("same.toml")
 
 
-def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keeping: Exporter, tmp_path: Path) -> None:
-    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping).carry_out([*IN_EACH, c.SaveSession("two")])
+def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(exporter: Exporter, tmp_path: Path) -> None:
+    d = Debugger(Session(title="boxes"), None, FakeTools, write=exporter).carry_out([*IN_EACH, c.SaveSession("two")])
     assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
     again = Debugger(load_session(tmp_path / "two.toml"), None, FakeTools)
     assert again.workspace.frame == "0/2", "the one that was shown"
@@ -124,8 +124,8 @@ def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(keep
     assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
 
 
-def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Exporter, tmp_path: Path) -> None:
-    d = Debugger(Session(title="boxes"), None, FakeTools, keep=keeping)
+def test_what_was_changed_in_another_frame_is_named_as_not_saved(exporter: Exporter, tmp_path: Path) -> None:
+    d = Debugger(Session(title="boxes"), None, FakeTools, write=exporter)
     d.carry_out([FORK, *IN_EACH, c.SaveSession("here")])
     assert "here.toml; it does not hold what was done in frame 0/1: save that there" in d.message
     assert [frame for _, frame in moved(tmp_path / "here.toml")] == ["0/2"]
@@ -135,9 +135,9 @@ def test_what_was_changed_in_another_frame_is_named_as_not_saved(keeping: Export
     assert [frame for _, frame in moved(tmp_path / "there.toml")] == ["0/1"]
 
 
-def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(keeping: Exporter, tmp_path: Path) -> None:
+def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(exporter: Exporter, tmp_path: Path) -> None:
     late = edit_of(instance=0).model_copy(update={"after_iteration": 1})
-    d = Debugger(session(late), None, FakeTools, keep=keeping).carry_out([c.Fork(), c.SaveSession("let_be")])
+    d = Debugger(session(late), None, FakeTools, write=exporter).carry_out([c.Fork(), c.SaveSession("let_be")])
     assert "a pose that the session moves in every frame is not moved here, which belongs to it" in d.message
     assert (load_session(tmp_path / "let_be.toml").scene.frames, moved(tmp_path / "let_be.toml")) == (("0/1",), [])
 

@@ -19,7 +19,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import carries
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.handlers.editing import Unconfirmed
+from verefine_viz.viewer.handlers.edit_handlers import Unconfirmed
 from verefine_viz.viewer.panels.session import CHOOSE, open_now, opened
 
 OTHER = Session(title="other")
@@ -34,7 +34,7 @@ def debugger(tmp_path: Path) -> Debugger:
     save_session(OTHER, tmp_path / "theirs.toml")
     mine = tmp_path / "mine.toml"
     save_session(Session(title="mine", method=MethodSettings(iterations=2)), mine)
-    return Debugger(load_session(mine), mine, FakeTools, keep=Exporter(server, tmp_path))
+    return Debugger(load_session(mine), mine, FakeTools, write=Exporter(server, tmp_path))
 
 
 def test_another_session_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ FORK = c.Fork((("method.name", "vf_depth"),), 2, run=True)
 def test_it_is_shown_as_it_was_saved(tmp_path: Path) -> None:
     server: Any = None  # Sessions are saved without a page.
     session = Session(title="two", method=MethodSettings(name="rir", iterations=2))
-    saved = Debugger(session, None, Clustered, keep=Exporter(server, tmp_path))
+    saved = Debugger(session, None, Clustered, write=Exporter(server, tmp_path))
     saved.carry_out([c.OpenFrame("0/2"), c.RunTo(2), FORK, c.SaveSession("forked")])
     read = Debugger(load_session(tmp_path / "forked.toml"), None, Clustered)
     read.carry_out([c.OpenFrame("0/2"), c.RunUntil("end")])
@@ -51,7 +51,7 @@ def read(tmp_path: Path) -> Debugger:
     """A session that was saved with a pose moved before iteration 2 and another weight after it."""
     server: Any = None
     debugger = Debugger(
-        Session(method=MethodSettings(exploration=0.1)), None, FakeTools, keep=Exporter(server, tmp_path)
+        Session(method=MethodSettings(exploration=0.1)), None, FakeTools, write=Exporter(server, tmp_path)
     )
     T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
     debugger.carry_out([c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.Step()])

@@ -33,7 +33,7 @@ class NoServer:
 @pytest.fixture
 def debugger(tmp_path: Path) -> Debugger:
     server: Any = NoServer()
-    return Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path))
+    return Debugger(SESSION, None, Toolbox, write=Exporter(server, tmp_path))
 
 
 def exported(debugger: Debugger) -> Path:
@@ -59,7 +59,7 @@ def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
 def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path) -> None:
     server: Any = NoServer()
     countdown = Countdown()
-    debugger = Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path, countdown.patience))
+    debugger = Debugger(SESSION, None, Toolbox, write=Exporter(server, tmp_path, countdown.patience))
     debugger.carry_out([c.RunTo(3)])
     for k in range(4):  # Before it is begun, and before each iteration.
         countdown.left = k
@@ -112,7 +112,7 @@ def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_p
     debugger.carry_out([c.RunTo(2), c.Fork((("method.exploration", 5.0),), run=True)])
     server: Any = NoServer()
     for commands in ([c.RunTo(3), c.Fork((("physics.steps", 6),))], [c.RunTo(1), c.Fork()]):
-        again = Debugger(debugger.workspace.session, None, Toolbox, keep=Exporter(server, tmp_path))
+        again = Debugger(debugger.workspace.session, None, Toolbox, write=Exporter(server, tmp_path))
         again.carry_out([*commands, c.RunUntil("end")])
         assert again.view().session.method.exploration == 5.0
         assert verify(exported(again)).difference is None
@@ -128,7 +128,7 @@ def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
 def test_of_other_first_poses(tmp_path: Path) -> None:
     server: Any = NoServer()
     mug = {"scene": SceneSettings(demo="mug"), "physics": PhysicsSettings(enabled=False)}
-    debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, keep=Exporter(server, tmp_path))
+    debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, write=Exporter(server, tmp_path))
     before = debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj
     debugger.carry_out([c.Restart((("hypotheses.seed", 5), ("method.iterations", 1))), c.RunUntil("end")])
     assert not np.array_equal(debugger.workspace.work.problem.instances[0].hypotheses[0].T_cam_obj, before)

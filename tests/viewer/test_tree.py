@@ -25,7 +25,7 @@ from verefine_viz.viewer.drawing.search_tree import (
     nodes_table,
     tree_html,
 )
-from verefine_viz.viewer.snapshot.search_tree import Node, Tree, tree_of
+from verefine_viz.viewer.snapshot.tree_snapshot import Node, Tree, tree_of
 
 T = np.eye(4)
 LABELS = {0: "box", 1: "can", 2: "duck"}

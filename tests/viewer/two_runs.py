@@ -12,7 +12,7 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 
 SESSION = Session(method=MethodSettings(iterations=2))
 SIR = (("method.name", "sir"),)

@@ -125,7 +125,7 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
         InputError: one of the recordings cannot be read, or the other is of another frame.
     """
     from verefine_viz.recording.reader import read_recording
-    from verefine_viz.viewer.handlers.comparing import check_same_frame
+    from verefine_viz.viewer.handlers.comparison_handlers import check_same_frame
 
     recorded = read_recording(path)
     if other is not None:  # Before anyone is sent to a page that cannot open.

@@ -169,7 +169,7 @@ class App:
             self._session,
             self._path,
             make_tools,
-            keep=Exporter(self.server, self._folder, self._patience),
+            write=Exporter(self.server, self._folder, self._patience),
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
             patience=self._patience,

@@ -17,12 +17,11 @@ from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.handlers import batch, comparing, editing, navigation, opening
+from verefine_viz.viewer.handlers import comparison_handlers, edit_handlers, gallery_handlers, navigation, open_handlers
 from verefine_viz.viewer.snapshot.build import snapshot_of
-from verefine_viz.viewer.snapshot.partial_iteration import OF_ITERATION, is_answer
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.state import State
-from verefine_viz.viewer.state.view_options import LAYERS, STAGES, ViewOptions
+from verefine_viz.viewer.state.view_options import LAYERS, OF_ITERATION, STAGES, ViewOptions, is_answer
 
 STOP = object()
 """What the worker takes instead of a command when it is to end."""
@@ -151,8 +150,8 @@ class Debugger(State):
         self.message, self.refused, self.offer = "", False, None
         if isinstance(command, c.TogglePause):
             command = c.Pause() if self.is_busy else c.RunUntil("end")
-        command = batch.resolved(self, command)
-        editing.refuse_loss(self, command)
+        command = gallery_handlers.resolved(self, command)
+        edit_handlers.refuse_loss(self, command)
         self.log.extend(self.comparison.progress())
         if not command.keeps_b_running:
             self.pause_b()
@@ -173,7 +172,7 @@ class Debugger(State):
         """One iteration of the open run, or else of B; None where the open one has none to make."""
         if self.running.goal is not None:
             return navigation.tick(self)
-        comparing.tick_b(self)
+        comparison_handlers.tick_b(self)
         return None
 
     @property
@@ -293,9 +292,9 @@ HANDLERS: dict[type[Command], Callable[[State, Any], None]] = {
     c.ShowLayer: show_layer,
     c.PlayPath: play_path,
     **navigation.HANDLERS,
-    **opening.HANDLERS,
-    **batch.HANDLERS,
-    **editing.HANDLERS,
-    **comparing.HANDLERS,
+    **open_handlers.HANDLERS,
+    **gallery_handlers.HANDLERS,
+    **edit_handlers.HANDLERS,
+    **comparison_handlers.HANDLERS,
 }
 """By command: what carries it out."""

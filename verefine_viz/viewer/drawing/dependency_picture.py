@@ -15,7 +15,7 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MoveInOrder
 from verefine_viz.viewer.drawing.markup import carries, text
-from verefine_viz.viewer.handlers.reordering import moved
+from verefine_viz.viewer.handlers.open_handlers import moved
 
 WIDTH_PX = 352
 ROW_PX, GAP_PX, MARGIN_PX = 25, 9, 4

@@ -7,8 +7,7 @@ from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.commands import OpenPoint
 from verefine_viz.viewer.drawing.markup import carries, text
 from verefine_viz.viewer.drawing.plausibility import LIGHTS
-from verefine_viz.viewer.snapshot.score_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, ScorePlot, x_of
-from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.state.gallery import BOTTOM, HEIGHT, LEFT, RIGHT_PX, TOP, WIDTH, Entry, ScorePlot, x_of
 
 _TICKS = (0.01, 0.03, 0.1, 0.3, 1.0)
 
@@ -50,7 +49,7 @@ def svg(plot: ScorePlot, opened: Entry | None) -> str:
 
 def _axes(plot: ScorePlot) -> str:
     low, high = HEIGHT - BOTTOM, TOP
-    parts = [f'<path d="M{LEFT} {high}V{low}H{WIDTH - RIGHT}" stroke="currentColor" opacity="0.5" fill="none"/>']
+    parts = [f'<path d="M{LEFT} {high}V{low}H{WIDTH - RIGHT_PX}" stroke="currentColor" opacity="0.5" fill="none"/>']
     for error in _TICKS:
         x = x_of(error)
         parts.append(f'<text x="{x:.1f}" y="{low + 11}" text-anchor="middle">{100 * error:g}%</text>')
@@ -58,9 +57,9 @@ def _axes(plot: ScorePlot) -> str:
     for score in (plot.low, (plot.low + 1) / 2, 1.0):
         y = plot.y(score)
         parts.append(f'<text x="{LEFT - 4}" y="{y + 3:.1f}" text-anchor="end">{score:.3g}</text>')
-        parts.append(f'<path d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}" stroke="currentColor" opacity="0.12"/>')
+        parts.append(f'<path d="M{LEFT} {y:.1f}H{WIDTH - RIGHT_PX}" stroke="currentColor" opacity="0.12"/>')
     x = x_of(CORRECT)
     parts.append(f'<path d="M{x:.1f} {high}V{low}" stroke="currentColor" stroke-dasharray="4 3" opacity="0.6"/>')
-    parts.append(f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{low + 22}" text-anchor="middle">')
+    parts.append(f'<text x="{(LEFT + WIDTH - RIGHT_PX) / 2}" y="{low + 22}" text-anchor="middle">')
     parts.append("score over ADD(-S) as a share of the diameter</text>")
     return f'<g font-size="9" fill="currentColor" stroke="none">{"".join(parts)}</g>'

@@ -11,7 +11,7 @@ from verefine_viz.core.colormaps import lookup_table
 from verefine_viz.core.palette import RGB
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import Row, carries, swatch, table, text
-from verefine_viz.viewer.snapshot.search_tree import Node, Tree
+from verefine_viz.viewer.snapshot.tree_snapshot import Node, Tree
 
 # Which nodes of a big search tree are drawn, and what the others are folded into.
 #

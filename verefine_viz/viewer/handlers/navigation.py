@@ -14,7 +14,7 @@ from verefine_viz.viewer.state.timeline_marks import jumps
 OVER = "The run is over. Restart it, or fork it with other settings."
 
 
-def step(state: State, command: c.Command) -> None:
+def step(state: State, command: c.Step) -> None:
     """To the end of the iteration that is shown stage by stage, else one iteration forward."""
     if state.options.stage is not None:  # The rest of this iteration comes first.
         state.options = replace(state.options, stage=None)
@@ -24,8 +24,7 @@ def step(state: State, command: c.Command) -> None:
         state.step()
 
 
-def step_stage(state: State, command: c.StepStage) -> None:
-    """One stage forward, then the next iteration."""
+def _step_stage(state: State, command: c.StepStage) -> None:
     iteration, stage = state.run.iteration, state.options.stage
     names = [s.name for s in iteration.stages] if iteration else []
     if stage in names and stage != names[-1]:
@@ -39,14 +38,12 @@ def step_stage(state: State, command: c.StepStage) -> None:
         state.options = replace(state.options, stage="current")
 
 
-def seek_stage(state: State, command: c.SeekStage) -> None:
-    """To one stage of an iteration."""
+def _seek_stage(state: State, command: c.SeekStage) -> None:
     state.seek(command.cursor)
     state.options = replace(state.options, stage=command.stage)
 
 
-def seek_event(state: State, command: c.SeekEvent) -> None:
-    """To the next or previous mark of the timeline."""
+def _seek_event(state: State, command: c.SeekEvent) -> None:
     cursor, is_forward = state.run.cursor, command.direction > 0
     places = jumps(state.workspace.branch.marks(state.options.focus))
     ahead = [k for k in places if (k > cursor if is_forward else k < cursor)]
@@ -59,7 +56,7 @@ def seek_event(state: State, command: c.SeekEvent) -> None:
 # Running
 
 
-def run_until(state: State, command: c.RunUntil) -> None:
+def _run_until(state: State, command: c.RunUntil) -> None:
     """Goes to what a run in the history would stop at, or sets the goal."""
     run = state.run
     if command.goal == "event":
@@ -77,8 +74,7 @@ def run_until(state: State, command: c.RunUntil) -> None:
     state.running.goal = command.goal
 
 
-def run_to(state: State, command: c.RunTo) -> None:
-    """Sets the length of the timeline to compute on to."""
+def _run_to(state: State, command: c.RunTo) -> None:
     state.running.goal = command.length
 
 
@@ -114,22 +110,21 @@ def _pause_if_reached(state: State, iteration: Iteration) -> None:
         state.pause()
 
 
-def set_breakpoints(state: State, command: c.SetBreakpoints) -> None:
-    """When a run stops."""
+def _set_breakpoints(state: State, command: c.SetBreakpoints) -> None:
     state.workspace.breakpoints = with_changes(state.workspace.breakpoints, command.changes)
 
 
 HANDLERS = {
     c.Step: step,
-    c.StepStage: step_stage,
+    c.StepStage: _step_stage,
     c.Back: lambda state, command: state.seek(max(state.run.cursor - 1, 0)),
     c.Seek: lambda state, command: state.seek(min(max(command.cursor, 0), state.run.length)),
-    c.SeekStage: seek_stage,
+    c.SeekStage: _seek_stage,
     c.SeekEnd: lambda state, command: state.seek(state.run.length),
-    c.SeekEvent: seek_event,
-    c.RunUntil: run_until,
-    c.RunTo: run_to,
+    c.SeekEvent: _seek_event,
+    c.RunUntil: _run_until,
+    c.RunTo: _run_to,
     c.Pause: lambda state, command: state.pause(),
     c.Cancel: lambda state, command: state.pause(),
-    c.SetBreakpoints: set_breakpoints,
+    c.SetBreakpoints: _set_breakpoints,
 }

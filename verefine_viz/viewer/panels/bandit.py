@@ -15,8 +15,8 @@ from verefine_viz.viewer.drawing.search_tree import tree_html
 from verefine_viz.viewer.drawing.tables import other_scale_sign
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
-from verefine_viz.viewer.snapshot.search_tree import Tree, tree_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.snapshot.tree_snapshot import Tree, tree_of
 from verefine_viz.viewer.text.names import arm_color
 from verefine_viz.viewer.text.sentences import chosen
 

@@ -20,7 +20,7 @@ from verefine_viz.viewer.drawing.comparison_tables import (
 )
 from verefine_viz.viewer.drawing.markup import hinted, link, sentence, text
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, by_person
-from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
 from verefine_viz.viewer.text.names import TERMS

@@ -9,9 +9,8 @@ from verefine_viz.viewer.drawing import score_plot
 from verefine_viz.viewer.drawing.markup import sentence, text
 from verefine_viz.viewer.drawing.tables import errors_table, one_scale_note, starts_table
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
-from verefine_viz.viewer.snapshot.score_plot import ScorePlot, plot_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.state.gallery import Entry, ScorePlot, plot_of
 from verefine_viz.viewer.text.sentences import truth
 
 

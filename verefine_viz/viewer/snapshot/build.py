@@ -16,22 +16,20 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.methods.registry import method_of
-from verefine_viz.viewer.snapshot.comparison import comparison_snapshot
-from verefine_viz.viewer.snapshot.deferred_physics import known_physics, others_of, work_out
-from verefine_viz.viewer.snapshot.partial_iteration import (
-    OF_ITERATION,
-    answered,
-    is_answer,
-    is_of_best_scene,
-    is_partial,
-    revealed,
-)
-from verefine_viz.viewer.snapshot.scene_state import SceneState, scene_state
+from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
+from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
 from verefine_viz.viewer.state.state import State
-from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.state.view_options import (
+    OF_ITERATION,
+    ViewOptions,
+    answered,
+    is_answer,
+    is_partial,
+    revealed,
+)
 
 # The two combinations of poses that are compared where the whole scene is shown, scored as a scene.
 
@@ -103,9 +101,11 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     iterations = run.iterations[:-1] if partial and run.cursor == run.length else run.iterations
     own_state = state_of(now, target)
     truth = _truth(evaluator, target)
-    alone = not method_of(branch.settings.method.name).knows_others
+    method = method_of(branch.settings.method.name)
     stage = options.stage if partial else None
-    scene = scene_state(work.problem, now, run.iterations, run.cursor, evaluator.errors, alone, answer, stage)
+    scene = scene_state(
+        work.problem, now, run.iterations, run.cursor, evaluator.errors, not method.knows_others, answer, stage
+    )
     best = scene.object(target.instance.instance_id).answer if answer else None
     arm = _arm(options, best if best is not None else shown, own_state)
     rescored = _rescored(shown, target, evaluator, branch)
@@ -114,7 +114,8 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         poses = {name: pose for name, pose in poses.items() if name not in OF_ITERATION}
         poses["best"] = EvaluatedPose("best", best.T_cam_obj, best.score, evaluator.errors(target, best.T_cam_obj))
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
-    if "best" in poses and is_of_best_scene(branch.settings.method.name, own, answer):
+    in_passes = answer and any(i.scene_pass is not None for i in own)
+    if "best" in poses and (method.has_tree or in_passes):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
     running, session = state.running.goal is not None, space.session
     errors = [evaluator.errors(target, h.T_cam_obj) for h in target.instance.hypotheses]

@@ -1,10 +1,13 @@
-"""Every object of the frame at one moment of a run: where it stands, how well, and whether its turn has come."""
+"""Every object of the frame at one moment of a run: where it stands, how well, whether its turn has come, and what
+physics says about all of them together.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any, Literal
 
 from verefine_viz.core.arrays import Float
@@ -12,6 +15,7 @@ from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SceneRecord
 from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 
 Phase = Literal["waiting", "working", "placed", "rolled out", "done", "no pose"]
 Errors = Callable[[Target, Float], PoseErrors | None]
@@ -129,7 +133,7 @@ def scene_state(
         reached = next((s for s in at.stages if s.name == stage), None)
         stands[at.instance_id] = (reached or at.accepted_stage).T_cam_obj
     objects = []
-    clusters = tuple((i,) for i in ids) if alone else clusters_of(problem)
+    clusters = tuple((i,) for i in ids) if alone else _clusters_of(problem)
     for k, cluster in enumerate(clusters, 1):
         for instance_id in cluster:
             target, answer = problem.target(instance_id), answers[instance_id]
@@ -148,10 +152,10 @@ def scene_state(
                     spent[instance_id],
                 )
             )
-    return SceneState(tuple(objects), len(clusters), closed_passes(iterations, clusters), cursor, is_answer)
+    return SceneState(tuple(objects), len(clusters), _closed_passes(iterations, clusters), cursor, is_answer)
 
 
-def clusters_of(problem: Problem) -> tuple[tuple[int, ...], ...]:
+def _clusters_of(problem: Problem) -> tuple[tuple[int, ...], ...]:
     """The clusters to show: without a dependency graph all objects in the order of the frame, each alone."""
     known = {i.instance_id for i in problem.instances}
     clusters = tuple(tuple(i for i in cluster if i in known) for cluster in problem.clusters)
@@ -173,9 +177,9 @@ def color_of(index: int) -> RGB:
     return OBJECT_COLORS[index % len(OBJECT_COLORS)]
 
 
-def closed_passes(iterations: Sequence[Iteration], clusters: Sequence[Sequence[int]]) -> tuple[ClosedPass, ...]:
+def _closed_passes(iterations: Sequence[Iteration], clusters: Sequence[Sequence[int]]) -> tuple[ClosedPass, ...]:
     """The passes that were closed, in order."""
-    found: list[ClosedPass] = []
+    closed: list[ClosedPass] = []
     best: dict[int, tuple[float, int]] = {}
     for iteration in iterations:
         if iteration.scene is None:
@@ -186,8 +190,8 @@ def closed_passes(iterations: Sequence[Iteration], clusters: Sequence[Sequence[i
         if highest > known:
             at = number
         best[k] = (highest, at)
-        found.append(ClosedPass(iteration.index, number, k, iteration.scene, at))
-    return tuple(found)
+        closed.append(ClosedPass(iteration.index, number, k, iteration.scene, at))
+    return tuple(closed)
 
 
 def _before(record: SceneRecord) -> float:
@@ -209,3 +213,60 @@ def _phase(instance_id: int, cluster: Sequence[int], at: Iteration | None, spent
         return "rolled out"
     takes_turns = at.scene_pass is not None or at.tree is not None
     return "waiting" if spent == 0 or (takes_turns and at.instance_id in cluster) else "done"
+
+
+# What physics says about the whole scene at the cursor: worked out bit by bit while nothing else waits
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePhysics:
+    """What is known by now."""
+
+    plausible: dict[int, Any] = field(default_factory=dict)
+    """By instance_id: plausibility of its pose among the other objects."""
+    overlaps: tuple[Any, ...] = ()
+    """Pairs of objects that are partly in the same place, deepest first."""
+    complete: bool = True
+    """Whether everything was looked at."""
+
+
+def others_of(scene: SceneState, instance_id: int) -> tuple[Placed, ...]:
+    """The other objects where they stand."""
+    return tuple(o.placed for o in scene.objects if o.placed is not None and o.instance_id != instance_id)
+
+
+def known_physics(scene: SceneState, evaluator: CachedEvaluator) -> ScenePhysics:
+    """What was worked out before; asks for nothing."""
+    plausible = {}
+    standing = [(o.target, o.T_cam_obj) for o in scene.objects if o.T_cam_obj is not None]
+    for target, T_cam_obj in standing:
+        instance_id = target.instance.instance_id
+        known = evaluator.known_plausibility(target, T_cam_obj, others_of(scene, instance_id))
+        if known is not None:
+            plausible[instance_id] = known
+    pairs = [evaluator.known_overlap(a, b) for a, b in _pairs(scene)]
+    overlaps = sorted((overlap for _, overlap in pairs if overlap is not None), key=lambda overlap: -overlap.depth_mm)
+    complete = all(is_known for is_known, _ in pairs) and len(plausible) == len(standing)
+    return ScenePhysics(plausible, tuple(overlaps), complete)
+
+
+def work_out(
+    scene: SceneState, evaluator: CachedEvaluator, poses: Sequence[tuple[Target, Float]] = ()
+) -> Iterator[None]:
+    """Asks for one thing per turn: overlaps, then ``poses`` and the pose of each object among the others."""
+    for a, b in _pairs(scene):
+        if not evaluator.known_overlap(a, b)[0]:
+            evaluator.overlap(a, b)
+            yield
+    standing = [(o.target, o.T_cam_obj) for o in scene.objects if o.T_cam_obj is not None]
+    for target, T_cam_obj in (*poses, *standing):
+        others = others_of(scene, target.instance.instance_id)
+        if evaluator.known_plausibility(target, T_cam_obj, others) is None:
+            evaluator.plausibility(target, T_cam_obj, others)
+            yield
+
+
+def _pairs(scene: SceneState) -> list[tuple[Placed, Placed]]:
+    """Every two objects; the one that is solved later first, since it is what sinks into the other."""
+    placed = [o.placed for o in scene.objects if o.placed is not None]
+    return [(b, a) for a, b in combinations(placed, 2)]

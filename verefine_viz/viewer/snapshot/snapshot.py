@@ -20,13 +20,11 @@ from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
-from verefine_viz.viewer.snapshot.deferred_physics import ScenePhysics
-from verefine_viz.viewer.snapshot.partial_iteration import revealed
-from verefine_viz.viewer.snapshot.scene_state import SceneState
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.gallery import Entry, Gallery
 from verefine_viz.viewer.state.timeline_marks import Mark
-from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.state.view_options import ViewOptions, revealed
 from verefine_viz.viewer.state.workspace import WrittenFile
 
 

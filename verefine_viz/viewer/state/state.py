@@ -81,7 +81,7 @@ class State:
         make_tools: builds simulator, refiner, verifier, method and scene from a session.
         plausibility: judges a pose by physics without moving it; None = not known.
         demos: names of the built-in scenes.
-        keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
+        write: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         sessions: lists the session files at hand.
         batch: whose answers are listed; None = no batch.
         patience: asked before anything that may take seconds.
@@ -95,7 +95,7 @@ class State:
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
         demos: tuple[str, ...] = (),
-        keep: Callable[[State, Command], WrittenFile] | None = None,
+        write: Callable[[State, Command], WrittenFile] | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: Gallery | None = None,
         patience: Patience = ENDLESS,
@@ -106,7 +106,7 @@ class State:
         self.comparison = Comparison(self.workspace)
         self.running = Running()
         self.options = ViewOptions()
-        self.demos, self.list_sessions, self.keep = demos, sessions, keep
+        self.demos, self.list_sessions, self.write = demos, sessions, write
         self.sessions = sessions()
         self.message = ""
         self.refused = False

@@ -1,4 +1,4 @@
-"""What a person has chosen to see. Nothing here changes what is computed."""
+"""What the user has chosen to see. Nothing here changes what is computed."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 
 from verefine_viz.batch.index import Order
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.records import Iteration
+from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MapName
 
 STAGES: tuple[str, ...] = (
     "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth",
 )  # fmt: skip
-"""Every pose of an object that can be drawn, compared and judged."""
+"""Every pose of an object that can be drawn, compared and scored."""
 
 LAYERS: tuple[str, ...] = (
     *STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps",
@@ -54,7 +56,7 @@ class ViewOptions:
     edited_from: c.Pose | None = None
     """T_cam_obj of the pose with which the editing began."""
     compared_before: tuple[str, str] | None = None
-    """What was compared before a pose was edited; None where a person has chosen since."""
+    """What was compared before a pose was edited; None where the user has chosen since."""
     batch_order: Order = "error"
     batch_only: Mapping[str, str] = field(default_factory=dict)
     """Filters of the batch's answers, by what they filter."""
@@ -77,7 +79,7 @@ class ViewOptions:
         return T is not None and T_from is not None and not np.allclose(T, T_from, rtol=0, atol=1e-5)
 
     def moved(self) -> ViewOptions:
-        """The same after the cursor moved: what belonged to the iteration is let go, the object in focus is not."""
+        """The same after the cursor moved: what belonged to the iteration is dropped, the object in focus is not."""
         return replace(self.unedited(), arm=None, stage=None, path_pose=None)
 
     def editing(self, edited: c.Pose, arm: int) -> ViewOptions:
@@ -100,3 +102,40 @@ class ViewOptions:
             cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
             batch_only=self.batch_only, batch_page=self.batch_page,
         )  # fmt: skip
+
+
+# How much of the iteration at the cursor is shown: all of it, up to a stage, or instead of it the run's answer
+
+
+def is_partial(run: Run, options: ViewOptions) -> bool:
+    """Whether the iteration at the cursor is shown up to a stage before its last one."""
+    return run.iteration is not None and options.stage in [stage.name for stage in run.iteration.stages[:-1]]
+
+
+def revealed(iteration: Iteration, stage: str | None) -> tuple[str, ...]:
+    """The stages of an iteration up to ``stage``; all of them for None or where it has no such stage."""
+    names = tuple(s.name for s in iteration.stages)
+    return names[: names.index(stage) + 1] if stage in names else names
+
+
+# The end of a finished run shows its answer. What was tried last belongs to the last iteration, and can be asked for:
+# the answer is shown unless a stage, a simulated path or an edited pose is looked at.
+
+OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "accepted"})
+"""Poses that an iteration goes through."""
+
+
+def is_answer(run: Run, options: ViewOptions) -> bool:
+    """Whether the answer is shown."""
+    beside = options.stage is None and options.path_pose is None and options.edited is None
+    return run.at_end and run.length > 0 and beside
+
+
+def answered(options: ViewOptions) -> ViewOptions:
+    """``options`` where the answer is shown: without poses of the iteration, and the answer compared with its start."""
+    a, b = options.a, options.b
+    if b in OF_ITERATION:
+        a, b = "initial" if a == "best" else a, "best"
+    if a in OF_ITERATION:
+        a = "best" if b != "best" else "initial"
+    return replace(options, a=a, b=b, layers=options.layers - OF_ITERATION | {"best"})

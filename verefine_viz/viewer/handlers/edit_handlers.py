@@ -1,4 +1,4 @@
-"""Edits a pose by hand, and continues the run from it."""
+"""Edits a pose, and continues the run from it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from verefine_viz.viewer.snapshot.build import snapshot_of, state_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.state import State, Unconfirmed
 
-BY_HAND = (
+CAN_CONTINUE = (
     "Drag the arrows and rings in 3D, or type numbers; then press “Continue from here” in the Physics tab, or “Cancel” "
     "to leave the pose as it was."
 )
 
-TO_TRY = (
+ONLY_SCORED = (
     "Drag the arrows and rings in 3D, or type numbers, to see how poses score. No iteration is left here to go on from "
     "one: for that, press “Cancel”, go back on the timeline, then edit."
 )
 
-READ = (
+OF_RECORDING = (
     "Drag the arrows and rings in 3D, or type numbers, to see how poses score. This run was read from a file, and "
     "cannot go on from one: for that, press “Cancel”, then “Restart” to run it here, then edit."
 )
@@ -41,7 +41,7 @@ def refuse_loss(state: State, command: c.Command) -> None:
     """
     if not state.options.is_moved or command.keeps_edited_pose or command == CANCEL:
         return
-    if state.edit_hint == BY_HAND:
+    if state.edit_hint == CAN_CONTINUE:
         lost = (
             "The pose that you moved would be lost: no run goes on from it yet. Press “Cancel” in the Physics tab "
             "to leave it as it was, or"
@@ -51,31 +51,29 @@ def refuse_loss(state: State, command: c.Command) -> None:
     raise Unconfirmed(lost, "let it go", CANCEL)
 
 
-def edit(state: State, command: c.EditPose) -> None:
-    """Starts or stops editing the pose of the hypothesis in focus."""
+def _edit(state: State, command: c.EditPose) -> None:
     if not command.on:
         state.options = state.options.unedited()
         return
-    view = snapshot_of(state, deep=False)
-    if view.state is None:
-        raise InputError(f"{view.name} has no hypothesis whose pose could be edited")
-    arms = view.state.arms
-    T = arms[min(view.arm, len(arms) - 1)].current.T_cam_obj
-    state.options = state.options.editing(tuple(float(x) for x in T.ravel()), view.arm)
-    state.edit_hint = state.message = _hint_for(state, view, T)
+    snapshot = snapshot_of(state, deep=False)
+    if snapshot.state is None:
+        raise InputError(f"{snapshot.name} has no hypothesis whose pose could be edited")
+    arms = snapshot.state.arms
+    T = arms[min(snapshot.arm, len(arms) - 1)].current.T_cam_obj
+    state.options = state.options.editing(tuple(float(x) for x in T.ravel()), snapshot.arm)
+    state.edit_hint = state.message = _hint_for(state, snapshot, T)
 
 
-def _hint_for(state: State, view: Snapshot, T_cam_obj: Float) -> str:
+def _hint_for(state: State, snapshot: Snapshot, T_cam_obj: Float) -> str:
     """What can be done with a moved pose of the object in focus; the method itself is asked for iterations."""
     if state.workspace.branch.recording is not None:
-        return READ
+        return OF_RECORDING
     run = state.run
-    tried = run.fork(run.cursor, edit=(view.target.instance.instance_id, view.arm, T_cam_obj))
-    return BY_HAND if state_of(tried.state, view.target).by_hand else TO_TRY
+    tried = run.fork(run.cursor, edit=(snapshot.target.instance.instance_id, snapshot.arm, T_cam_obj))
+    return CAN_CONTINUE if state_of(tried.state, snapshot.target).by_hand else ONLY_SCORED
 
 
-def drag(state: State, command: c.DragPose) -> None:
-    """Moves the edited pose."""
+def _drag(state: State, command: c.DragPose) -> None:
     if state.options.edited is None:
         raise InputError("no pose is being edited; press Edit pose first")
     T_cam_obj = command.T_cam_obj
@@ -84,37 +82,35 @@ def drag(state: State, command: c.DragPose) -> None:
     state.message = state.edit_hint
 
 
-def fork_from_pose(state: State, command: c.ForkFromPose) -> None:
-    """A new branch in which the edited pose replaces that of the hypothesis."""
-    T, view = state.options.T_cam_obj_edited, snapshot_of(state, deep=False)
+def _fork_from_pose(state: State, command: c.ForkFromPose) -> None:
+    T, snapshot = state.options.T_cam_obj_edited, snapshot_of(state, deep=False)
     if T is None:
         raise InputError("no pose is being edited; press Edit pose first")
-    run, instance_id = state.run, view.target.instance.instance_id
-    hint = _hint_for(state, view, T)
-    if hint == TO_TRY:
-        label = view.scene.object(instance_id).label
+    run, instance_id = state.run, snapshot.target.instance.instance_id
+    hint = _hint_for(state, snapshot, T)
+    if hint == ONLY_SCORED:
+        label = snapshot.scene.object(instance_id).label
         raise InputError(
             f"no iteration is left for {label} at iteration {run.cursor}, so nothing could go on from the moved "
             "pose; press “Cancel”, go back on the timeline, then edit"
         )
-    if hint == BY_HAND and not state.options.is_moved:
+    if hint == CAN_CONTINUE and not state.options.is_moved:
         raise InputError(
             "the pose was not moved yet; drag its arrows and rings in 3D or type numbers first, or press “Cancel”"
         )
-    state.workspace.fork(run.cursor, (), (instance_id, view.arm, T))
-    state.options = replace(state.options.moved(), focus=instance_id, arm=view.arm)
-    state.message = continued(snapshot_of(state, deep=False))
+    state.workspace.fork(run.cursor, (), (instance_id, snapshot.arm, T))
+    state.options = replace(state.options.moved(), focus=instance_id, arm=snapshot.arm)
+    state.message = _continued(snapshot_of(state, deep=False))
 
 
-def continued(view: Snapshot) -> str:
-    """What becomes of the pose that was just put there, hypothesis ``view.arm`` of the object in focus."""
-    label = view.scene.object(view.target.instance.instance_id).label
-    who = f"Hypothesis {view.arm + 1}" + (f" of {label}" if len(view.scene.objects) > 1 else "")
-    score = view.state.arms[view.arm].current.score.score
-    when = "next"
-    if method_of(view.session.method.name).takes_turns and len(view.scene.objects) > 1:
-        when = f"as soon as {label} is next in turn"
+def _continued(snapshot: Snapshot) -> str:
+    """What becomes of the pose that was just put there, of the hypothesis in focus."""
+    label, several = snapshot.scene.object(snapshot.target.instance.instance_id).label, len(snapshot.scene.objects) > 1
+    who = f"Hypothesis {snapshot.arm + 1}" + (f" of {label}" if several else "")
+    score = snapshot.state.arms[snapshot.arm].current.score.score
+    takes_turns = several and method_of(snapshot.session.method.name).takes_turns
+    when = f"as soon as {label} is next in turn" if takes_turns else "next"
     return f"{who} goes on from where you put it, with a score of {score:.3f}. Step or Run: it is refined {when}."
 
 
-HANDLERS = {c.EditPose: edit, c.DragPose: drag, c.ForkFromPose: fork_from_pose}
+HANDLERS = {c.EditPose: _edit, c.DragPose: _drag, c.ForkFromPose: _fork_from_pose}

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.places import at_home
-from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
@@ -28,28 +26,25 @@ _CHEAP = {"method", "icp", "score", "physics"}
 """Sections that can change while everything else of the tools is shared."""
 
 
-def branch_with(space: Workspace, changes: Changes) -> Branch:
-    """A run of the open frame from its start, with the settings of the open run and ``changes``.
-
-    Raises:
-        VerefineError: there is no such setting, or it cannot be so.
-    """
+def _branch_with(space: Workspace, changes: Changes) -> Branch:
+    """A run of the open frame from its start, with the settings of the open run and ``changes``."""
     base = space.branch
     session = variant(base.tools.session, changes)
     tools = _tools(space, base.tools, session)
     same_start = not {n.partition(".")[0] for n, _, _ in settings_between(base.tools.session, session)} & {
         "hypotheses", "dependency", "ppf", "pcs",
     }  # fmt: skip
-    problem = base.run.problem if same_start else _matching(tools.problem(space.frame), base.run.problem)
-    return space.new_branch(_named(changes), tools, problem)
+    problem = base.run.problem
+    if not same_start:  # Read again, with the instances that the open run solves too.
+        ids = {i.instance_id for i in problem.instances}
+        problem = tools.problem(space.frame)
+        problem = problem.only([i.instance_id for i in problem.instances if i.instance_id in ids])
+    short = [name.rpartition(".")[2] if name != "method.name" else "method" for name, _ in changes]
+    what = ", ".join(f"{name} = {value}" for name, (_, value) in zip(short, changes, strict=True))
+    return space.new_branch(f"B: {what or 'same settings'}", tools, problem)
 
 
-def branch_read(space: Workspace, path: Path) -> Branch:
-    """A recording of the open frame.
-
-    Raises:
-        VerefineError: it cannot be read, or is of another frame.
-    """
+def _recorded_branch(space: Workspace, path: Path) -> Branch:
     from verefine_viz.recording.reader import read_recording
 
     recorded = read_recording(path)
@@ -59,7 +54,7 @@ def branch_read(space: Workspace, path: Path) -> Branch:
 
 
 def _tools(space: Workspace, tools: Tools, session: Session) -> Tools:
-    """Tools of ``session``; what it has in common with ``tools`` is shared where that is safe."""
+    """Tools of ``session``; what they have in common with ``tools`` is shared where that is safe."""
     old = tools.session
     between = settings_between(old, session)
     if old.edits or old.changes or any(name.partition(".")[0] not in _CHEAP for name, _, _ in between):
@@ -84,56 +79,38 @@ def _place_of(session: Session, frame: str) -> str:
     return f"frame {frame} of {where}"
 
 
-def _matching(problem: Problem, like: Problem) -> Problem:
-    """The instances that the other run solves too."""
-    here = {i.instance_id for i in problem.instances}
-    return problem.only([i.instance_id for i in like.instances if i.instance_id in here])
-
-
-def _named(changes: Sequence[tuple[str, Any]]) -> str:
-    short = [name.rpartition(".")[2] if name != "method.name" else "method" for name, _ in changes]
-    what = ", ".join(f"{name} = {value}" for name, (_, value) in zip(short, changes, strict=True))
-    return f"B: {what or 'same settings'}"
-
-
 # The commands
 
 
-def compare_run(state: State, command: c.CompareRun) -> None:
-    """B is a new run of the same frame with changed settings."""
-    _put_beside(state, branch_with(state.workspace, (*command.changes, *parsed(command.more))))
+def _compare_run(state: State, command: c.CompareRun) -> None:
+    _put_beside(state, _branch_with(state.workspace, (*command.changes, *parsed(command.more))))
     state.comparison.goal = (state.workspace.work.branches[-1], None) if command.run else None
 
 
-def compare_branch(state: State, command: c.CompareBranch) -> None:
-    """B is another branch of the frame."""
+def _compare_branch(state: State, command: c.CompareBranch) -> None:
     work, index = state.workspace.work, command.index
     if not 0 <= index < len(work.branches):
         raise InputError(f"there is no branch {index} to compare with; this frame has {len(work.branches)}")
     work.comparison = replace(work.comparison or ComparisonChoice(index), b=index, moment=None)
 
 
-def compare_recording(state: State, command: c.CompareRecording) -> None:
-    """B is a recording of the frame."""
-    _put_beside(state, branch_read(state.workspace, at_home(command.path)))
+def _compare_recording(state: State, command: c.CompareRecording) -> None:
+    _put_beside(state, _recorded_branch(state.workspace, at_home(command.path)))
 
 
-def run_b(state: State, command: c.RunB) -> None:
-    """Computes B on."""
+def _run_b(state: State, command: c.RunB) -> None:
     _choice(state)
     branch = state.comparison.branch_b()
     assert branch is not None
     state.comparison.goal = (branch, command.length)
 
 
-def stop_comparing(state: State, command: c.StopComparing) -> None:
-    """Shows the open run alone again."""
+def _stop_comparing(state: State, command: c.StopComparing) -> None:
     _choice(state)
     state.workspace.work.comparison = None
 
 
-def swap_sides(state: State, command: c.SwapSides) -> None:
-    """B becomes the open run, at the same moment."""
+def _swap_sides(state: State, command: c.SwapSides) -> None:
     choice, work, comparison = _choice(state), state.workspace.work, state.comparison
     compared, place = comparison.compared(), comparison.place()
     assert compared is not None
@@ -144,14 +121,12 @@ def swap_sides(state: State, command: c.SwapSides) -> None:
     _seek(state, swapped.timeline.place(key) or 0)
 
 
-def step_moment(state: State, command: c.StepMoment) -> None:
-    """Both runs some places further on their common timeline, or back."""
+def _step_moment(state: State, command: c.StepMoment) -> None:
     _choice(state)
     _seek(state, state.comparison.place() + command.by)
 
 
-def seek_difference(state: State, command: c.SeekDifference) -> None:
-    """Both runs to where B first does something otherwise than A."""
+def _seek_difference(state: State, command: c.SeekDifference) -> None:
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
     first = compared.differences.deed or compared.differences.score
@@ -163,15 +138,13 @@ def seek_difference(state: State, command: c.SeekDifference) -> None:
     _seek(state, first.place)
 
 
-def show_side(state: State, command: c.ShowSide) -> None:
-    """The poses of A or of B in 3D on or off."""
+def _show_side(state: State, command: c.ShowSide) -> None:
     choice, side = _choice(state), command.side
     on = side not in choice.shown if command.visible is None else command.visible
     state.workspace.work.comparison = replace(choice, shown=choice.shown | {side} if on else choice.shown - {side})
 
 
-def show_side_poses(state: State, command: c.ShowSidePoses) -> None:
-    """Which poses of both are drawn."""
+def _show_side_poses(state: State, command: c.ShowSidePoses) -> None:
     state.workspace.work.comparison = replace(_choice(state), poses=command.which)
 
 
@@ -196,7 +169,7 @@ def _choice(state: State) -> ComparisonChoice:
 
 def _put_beside(state: State, branch: Branch) -> None:
     state.workspace.work.branches.append(branch)
-    compare_branch(state, c.CompareBranch(len(state.workspace.work.branches) - 1))
+    _compare_branch(state, c.CompareBranch(len(state.workspace.work.branches) - 1))
 
 
 def _seek(state: State, place: int) -> None:
@@ -210,16 +183,16 @@ def _seek(state: State, place: int) -> None:
 
 
 HANDLERS = {
-    c.CompareRun: compare_run,
-    c.CompareBranch: compare_branch,
-    c.CompareRecording: compare_recording,
-    c.RunB: run_b,
+    c.CompareRun: _compare_run,
+    c.CompareBranch: _compare_branch,
+    c.CompareRecording: _compare_recording,
+    c.RunB: _run_b,
     c.PauseB: lambda state, command: state.pause_b(),
-    c.StopComparing: stop_comparing,
-    c.SwapSides: swap_sides,
+    c.StopComparing: _stop_comparing,
+    c.SwapSides: _swap_sides,
     c.SeekMoment: lambda state, command: _seek(state, command.place),
-    c.StepMoment: step_moment,
-    c.SeekDifference: seek_difference,
-    c.ShowSide: show_side,
-    c.ShowSidePoses: show_side_poses,
+    c.StepMoment: _step_moment,
+    c.SeekDifference: _seek_difference,
+    c.ShowSide: _show_side,
+    c.ShowSidePoses: _show_side_poses,
 }

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenPoint
-from verefine_viz.viewer.snapshot.score_plot import plot_of
-from verefine_viz.viewer.state.gallery import PAGE, Entry, Gallery
+from verefine_viz.viewer.state.gallery import PAGE, Entry, Gallery, plot_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
 
@@ -32,23 +31,18 @@ def resolved(state: State, command: Command) -> Command:
 
 
 def _following(gallery: Gallery, last: Entry | None, options: ViewOptions, direction: int) -> Entry:
-    shown = [entry for entry in gallery.shown(options.batch_order, options.batch_only) if entry.can_be_opened]
-    if not shown:
+    entries = [entry for entry in gallery.shown(options.batch_order, options.batch_only) if entry.can_be_opened]
+    if not entries:
         raise InputError("no answer passes all filters; choose other filters")
-    if last not in shown:
-        return shown[0 if direction > 0 else -1]
-    place = shown.index(last) + direction
-    if not 0 <= place < len(shown):
+    if last not in entries:
+        return entries[0 if direction > 0 else -1]
+    place = entries.index(last) + direction
+    if not 0 <= place < len(entries):
         raise InputError(f"that is the {'last' if direction > 0 else 'first'} answer of the list")
-    return shown[place]
+    return entries[place]
 
 
-def open_at(state: State, command: OpenAt) -> None:
-    """Opens a frame at one of its iterations, which is computed first if need be.
-
-    Raises:
-        InputError: no such run or frame.
-    """
+def _open_at(state: State, command: OpenAt) -> None:
     _enter(state, command)
     run = state.run
     run.seek(min(max(command.iteration, 0), run.length))
@@ -86,4 +80,4 @@ def _options(state: State, command: OpenAt) -> ViewOptions:
     return replace(options, stage=browsing.stage_asked_for(state.run.cursor))
 
 
-HANDLERS = {OpenAt: open_at}
+HANDLERS = {OpenAt: _open_at}

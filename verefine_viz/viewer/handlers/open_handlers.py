@@ -1,21 +1,21 @@
-"""Opens a frame, a scene, a session, a recording, or a run from its start."""
+"""Opens a frame, scene, session, recording, branch, or a run from its start with other settings; writes files."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.places import at_home
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.estimates import asked_estimators
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.handlers.reordering import as_restart
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.state import State
-from verefine_viz.viewer.state.workspace import Workspace
 
 # New initial poses for one object of the open frame, and what the page says of them.
 
@@ -23,41 +23,31 @@ SOURCES = {"results": "the results files", "perturb": "the disturbed ground trut
 """What the page calls where initial poses come from; estimators have their names."""
 
 
-def estimated(space: Workspace, instance_id: int, estimator: str) -> str:
-    """Opens a branch whose initial poses of one object come from ``estimator``, and says in words what that changes.
-
-    Args:
-        space: what is open.
-        instance_id: of the object.
-        estimator: its name; "session" = back to where the session's other initial poses come from.
-
-    Raises:
-        VerefineError: the frame has no such instance, it has the session's poses already, or it cannot be read again;
-            everything is as before.
-        Cancelled: it is no longer wanted; everything is as before.
-    """
+def _estimate(state: State, command: c.Estimate) -> None:
+    space, instance_id, estimator = state.workspace, command.instance_id, command.estimator
     labels = labels_of(space.work.problem)
     if instance_id not in labels:
         raise InputError(unknown("instance", instance_id, list(labels)))
-    label, before, source = labels[instance_id], space.branch.name, source_of(space, instance_id)
+    label, before, h = labels[instance_id], space.branch.name, space.branch.tools.session.hypotheses
+    estimators, had_others = asked_estimators(h), bool(space.others)
     had = bool(space.work.problem.target(instance_id).instance.hypotheses)
-    others, h = space.has_other_frames, space.branch.tools.session.hypotheses
+    source = estimators.get((space.frame, instance_id), h.source)
     now = h.source if estimator == "session" else estimator
-    if estimator == "session" and (space.frame, instance_id) not in asked_estimators(h):
+    if estimator == "session" and (space.frame, instance_id) not in estimators:
         raise InputError(
             f"{label} in frame {space.frame} already has the session's initial poses, {_of(now)}; to estimate others, "
             "choose ppf or pcs"
         )
     space.estimate(instance_id, estimator, f"{label} from {SOURCES.get(now, now)}")
     n = next(len(i.hypotheses) for i in space.work.problem.instances if i.instance_id == instance_id)
-    said = f"{label} in frame {space.frame} now has {n} initial pose{'s' if n != 1 else ''} {_of(now)}"
-    if source != now and had:
-        said += f", instead of those {_of(source)}"
-    restarts = ", but their runs start again" if others else ""
-    return (
-        f"{said}. Other objects and frames keep theirs{restarts}. "
+    instead = f", instead of those {_of(source)}" if source != now and had else ""
+    restarts = ", but their runs start again" if had_others else ""
+    state.message = (
+        f"{label} in frame {space.frame} now has {n} initial pose{'s' if n != 1 else ''} {_of(now)}{instead}. "
+        f"Other objects and frames keep theirs{restarts}. "
         f"The way back: the run before is still there as the branch “{before}”, in the table below."
     )
+    state.options = replace(state.options.afresh(), focus=instance_id)
 
 
 def _of(source: str) -> str:
@@ -65,46 +55,25 @@ def _of(source: str) -> str:
     return f"from {SOURCES[source]}" if source in SOURCES else f"by {source}"
 
 
-def source_of(space: Workspace, instance_id: int) -> str:
-    """Where the initial poses of an object of the open branch come from."""
-    h = space.branch.tools.session.hypotheses
-    return asked_estimators(h).get((space.frame, instance_id), h.source)
-
-
-def restart(state: State, command: c.Restart) -> None:
-    """Back to before iteration 1, with changed settings if any are given."""
+def _restart(state: State, command: c.Restart) -> None:
     workspace = state.workspace
     before, saved = workspace.session, [path for path, saved in workspace.files.items() if saved.repeats]
     workspace.restart(command.changes)
-    state.message = not_repeated(before, workspace.session, saved[-1] if saved else None)
+    state.message = _not_repeated(before, workspace.session, saved[-1] if saved else None)
     state.options = state.options.afresh()
 
 
-def reorder(state: State, command: c.CutDependency | c.MoveInOrder | c.ResetOrder) -> None:
-    """Restarts with another order of the objects."""
-    settings = state.workspace.branch.tools.session.dependency
-    restart(state, as_restart(command, state.workspace.work.problem, settings))
-
-
-def estimate(state: State, command: c.Estimate) -> None:
-    """New initial poses for one object, as a new branch."""
-    state.message = estimated(state.workspace, command.instance_id, command.estimator)
-    state.options = replace(state.options.afresh(), focus=command.instance_id)
-
-
-def open_frame(state: State, command: c.OpenFrame) -> None:
-    """Another frame of the session."""
+def _open_frame(state: State, command: c.OpenFrame) -> None:
     state.workspace.open_frame(command.frame)
     state.options = state.options.afresh()
 
 
-def open_recording(state: State, command: c.OpenRecording) -> None:
-    """A recording as the open run."""
+def _open_recording(state: State, command: c.OpenRecording) -> None:
     state.workspace.open_recording(at_home(command.path))
     state.options = state.options.afresh()
 
 
-def open_session(state: State, command: c.OpenSession) -> None:
+def _open_session(state: State, command: c.OpenSession) -> None:
     """A session file: by its path, or where there is none, a listed one by its name with or without its ending."""
     if not command.path.strip():
         raise InputError("no session file is named: type the path of one (.toml) beside “File”")
@@ -117,7 +86,7 @@ def open_session(state: State, command: c.OpenSession) -> None:
     state.options = state.options.afresh()
 
 
-def open_demo(state: State, command: c.OpenDemo) -> None:
+def _open_demo(state: State, command: c.OpenDemo) -> None:
     """A built-in scene: with the settings of the session file of its name, or else with the open ones."""
     name, workspace = command.name, state.workspace
     if name not in state.demos:
@@ -136,11 +105,71 @@ def open_demo(state: State, command: c.OpenDemo) -> None:
     state.options = state.options.afresh()
 
 
+# The order of the objects, changed as settings: a saved session then repeats it.
+
+Clusters = tuple[tuple[int, ...], ...]
+
+
+def _reorder(state: State, command: c.CutDependency | c.MoveInOrder | c.ResetOrder) -> None:
+    problem = state.workspace.work.problem
+    graph = problem.dependencies
+    match command:
+        case c.ResetOrder():
+            changes = (("dependency.order", ()), ("dependency.order_file", ""))
+        case _ if graph is None:
+            raise InputError("how the objects of this frame depend on each other was not looked at")
+        case c.CutDependency(first, second, cut):
+            pairs = {frozenset((e.first, e.second)) for e in graph.edges}
+            if frozenset((first, second)) not in pairs:
+                there = [f"#{min(pair)} and #{max(pair)}" for pair in sorted(pairs, key=sorted)]
+                raise InputError(unknown("pair of instances", f"#{first} and #{second}", there))
+            settings = state.workspace.branch.tools.session.dependency
+            others = tuple(pair for pair in settings.cut if set(pair) != {first, second})
+            changes = (("dependency.cut", (*others, (min(first, second), max(first, second))) if cut else others),)
+        case c.MoveInOrder(instance_id, by):
+            there = [i for cluster in graph.clusters for i in cluster]
+            if instance_id not in there:
+                raise InputError(unknown("instance", instance_id, there))
+            if by not in (-1, 1):
+                raise InputError(f"an object moves by one place at a time, -1 or 1, not {by}")
+            clusters = moved(graph.clusters, instance_id, by)
+            if clusters is None:
+                raise InputError(f"instance {instance_id} is {'first' if by < 0 else 'last'} in the order already")
+            changes = (("dependency.order", entries(problem, clusters)),)
+    _restart(state, c.Restart(changes))
+
+
+def entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:
+    """Clusters as a session file names them: by object, or by instance where an object is there twice."""
+    obj_ids = {i.instance_id: i.obj_id for i in problem.instances}
+    there = list(obj_ids.values())
+    return tuple(
+        tuple(obj_ids[i] if there.count(obj_ids[i]) == 1 else f"#{i}" for i in cluster) for cluster in clusters
+    )
+
+
+def moved(clusters: Clusters, instance_id: int, by: int) -> Clusters | None:
+    """Clusters with an instance one place earlier or later; None where it stands at the end already."""
+    k = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
+    within = _swapped(clusters[k], clusters[k].index(instance_id), by)
+    if within is not None:
+        return (*clusters[:k], within, *clusters[k + 1 :])
+    return _swapped(clusters, k, by)
+
+
+def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
+    to = at + by
+    if not 0 <= to < len(items):
+        return None
+    swapped = list(items)
+    swapped[at], swapped[to] = swapped[to], swapped[at]
+    return tuple(swapped)
+
+
 # Branches
 
 
-def fork(state: State, command: c.Fork) -> None:
-    """A new branch from an iteration on, run to its end at once if that is asked for."""
+def _fork(state: State, command: c.Fork) -> None:
     at = state.run.cursor if command.cursor is None else command.cursor
     state.workspace.fork(at, command.changes)
     state.options = state.options.moved()
@@ -149,8 +178,7 @@ def fork(state: State, command: c.Fork) -> None:
         state.message = f"A new branch from iteration {at}; Step or Run go on with it."
 
 
-def show_branch(state: State, command: c.ShowBranch) -> None:
-    """Another branch of the frame."""
+def _show_branch(state: State, command: c.ShowBranch) -> None:
     work = state.workspace.work
     if not 0 <= command.index < len(work.branches):
         raise InputError(f"there is no branch {command.index}; this frame has {len(work.branches)}")
@@ -158,11 +186,10 @@ def show_branch(state: State, command: c.ShowBranch) -> None:
     state.options = state.options.moved()
 
 
-def write(state: State, command: c.SaveSession | c.Export) -> None:
-    """Writes a session or an export, and says where it is."""
-    if state.keep is None:
+def _write(state: State, command: c.SaveSession | c.Export) -> None:
+    if state.write is None:
         raise InputError("nothing can be written here")
-    state.written = (state.keep(state, command), *state.written)[:4]
+    state.written = (state.write(state, command), *state.written)[:4]
     state.sessions = state.list_sessions()
     state.message = f"Written: {state.written[0].words}"
     if isinstance(command, c.SaveSession) and len(state.workspace.work.branches) > 1:
@@ -172,7 +199,7 @@ def write(state: State, command: c.SaveSession | c.Export) -> None:
         state.message += "; not the edited pose: press “Continue from here”, then save again"
 
 
-def not_repeated(before: Session, after: Session, path: Path | None) -> str:
+def _not_repeated(before: Session, after: Session, path: Path | None) -> str:
     """What a restart leaves behind of a run, in words; "" = nothing.
 
     Args:
@@ -180,29 +207,29 @@ def not_repeated(before: Session, after: Session, path: Path | None) -> str:
         after: what it has to say now; what was moved in other frames may still be there.
         path: a file of the open session that has poses moved or settings changed on the way; None = there is none.
     """
-    said = []
+    words = []
     if any(change.after_iteration > 0 for change in before.changes):
-        said.append("The settings changed on the way now hold from iteration 1 on.")
+        words.append("The settings changed on the way now hold from iteration 1 on.")
     n = sum(edit not in after.edits for edit in before.edits)
     if n:
-        said.append(f"{n} pose{'s' if n > 1 else ''} moved by hand {'are' if n > 1 else 'is'} not moved again.")
-    if said and path is not None:
-        said.append(f"To repeat them open {path}.")
-    return " ".join(said)
+        words.append(f"{n} edited pose{'s' if n > 1 else ''} {'are' if n > 1 else 'is'} not moved again.")
+    if words and path is not None:
+        words.append(f"To repeat them open {path}.")
+    return " ".join(words)
 
 
 HANDLERS = {
-    c.Restart: restart,
-    c.CutDependency: reorder,
-    c.MoveInOrder: reorder,
-    c.ResetOrder: reorder,
-    c.Estimate: estimate,
-    c.OpenFrame: open_frame,
-    c.OpenDemo: open_demo,
-    c.OpenSession: open_session,
-    c.OpenRecording: open_recording,
-    c.Fork: fork,
-    c.ShowBranch: show_branch,
-    c.SaveSession: write,
-    c.Export: write,
+    c.Restart: _restart,
+    c.CutDependency: _reorder,
+    c.MoveInOrder: _reorder,
+    c.ResetOrder: _reorder,
+    c.Estimate: _estimate,
+    c.OpenFrame: _open_frame,
+    c.OpenDemo: _open_demo,
+    c.OpenSession: _open_session,
+    c.OpenRecording: _open_recording,
+    c.Fork: _fork,
+    c.ShowBranch: _show_branch,
+    c.SaveSession: _write,
+    c.Export: _write,
 }

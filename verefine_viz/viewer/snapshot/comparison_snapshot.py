@@ -11,6 +11,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
+from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
 from verefine_viz.session.comparison import Differences, name_of
@@ -28,7 +29,7 @@ class RunAtMoment:
     """One run at the moment that is shown, for the object in focus."""
 
     iteration: int
-    """The one that the pose drawn comes from; 0 = a initial pose."""
+    """The one that the pose drawn comes from; 0 = an initial pose."""
     arm: int
     """The hypothesis that the pose drawn belongs to, from 0."""
     stage: StageName
@@ -66,7 +67,7 @@ class ComparisonSnapshot:
     settings: tuple[tuple[str, Any, Any], ...]
     """What differs in the settings: (dotted name, of A, of B)."""
     scores_alike: bool
-    """Whether both judge by the same rule."""
+    """Whether both score by the same rule."""
     timeline: Timeline
     place: int
     moment: Moment | None
@@ -74,7 +75,7 @@ class ComparisonSnapshot:
     focus: str
     """The object in focus, for people."""
     curves_of: str
-    """What the curves tell of, over what."""
+    """What the curves show, over what."""
     differences: Differences
     outcomes: tuple[Outcome, ...]
     """The answers so far, at the end of what is computed."""
@@ -102,99 +103,120 @@ def comparison_snapshot(
     Args:
         comparison: which runs.
         a: the open one.
-        focus: the object that the page is about.
-        chosen: whether a person chose it; else it is the one of the moment.
+        focus: the object in focus.
+        chosen: whether the user chose it; else it is the one of the moment.
         whole_scene: whether curves are of all objects together.
     """
-    compared, b, sides = comparison.compared(), comparison.branch_b(), comparison.choice
-    if compared is None or b is None or sides is None:
+    compared, b, choice = comparison.compared(), comparison.branch_b(), comparison.choice
+    if compared is None or b is None or choice is None:
         return None
+    evaluator, timeline = a.evaluator, compared.timeline
     place = comparison.place()
-    moment = compared.timeline.moments[place - 1] if place else None
+    moment = timeline.moments[place - 1] if place else None
     if moment is not None and not chosen and moment.instance_id in compared.a.instance_ids:
         focus = compared.a.problem.target(moment.instance_id)
     own = focus.instance.instance_id
     # With what was changed on the way, as its answers are scored.
-    session_a, session_b = a.settings, b.settings
-    alike = scores_alike(session_a, session_b)
-    evaluator = a.evaluator
-    between = settings_between(session_a, session_b)
-    name_a, name_b = names(a, b, between)
-    reach_b = _reach(compared.timeline, place)
+    alike = scores_alike(a.settings, b.settings)
+    between = settings_between(a.settings, b.settings)
+    name, (name_a, name_b) = name_of(compared.a.problem, own), _names(a, b, between)
+    drawn = {
+        instance_id: _drawn(compared, place, instance_id, choice.poses)
+        for instance_id in dict.fromkeys((*compared.a.instance_ids, *compared.b.instance_ids))
+    }
+    now_a, now_b = (_at_moment(pose, focus, evaluator) for pose in drawn.get(own, (None, None)))
 
     def score_of(target: Target, best: Best) -> float:
-        return evaluator.score(_ours(compared, target), best.T_cam_obj).score
+        """By the rule of A, whose own target of the same object may count other masks."""
+        instance_id = target.instance.instance_id
+        ours = compared.a.problem.target(instance_id) if instance_id in compared.a.instance_ids else target
+        return evaluator.score(ours, best.T_cam_obj).score
 
-    def kept(k: int) -> int:
-        """The iteration whose kept pose is drawn, where the latest one is ``k``; 0 = the best pose so far is drawn."""
-        return k if sides.poses == "kept" else 0
-
-    def pose(trace: Trace, instance_id: int, k: int, until: int) -> Float | None:
-        best = _best(trace, instance_id, until)
-        if best is None or kept(k) == 0:
-            return best.T_cam_obj if best else None
-        return trace.iterations[k - 1].accepted_stage.T_cam_obj
-
-    poses: dict[int, tuple[Float | None, Float | None]] = {}
-    for instance_id in dict.fromkeys((*compared.a.instance_ids, *compared.b.instance_ids)):
-        k_a, k_b = compared.timeline.latest(place, instance_id)
-        poses[instance_id] = (
-            pose(compared.a, instance_id, k_a, compared.timeline.a_at(place)),
-            pose(compared.b, instance_id, k_b, max(k_b, reach_b)),
-        )
-    k_a, k_b = compared.timeline.latest(place, own)
-    name = name_of(compared.a.problem, own)
     answers = outcomes(compared.a, compared.b, evaluator.errors, None if alike else score_of)
     return ComparisonSnapshot(
-        name_a,
-        name_b,
-        sides.b,
-        between,
-        alike,
-        compared.timeline,
-        place,
-        moment,
-        name,
-        "All objects, means over the moments"
-        if whole_scene
-        else f"{name_of(compared.a.problem, own)}, by refiner calls",
-        compared.differences,
-        answers,
-        _frame_scores(compared, a, b, answers),
-        effort_of(compared.a),
-        effort_of(compared.b),
-        _now(compared.a, evaluator, focus, kept(k_a), compared.timeline.a_at(place)) if own in poses else None,
-        _now(compared.b, evaluator, focus, kept(k_b), max(k_b, reach_b)) if own in poses else None,
-        _scene_curves(compared, evaluator) if whole_scene else _curves(compared, evaluator, focus.instance.instance_id),
-        poses,
-        sides.poses,
-        sides.shown,
-        comparison.is_running,
+        name_a=name_a,
+        name_b=name_b,
+        index_b=choice.b,
+        settings=between,
+        scores_alike=alike,
+        timeline=timeline,
+        place=place,
+        moment=moment,
+        focus=name,
+        curves_of="All objects, means over the moments" if whole_scene else f"{name}, by refiner calls",
+        differences=compared.differences,
+        outcomes=answers,
+        frame_scores=_frame_scores(compared, a, b, answers),
+        effort_a=effort_of(compared.a),
+        effort_b=effort_of(compared.b),
+        now_a=now_a,
+        now_b=now_b,
+        curves=_scene_curves(compared, evaluator) if whole_scene else _curves(compared, evaluator, own),
+        poses={k: (x.T_cam_obj if x else None, y.T_cam_obj if y else None) for k, (x, y) in drawn.items()},
+        which=choice.poses,
+        shown=choice.shown,
+        running=comparison.is_running,
     )
 
 
-def names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tuple[str, str]:
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A pose that is drawn of one run, and where it comes from."""
+
+    T_cam_obj: Float
+    iteration: int
+    arm: int
+    stage: StageName
+    score: PoseScore | None
+
+
+def _drawn(compared: Compared, place: int, instance_id: int, which: SidePose) -> tuple[_Drawn | None, _Drawn | None]:
+    """What is drawn of an object in both runs: the best pose so far, or the one that its latest iteration accepted."""
+
+    def of(trace: Trace, latest: int, until: int) -> _Drawn | None:
+        best = trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
+        if best is None:
+            return None
+        if which == "best" or latest == 0:
+            return _Drawn(best.T_cam_obj, best.iteration, best.arm, best.stage, best.score)
+        iteration = trace.iterations[latest - 1]
+        stage = iteration.accepted_stage
+        return _Drawn(stage.T_cam_obj, latest, iteration.arm, stage.name, stage.score)
+
+    k_a, k_b = compared.timeline.latest(place, instance_id)
+    reach_a, reach_b = compared.timeline.a_at(place), _reach(compared.timeline, place)
+    return of(compared.a, k_a, reach_a), of(compared.b, k_b, max(k_b, reach_b))
+
+
+def _at_moment(pose: _Drawn | None, focus: Target, evaluator: CachedEvaluator) -> RunAtMoment | None:
+    if pose is None:
+        return None
+    score = pose.score.score if pose.score else None
+    return RunAtMoment(pose.iteration, pose.arm, pose.stage, score, evaluator.errors(focus, pose.T_cam_obj))
+
+
+def _names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tuple[str, str]:
     """What tells the two apart, as short as can be: "rir" and "sir", "c = 0.7" and "c = 0.1"."""
     changed = {name: (one, other) for name, one, other in between}
-    pairs: list[tuple[str, str]] = []
-    for name in ("method.name", "preset"):
-        if name in changed:
-            pairs.append((str(changed[name][0]), str(changed[name][1])))
+    pairs = [tuple(map(str, changed[name])) for name in ("method.name", "preset") if name in changed]
     if not pairs:
-        for name, one, other in between[:2]:
-            key = name.rpartition(".")[2]
-            pairs.append((f"{key} = {_short(one)}", f"{key} = {_short(other)}"))
+        pairs = [
+            tuple(f"{name.rpartition('.')[2]} = {_short(value)}" for value in (one, other))
+            for name, one, other in between[:2]
+        ]
     if not pairs:
         name_a, name_b = (side.name.removeprefix("B: ") for side in (a, b))  # Which side it is on is said anyway.
         return name_a, name_b if name_b != name_a else f"{name_b} (2)"
-    one, other = (", ".join(side) for side in zip(*pairs, strict=True))
-    files = [side.recording.name if side.recording else "" for side in (a, b)]
-    return tuple(f"{n}, {file}" if file else n for n, file in zip((one, other), files, strict=True))  # type: ignore[return-value]
+    name_a, name_b = (
+        ", ".join((*parts, side.recording.name) if side.recording else parts)
+        for parts, side in zip(zip(*pairs, strict=True), (a, b), strict=True)
+    )
+    return name_a, name_b
 
 
 def _short(value: Any) -> str:
-    said = f"{value:g}" if isinstance(value, float) else str(value)
-    return said if len(said) <= 24 else f"{said[:23]}…"
+    words = f"{value:g}" if isinstance(value, float) else str(value)
+    return words if len(words) <= 24 else f"{words[:23]}…"
 
 
 def _reach(timeline: Timeline, place: int) -> int:
@@ -206,73 +228,46 @@ def _reach(timeline: Timeline, place: int) -> int:
     return k
 
 
-def _best(trace: Trace, instance_id: int, until: int) -> Best | None:
-    """The answer for an object after the run's iteration ``until``."""
-    return trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
-
-
-def _ours(compared: Compared, target: Target) -> Target:
-    """A's own target of the same object: its rule may count other masks."""
-    own = target.instance.instance_id
-    return compared.a.problem.target(own) if own in compared.a.instance_ids else target
-
-
-def _now(trace: Trace, evaluator: CachedEvaluator, focus: Target, kept: int, until: int) -> RunAtMoment | None:
-    """What is drawn of the object in focus: the pose that iteration ``kept`` kept, or for 0 the best one so far."""
-    best = _best(trace, focus.instance.instance_id, until)
-    if best is None:
-        return None
-    if not kept:
-        errors = evaluator.errors(focus, best.T_cam_obj)
-        return RunAtMoment(best.iteration, best.arm, best.stage, best.score.score, errors)
-    iteration = trace.iterations[kept - 1]
-    stage = iteration.accepted_stage
-    score = stage.score.score if stage.score else None
-    return RunAtMoment(kept, iteration.arm, stage.name, score, evaluator.errors(focus, stage.T_cam_obj))
+Line = list[tuple[float, float | None]]
+"""Score and ADD(-S) [mm] of the best pose so far, moment by moment."""
 
 
 def _curves(compared: Compared, evaluator: CachedEvaluator, own: int) -> Curves:
     """Of one object."""
     moments = [m for m in compared.timeline.moments if m.instance_id == own]
-    sides = [
-        _line(compared.a, evaluator, own, [m.a for m in moments]),
-        _line(compared.b, evaluator, own, [m.b for m in moments]),
-    ]
-    return _drawn((0, *(m.calls for m in moments)), sides)
+    line_a = _line(compared.a, evaluator, own, [m.a for m in moments])
+    line_b = _line(compared.b, evaluator, own, [m.b for m in moments])
+    return _as_curves((0, *(m.calls for m in moments)), line_a, line_b)
 
 
 def _scene_curves(compared: Compared, evaluator: CachedEvaluator) -> Curves:
     """Means over the objects that both solve."""
     moments = compared.timeline.moments
     both = [i for i in compared.a.instance_ids if i in compared.b.instance_ids and i in compared.a.answers[0]]
-    sides: list[Line] = []
-    for trace, pick in ((compared.a, "a"), (compared.b, "b")):
-        lines = [
-            _line(trace, evaluator, own, [getattr(m, pick) if m.instance_id == own else None for m in moments])
-            for own in both
-        ]
-        sides.append([_mean(points) for points in zip(*lines, strict=True)])
-    return _drawn(tuple(range(len(moments) + 1)), sides)
 
+    def mean_line(trace: Trace, indices: Sequence[int | None]) -> Line:
+        places = list(zip(indices, moments, strict=True))
+        lines = [_line(trace, evaluator, own, [k if m.instance_id == own else None for k, m in places]) for own in both]
+        return [_mean(points) for points in zip(*lines, strict=True)]
 
-Line = list[tuple[float, float | None]]
-"""Score and ADD(-S) [mm] of the best pose so far, moment by moment."""
+    line_a, line_b = mean_line(compared.a, [m.a for m in moments]), mean_line(compared.b, [m.b for m in moments])
+    return _as_curves(tuple(range(len(moments) + 1)), line_a, line_b)
 
 
 def _line(trace: Trace, evaluator: CachedEvaluator, own: int, indices: Sequence[int | None]) -> Line:
-    target, now = trace.problem.target(own), trace.answers[0].get(own)
-    line = [_point(evaluator, target, now)]
+    """Of one object, after each of the run's iterations; None = it stays where it was."""
+    target = trace.problem.target(own)
+
+    def point(best: Best | None) -> tuple[float, float | None]:
+        if best is None:
+            return 0.0, None
+        errors = evaluator.errors(target, best.T_cam_obj)
+        return best.score.score, errors.add_s_mm if errors else None
+
+    line = [point(trace.answers[0].get(own))]
     for k in indices:
-        now = now if k is None else trace.iterations[k - 1].best
-        line.append(line[-1] if k is None else _point(evaluator, target, now))
+        line.append(line[-1] if k is None else point(trace.iterations[k - 1].best))
     return line
-
-
-def _point(evaluator: CachedEvaluator, target: Target, best: Best | None) -> tuple[float, float | None]:
-    if best is None:
-        return 0.0, None
-    errors = evaluator.errors(target, best.T_cam_obj)
-    return best.score.score, errors.add_s_mm if errors else None
 
 
 def _mean(points: Sequence[tuple[float, float | None]]) -> tuple[float, float | None]:
@@ -281,9 +276,9 @@ def _mean(points: Sequence[tuple[float, float | None]]) -> tuple[float, float | 
     return sum(f for f, _ in points) / len(points), mean_error
 
 
-def _drawn(calls: tuple[int, ...], sides: Sequence[Line]) -> Curves:
-    scores = [tuple(f for f, _ in line) for line in sides]
-    errors = [tuple(e for _, e in line if e is not None) for line in sides]
+def _as_curves(calls: tuple[int, ...], *lines: Line) -> Curves:
+    scores = [tuple(f for f, _ in line) for line in lines]
+    errors = [tuple(e for _, e in line if e is not None) for line in lines]
     known = all(len(e) == len(f) for e, f in zip(errors, scores, strict=True)) and bool(scores[0])
     return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
 
