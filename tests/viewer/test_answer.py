@@ -23,7 +23,7 @@ from verefine_viz.viewer.drawing.markup import carries
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.panels.run import of_the_end
 from verefine_viz.viewer.panels.timeline import strip
-from verefine_viz.viewer.snapshot.build import FIRST
+from verefine_viz.viewer.snapshot.build import INITIAL_POSES
 from verefine_viz.viewer.snapshot.snapshot import visit
 from verefine_viz.viewer.state.view_options import OF_ITERATION
 from verefine_viz.viewer.text.headline import headline
@@ -138,7 +138,7 @@ def test_the_answer_is_compared_with_where_it_started() -> None:
     assert d.carry_out([c.Back()]).view().options.b == "refined"
     scene = debugger().carry_out([END, c.ShowScene()]).view()
     assert scene.a is not None
-    assert scene.a.pose.name == FIRST
+    assert scene.a.pose.name == INITIAL_POSES
     start = debugger().carry_out([c.ShowScene()]).view()
     assert start.a is not None
     np.testing.assert_array_equal(scene.a.pose.T_cam_obj, start.a.pose.T_cam_obj)
