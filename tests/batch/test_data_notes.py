@@ -16,7 +16,7 @@ from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
 from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 @pytest.mark.parametrize(

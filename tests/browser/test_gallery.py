@@ -17,7 +17,7 @@ from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.state.gallery import Gallery, plot_of, read_gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery, plot_of, read_gallery
 
 pytestmark = pytest.mark.browser
 MUG, CAN = 1, 4

@@ -220,7 +220,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     assert after is not None
     assert after[11] == pytest.approx(before[11] + 0.008, abs=1e-6)
     screen.click("Continue from here")
-    screen.text("moved by hand, from iteration 0")
+    screen.text("edited, from iteration 0")
     screen.shot("continued")
     assert screen.app.debugger.workspace.run.edits[0].T_cam_obj == pytest.approx(after)
 

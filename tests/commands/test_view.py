@@ -12,7 +12,7 @@ from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.cli import view
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer import serving
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...]) -> None:

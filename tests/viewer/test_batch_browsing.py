@@ -18,7 +18,7 @@ from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing import score_plot
-from verefine_viz.viewer.state.gallery import ALL, RIGHT, WRONG, Gallery, plot_of, read_gallery
+from verefine_viz.viewer.state.batch_gallery import ALL, RIGHT, WRONG, Gallery, plot_of, read_gallery
 from verefine_viz.viewer.text.findings import batch_words, findings
 
 SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)

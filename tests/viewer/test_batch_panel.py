@@ -14,7 +14,7 @@ from verefine_viz.batch.run_file import RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.panels.batch import card, choices, pages, summary
-from verefine_viz.viewer.state.gallery import PAGE, WRONG, Gallery
+from verefine_viz.viewer.state.batch_gallery import PAGE, WRONG, Gallery
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:

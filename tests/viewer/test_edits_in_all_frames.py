@@ -130,7 +130,7 @@ def test_what_was_changed_in_another_frame_is_named_as_not_saved(exporter: Expor
     assert "here.toml; it does not hold what was done in frame 0/1: save that there" in d.message
     assert [frame for _, frame in moved(tmp_path / "here.toml")] == ["0/2"]
     d.carry_out([c.OpenFrame("0/1"), c.SaveSession("there")])
-    said = "it opens frame 0/1 alone: poses moved by hand and settings changed later belong to it; it does not hold "
+    said = "it opens frame 0/1 alone: edited poses and settings changed later belong to it; it does not hold "
     assert f"{said}what was done in frame 0/2: save that there" in d.message
     assert [frame for _, frame in moved(tmp_path / "there.toml")] == ["0/1"]
 
@@ -146,5 +146,5 @@ def test_a_restart_does_not_say_that_poses_of_another_frame_are_gone() -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools).carry_out([*MOVE, c.OpenFrame("0/2"), c.Restart()])
     assert (d.message, [edit.frame for edit in d.workspace.session.edits]) == ("", ["0/1"])
     d.carry_out([c.Restart((("method.exploration", 0.5),))])
-    assert d.message == "1 pose moved by hand is not moved again."
+    assert d.message == "1 edited pose is not moved again."
     assert d.workspace.session.edits == ()

@@ -93,7 +93,7 @@ def test_opened_again_it_repeats_what_changed_on_the_way(tmp_path: Path) -> None
 def test_the_page_says_what_a_restart_does_not_repeat(tmp_path: Path) -> None:
     debugger = read(tmp_path).carry_out([c.RunUntil("end"), c.Restart()])
     assert debugger.message == (
-        "The settings changed on the way now hold from iteration 1 on. 1 pose moved by hand is not moved again. "
+        "The settings changed on the way now hold from iteration 1 on. 1 edited pose is not moved again. "
         f"To repeat them open {tmp_path / 'changed.toml'}."
     )
     assert debugger.carry_out([c.Step(), c.Restart()]).message == ""

@@ -20,7 +20,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.viewer.drawing.thumbnails import WIDTH_PX, Painter, Thumbnails
-from verefine_viz.viewer.state.gallery import Entry, Gallery
+from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 
 
 def row(instance_id: int | None, im_id: int = 0) -> ObjectRow:

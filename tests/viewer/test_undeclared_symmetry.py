@@ -15,7 +15,7 @@ from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.sentences import truth
 

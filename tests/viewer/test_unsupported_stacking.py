@@ -21,7 +21,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.objects import objects_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.plausibility import (
     RAISED_M,

@@ -16,7 +16,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
-    from verefine_viz.viewer.state.gallery import Gallery
+    from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class View:
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.commands.own_refiner import check_refiners
-            from verefine_viz.viewer.state.gallery import read_gallery
+            from verefine_viz.viewer.state.batch_gallery import read_gallery
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)

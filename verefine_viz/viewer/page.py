@@ -18,7 +18,7 @@ from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
 from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
 from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.state.state import Unconfirmed
 from verefine_viz.viewer.web.server import Server
 

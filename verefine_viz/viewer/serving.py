@@ -15,7 +15,7 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 def serve(

@@ -1,5 +1,40 @@
 // What the page does by itself; it is served before viser's own scripts. Handlers within the blocks' HTML are avoided:
-// one listener per kind of event serves all blocks.
+// one listener per kind of event serves all blocks. `web/server.py` fills in the words in capitals.
+
+// viser's page unpacks its program and puts it into one script element; nothing else that is written into the page runs.
+document.createElement = function (name, options) {
+  const made = Document.prototype.createElement.call(this, name, options);
+  if (name === "script") {
+    made.nonce = "NONCE";
+    delete document.createElement;
+  }
+  return made;
+};
+// The library's sorter of Gaussian splats, of which we have none, wants to evaluate text as a program, and may not.
+addEventListener("unhandledrejection", event => {
+  if (event.reason instanceof EvalError) event.preventDefault();
+});
+
+// Without a GPU smooth edges take a third of the time of every picture, and a step waits for it.
+{
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const names = probe?.getExtension("WEBGL_debug_renderer_info");
+  const renderer = probe?.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : probe.RENDERER) ?? "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  if (/SOFTWARE_RENDERERS/i.test(renderer)) {
+    const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+      return get.call(this, kind, kind.startsWith("webgl") ? {...options, antialias: false} : options);
+    };
+    // viser would go over to fewer pixels by itself after some slow pictures, and seldom come back.
+    const held = setInterval(() => {
+      const settings = window.__viserTestpoints?.devSettings;
+      if (!settings) return;
+      clearInterval(held);
+      if (settings.get().fixedDpr === null) settings.set({fixedDpr: window.devicePixelRatio});
+    }, 500);
+  }
+}
 
 // Links: the command of what was clicked goes into a hidden text field, which is how it reaches Python.
 {

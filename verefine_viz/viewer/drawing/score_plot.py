@@ -7,7 +7,7 @@ from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.commands import OpenPoint
 from verefine_viz.viewer.drawing.markup import carries, text
 from verefine_viz.viewer.drawing.plausibility import LIGHTS
-from verefine_viz.viewer.state.gallery import BOTTOM, HEIGHT, LEFT, RIGHT_PX, TOP, WIDTH, Entry, ScorePlot, x_of
+from verefine_viz.viewer.state.batch_gallery import BOTTOM, HEIGHT, LEFT, RIGHT_PX, TOP, WIDTH, Entry, ScorePlot, x_of
 
 _TICKS = (0.01, 0.03, 0.1, 0.3, 1.0)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenPoint
-from verefine_viz.viewer.state.gallery import PAGE, Entry, Gallery, plot_of
+from verefine_viz.viewer.state.batch_gallery import PAGE, Entry, Gallery, plot_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
 

@@ -18,7 +18,7 @@ from verefine_viz.viewer.drawing.plausibility import LIGHTS
 from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import ALL, PAGE, Entry, Gallery
+from verefine_viz.viewer.state.batch_gallery import ALL, PAGE, Entry, Gallery
 
 TITLES: dict[BatchFilter, str] = {
     "result": "Show", "cause": "Cause", "object": "Object", "method": "Method", "run": "Run",

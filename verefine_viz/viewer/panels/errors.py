@@ -10,7 +10,7 @@ from verefine_viz.viewer.drawing.markup import sentence, text
 from verefine_viz.viewer.drawing.tables import errors_table, one_scale_note, starts_table
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Entry, ScorePlot, plot_of
+from verefine_viz.viewer.state.batch_gallery import Entry, ScorePlot, plot_of
 from verefine_viz.viewer.text.sentences import truth
 
 

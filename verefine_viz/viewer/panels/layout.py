@@ -26,7 +26,7 @@ from verefine_viz.viewer.panels.timeline import TimelinePanel
 from verefine_viz.viewer.panels.view import ViewPanel
 from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
 
 _LOG = logging.getLogger(__name__)

@@ -21,7 +21,7 @@ from verefine_viz.session.variants import scores_alike, settings_between
 from verefine_viz.viewer.commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
-from verefine_viz.viewer.state.comparison import Compared, Comparison
+from verefine_viz.viewer.state.state import Compared, Comparison
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
-from verefine_viz.viewer.state.gallery import Entry, Gallery
+from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 from verefine_viz.viewer.state.timeline_marks import Mark
 from verefine_viz.viewer.state.view_options import ViewOptions, revealed
 from verefine_viz.viewer.state.workspace import WrittenFile

@@ -68,17 +68,17 @@ def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[s
 
 def current_values(session: Session, names: Sequence[str]) -> Mapping[str, Any]:
     """The values of settings by dotted name."""
-    found = {}
+    values = {}
     for name in names:
         section, _, key = name.partition(".")
-        found[name] = getattr(getattr(session, section), key)
-    return found
+        values[name] = getattr(getattr(session, section), key)
+    return values
 
 
 # A comparison as a choice: which branch is B, and how both are shown.
 
 OF_ONE_RUN = frozenset(STAGES) - {"ground truth", "edited"} | {"hypotheses", "contacts", "path", "others", "overlaps"}
-"""Layers that tell of the open run only."""
+"""Layers that show the open run only."""
 
 
 @dataclass(frozen=True)

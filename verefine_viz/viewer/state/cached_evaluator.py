@@ -1,4 +1,4 @@
-"""Answers about a pose that are worked out only when somebody looks, and remembered."""
+"""Scores, maps, errors and plausibility of poses, worked out when they are asked for and cached."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 T = TypeVar("T")
 Key = tuple[Any, ...]
 """What was asked: its kind first."""
-_KEPT_MAPS = 12
-_KEPT_NUMBERS = 20_000
+_CACHED_MAPS = 12
+_CACHED_NUMBERS = 20_000
 NEAR_M = 0.01
 """Objects further apart than this have nothing to do with each other [m]."""
 
 
 class HasVerifier(Protocol):
-    """The part of a toolbox that judging needs."""
+    """The part of a toolbox that scoring needs."""
 
     @property
     def verifier(self) -> Verifier: ...
@@ -85,19 +85,19 @@ class CachedEvaluator:
 
     def errors(self, target: Target, T_cam_obj: Float) -> PoseErrors | None:
         """Errors against ground truth; None where there is none."""
-        truth = target.instance.T_cam_obj_gt
-        if truth is None:
+        T_gt = target.instance.T_cam_obj_gt
+        if T_gt is None:
             return None
         key = _key("errors", target, T_cam_obj)
-        return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, truth))
+        return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, T_gt))
 
     def undeclared_turn(self, target: Target, T_cam_obj: Float) -> UndeclaredTurn | None:
         """The turn, which the model does not declare, that makes a pose count as wrong; None where that is not why."""
-        truth = target.instance.T_cam_obj_gt
-        if truth is None:
+        T_gt = target.instance.T_cam_obj_gt
+        if T_gt is None:
             return None
         key = _key("undeclared turn", target, T_cam_obj)
-        return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, truth, CORRECT))
+        return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, T_gt, CORRECT))
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
@@ -129,14 +129,14 @@ class CachedEvaluator:
         return key in self._numbers, self._numbers.get(key)
 
     def _remember(self, key: Key, work_out: Callable[[], T]) -> T:
-        kept, most = (self._maps, _KEPT_MAPS) if "maps" in key[0] else (self._numbers, _KEPT_NUMBERS)
-        if key in kept:
-            kept.move_to_end(key)
+        cache, size = (self._maps, _CACHED_MAPS) if "maps" in key[0] else (self._numbers, _CACHED_NUMBERS)
+        if key in cache:
+            cache.move_to_end(key)
         else:
-            kept[key] = work_out()
-            while len(kept) > most:
-                kept.popitem(last=False)
-        return kept[key]
+            cache[key] = work_out()
+            while len(cache) > size:
+                cache.popitem(last=False)
+        return cache[key]
 
 
 def together(evaluator: CachedEvaluator, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:

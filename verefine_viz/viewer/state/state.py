@@ -1,10 +1,10 @@
-"""What is open, how it is looked at, and what was said and written: all that commands change."""
+"""What is open, how it is shown, what is computed, and what the page says: all that commands change."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,16 +13,18 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
+from verefine_viz.session.alignment import Timeline, aligned
+from verefine_viz.session.comparison import Differences, differences
 from verefine_viz.session.engine import Run
-from verefine_viz.viewer.commands import Command, Goal, RunTo
-from verefine_viz.viewer.state.branch import Tools
-from verefine_viz.viewer.state.comparison import Comparison
-from verefine_viz.viewer.state.gallery import Browsing, Gallery
+from verefine_viz.session.trace import Trace, trace_of
+from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
+from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
+from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, Tools
 from verefine_viz.viewer.state.view_options import ViewOptions
 from verefine_viz.viewer.state.workspace import Workspace, WrittenFile
 
 _TIMED = 20
-"""Iterations whose mean duration tells how long the others will take."""
+"""Iterations whose mean duration says how long the others will take."""
 
 
 class Unconfirmed(InputError):
@@ -72,20 +74,91 @@ class Running:
         return (run.n_iterations - run.length) * sum(self._seconds) / len(self._seconds)
 
 
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Two runs, as far as they are computed."""
+
+    a: Trace
+    b: Trace
+    timeline: Timeline
+    differences: Differences
+
+
+class Comparison:
+    """The comparison of the open run, A, with another one, B, if there is one."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self.goal: tuple[Branch, int | None] | None = None
+        """The branch that is computed and up to which length, None = to its end."""
+        self._noted: tuple[Run, int] | None = None
+        self._known: tuple[Run, int, Run, int, Compared] | None = None
+
+    @property
+    def is_running(self) -> bool:
+        """Whether B is being computed."""
+        return self.goal is not None
+
+    @property
+    def choice(self) -> ComparisonChoice | None:
+        """What B is and how both are shown; None = the open run is looked at alone."""
+        return self._workspace.work.comparison
+
+    def branch_b(self) -> Branch | None:
+        """The branch beside the open one."""
+        choice, branches = self.choice, self._workspace.work.branches
+        return branches[choice.b] if choice is not None and choice.b < len(branches) else None
+
+    def progress(self) -> tuple[Command, ...]:
+        """What the log has to say before the next command, since it may depend on how far B is."""
+        if self.goal is None:
+            return ()
+        run, noted = self.goal[0].run, self._noted
+        if run.length == 0 or (noted is not None and noted[0] is run and noted[1] == run.length):
+            return ()
+        self._noted = (run, run.length)
+        return (RunB(run.length),)
+
+    def visible(self, options: ViewOptions) -> ViewOptions:
+        """``options`` without the layers that would hide the two runs."""
+        return options if self.choice is None else replace(options, layers=options.layers - self.choice.hidden)
+
+    def compared(self) -> Compared | None:
+        """Both runs against each other; None while only one is looked at."""
+        other = self.branch_b()
+        if other is None:
+            return None
+        a, b = self._workspace.run, other.run
+        known = self._known
+        if known is not None and known[0] is a and known[2] is b and known[1] == a.length and known[3] == b.length:
+            return known[4]
+        one, two = trace_of(a), trace_of(b)
+        timeline = aligned(one, two)
+        compared = Compared(one, two, timeline, differences(one, two, timeline))
+        self._known = (a, a.length, b, b.length, compared)
+        return compared
+
+    def place(self) -> int:
+        """Where both are on their timeline; 0 before the first moment."""
+        compared, choice, cursor = self.compared(), self.choice, self._workspace.run.cursor
+        assert compared is not None
+        assert choice is not None
+        place = compared.timeline.place(choice.moment)
+        if place is not None and compared.timeline.a_at(place) == cursor:
+            return place
+        if cursor == len(compared.a.iterations) and compared.a.is_done:
+            return len(compared.timeline)
+        return compared.timeline.of_a(cursor)
+
+
 class State:
-    """A session being looked at.
+    """A session on the page. For what opens it see :class:`Workspace`.
 
     Args:
-        session: what to open.
-        path: its file, if it has one.
-        make_tools: builds simulator, refiner, verifier, method and scene from a session.
-        plausibility: judges a pose by physics without moving it; None = not known.
         demos: names of the built-in scenes.
         write: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         sessions: lists the session files at hand.
         batch: whose answers are listed; None = no batch.
-        patience: asked before anything that may take seconds.
-        overlap: tells how deep one placed object is in another; None = not known.
     """
 
     def __init__(
@@ -125,7 +198,7 @@ class State:
         return self.workspace.run
 
     def seek(self, cursor: int) -> None:
-        """Looks at an iteration of the history as a whole."""
+        """Shows an iteration of the history as a whole."""
         self.run.seek(cursor)
         self.options = self.options.moved()
 

@@ -76,9 +76,7 @@ MEANINGS: tuple[Meaning, ...] = (
         frozenset({"new_best_scene"}),
         "◆",
     ),
-    Meaning(
-        "moved by hand", "Its pose was edited before this iteration.", EVENT_COLORS["edited"], frozenset({"edited"})
-    ),
+    Meaning("edited pose", "Its pose was edited before this iteration.", EVENT_COLORS["edited"], frozenset({"edited"})),
 )
 """All colours that marks can have."""
 
@@ -109,7 +107,7 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         and simulated.score.score - refined.score.score < FALL
     )
     hardly_fell = before is not None and after is not None and before.score - after.score < FALL
-    found = [
+    marks = [
         Mark(iteration.index, e.kind, _text(e), EVENT_COLORS[e.kind])
         for e in iteration.events
         if e.kind not in QUIET
@@ -124,8 +122,8 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         text = (
             f"The score rose ({before.score:.3f} → {after.score:.3f}) while the error grew by {error_growth_mm:.1f} mm."
         )
-        found.append(Mark(iteration.index, "error_grew", text, RED))
-    return tuple(found)
+        marks.append(Mark(iteration.index, "error_grew", text, RED))
+    return tuple(marks)
 
 
 def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:
@@ -134,19 +132,19 @@ def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple
     """
     total = Counter(iteration.instance_id for iteration, _ in marked)
     times = Counter((i.instance_id, m.kind) for i, marks in marked for m in marks if m.kind in ONCE)
-    found: list[Mark] = []
+    thinned: list[Mark] = []
     for iteration, marks in marked:
         for mark in marks:
             # Taken out where it is said, so that there is none left for the next one.
             n = times.pop((iteration.instance_id, mark.kind), 0)
             if mark.kind not in ONCE:
-                found.append(mark)
+                thinned.append(mark)
             elif n:
                 often = (
                     f" So it is in {n} of {total[iteration.instance_id]} iterations of this object." if n > 1 else ""
                 )
-                found.append(replace(mark, text=mark.text + often))
-    return tuple(found)
+                thinned.append(replace(mark, text=mark.text + often))
+    return tuple(thinned)
 
 
 def _text(event: Event) -> str:

@@ -45,7 +45,7 @@ class Saved:
 
 @dataclass(frozen=True)
 class WrittenFile:
-    """A file that was written for a person."""
+    """A file that was written at the user's command."""
 
     path: Path
     note: str = ""
@@ -92,7 +92,7 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     if n_frames > 1 and _goes_with(shown, shown):
         first = tuple(edit for edit in shown.start.edits if edit.frame in apart)
         edits = (*(edit for edit in session.edits if edit.frame not in apart), *first)
-        return session.model_copy(update={"edits": edits}), _left_out(apart)
+        return session.model_copy(update={"edits": edits}), _lacks(apart)
     here = edits_of(session.edits, shown.run.problem, is_only_frame=n_frames == 1)
     if n_frames == 1 and not here and not session.changes:
         return session, ""
@@ -101,18 +101,18 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     alone = session.model_copy(update={"scene": scene, "edits": here})
     if n_frames == 1:
         return alone, ""
-    belongs = on_the_way(alone) or "a pose that the session moves in every frame is not moved here, which"
-    said = [f"it opens frame {frame} alone: {belongs} belong{'' if on_the_way(alone) else 's'} to it", _left_out(apart)]
-    return alone, "; ".join(filter(None, said))
+    belongs = beside_the_method(alone) or "a pose that the session moves in every frame is not moved here, which"
+    opens = f"it opens frame {frame} alone: {belongs} belong{'' if beside_the_method(alone) else 's'} to it"
+    return alone, "; ".join(filter(None, (opens, _lacks(apart))))
 
 
-def on_the_way(session: Session) -> str:
+def beside_the_method(session: Session) -> str:
     """What a run of a session does beside its method, in words."""
-    moved, changed = bool(session.edits) * ["poses moved by hand"], bool(session.changes) * ["settings changed later"]
+    moved, changed = bool(session.edits) * ["edited poses"], bool(session.changes) * ["settings changed later"]
     return " and ".join(moved + changed)
 
 
-def _left_out(frames: Sequence[str]) -> str:
+def _lacks(frames: Sequence[str]) -> str:
     names = sorted(set(frames))
     if not names:
         return ""
@@ -205,11 +205,6 @@ class Workspace:
         return tuple(work.branch for frame, work in self._works.items() if frame != self.frame)
 
     @property
-    def has_other_frames(self) -> bool:
-        """Whether frames beside the shown one were looked at, and are as they were left."""
-        return len(self._works) > 1
-
-    @property
     def run(self) -> Run:
         return self.branch.run
 
@@ -275,17 +270,17 @@ class Workspace:
         tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested(changes))))
         if tools.session == old.tools.session:
             tools = old.tools
-        kept = tuple(c for c in old.changes if c.after_iteration <= cursor)
+        on_the_way = tuple(c for c in old.changes if c.after_iteration <= cursor)
         later = [c.settings for c in old.changes if c.after_iteration > cursor]
         new = merged((*later, nested(changes)))
         if new:
-            kept = (*kept, Change(after_iteration=cursor, settings=new))
+            on_the_way = (*on_the_way, Change(after_iteration=cursor, settings=new))
         run = old.run.fork(cursor, tools.method if new else None, edit)
         evaluators = tuple((k, evaluator) for k, evaluator in old.evaluators if k < cursor or k == 0)
         if "score" in new:
             evaluators = (*(evaluators if cursor else ()), (cursor, self._evaluator(tools)))
         name = _name(cursor, changes, edit)
-        self.work.branches.append(Branch(name, run, tools, old.start, kept, evaluators))
+        self.work.branches.append(Branch(name, run, tools, old.start, on_the_way, evaluators))
         self.work.index = len(self.work.branches) - 1
 
     def open_recording(self, path: Path) -> None:
@@ -327,12 +322,12 @@ class Workspace:
 
     def _evaluators(self, tools: Tools) -> tuple[tuple[int, CachedEvaluator], ...]:
         """Those of a run from its start, with the changes that its session holds."""
-        found = [(0, self._evaluator(tools))]
+        evaluators = [(0, self._evaluator(tools))]
         for change in in_order(tools.session.changes):
             tools = tools.changed(change.settings)
             if "score" in change.settings:
-                found.append((change.after_iteration, self._evaluator(tools)))
-        return tuple(found)
+                evaluators.append((change.after_iteration, self._evaluator(tools)))
+        return tuple(evaluators)
 
     def _evaluator(self, tools: Tools) -> CachedEvaluator:
         return CachedEvaluator(tools, self._plausibility, self._overlap)
@@ -356,5 +351,5 @@ def preparing(problem: Problem, session: Session) -> str:
 def _name(cursor: int, changes: Changes, edit: tuple[int, int, Float] | None) -> str:
     what = ", ".join(f"{name.rpartition('.')[2]} = {value}" for name, value in changes)
     if edit is not None:
-        what = ", ".join(filter(None, (what, f"hypothesis {edit[1] + 1} moved by hand")))
+        what = ", ".join(filter(None, (what, f"hypothesis {edit[1] + 1} edited")))
     return f"{what or 'same settings'}, from iteration {cursor}"

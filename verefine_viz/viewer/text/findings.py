@@ -9,7 +9,7 @@ from verefine_viz.diagnosis.words import DATA_FIRST, DECLARE, cause_title
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.gallery import Entry
+from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.names import is_correct
 from verefine_viz.viewer.text.plausibility import plane_doubt, unsupported_stacking, unsupported_stacking_warning
 from verefine_viz.viewer.text.poses import preferred_wrong, prefers, start_errors

@@ -1,4 +1,4 @@
-"""The web server of the page: viser, made safe for a person's own machine.
+"""The web server of the page: viser, made safe for the user's own machine, with our script before its own.
 
 viser binds all interfaces, accepts websockets of any web page, opens a public tunnel for any client that asks, ends in
 tracebacks over messages it cannot read, takes the next port silently when one is taken, and hangs on a host that cannot
@@ -7,25 +7,43 @@ be bound. None of that happens here.
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import errno
+import gzip
+import hashlib
+import http
 import io
 import logging
+import re
+import secrets
 import socket
 import threading
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import viser
 import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
 
 from verefine_viz.core.errors import UnavailableError
+from verefine_viz.rendering.gl_context import SOFTWARE
+from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.web.admission import Admission, Answer, check_refuses, in_url, is_loopback, reached_at, secured
 from verefine_viz.viewer.web.client_messages import CheckedConnection, check_handling
-from verefine_viz.viewer.web.page_script import with_script
+from verefine_viz.viewer.web.viser_internals import LINK_LABEL
 
 _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
+_NONCE = secrets.token_urlsafe(16)
+_SCRIPT = (
+    asset("page.js")
+    .replace("NONCE", _NONCE)
+    .replace("SOFTWARE_RENDERERS", "|".join(SOFTWARE))
+    .replace("LINK_LABEL", LINK_LABEL)
+)
 
 
 class Server(viser.ViserServer):
@@ -123,7 +141,7 @@ def _served_our_way(admission: Admission) -> Iterator[None]:
 
     def serve(*args: Any, process_request: Answer, **kwargs: Any) -> Any:
         ours = {
-            "process_request": admission.guarded(with_script(process_request)),
+            "process_request": admission.guarded(_with_script(process_request)),
             "process_response": secured,
             "create_connection": CheckedConnection,
         }
@@ -134,3 +152,55 @@ def _served_our_way(admission: Admission) -> Iterator[None]:
         yield
     finally:
         websockets.asyncio.server.serve = original  # type: ignore[misc]
+
+
+# Our script at the beginning of viser's page, and a policy of what may run there: viser has no settings for either
+
+
+def _with_script(answer: Answer) -> Answer:
+    """Serves the page with our script at its very beginning and a policy of what may run; everything else as it was."""
+
+    def answer_with_script(connection: ServerConnection, request: Request) -> Response | None:
+        response = answer(connection, request)
+        if response is None or response.status_code != http.HTTPStatus.OK:
+            return response
+        if not response.headers.get("Content-Type", "").startswith("text/html"):
+            return response
+        is_packed = response.headers.get("Content-Encoding") == "gzip"
+        response.body, response.headers["Content-Security-Policy"] = _scripted(bytes(response.body or b""), is_packed)
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+        return response
+
+    return answer_with_script
+
+
+@lru_cache(maxsize=4)
+def _scripted(page: bytes, is_packed: bool) -> tuple[bytes, str]:
+    """The page with our script, and its policy."""
+    page = gzip.decompress(page) if is_packed else page
+    script = f"<head><script>{_SCRIPT}</script>"
+    page = page.replace(b"<head>", script.encode(), 1)
+    return gzip.compress(page) if is_packed else page, _policy(page)
+
+
+def _policy(page: bytes) -> str:
+    """The scripts that stand in a page, the one they insert, WebAssembly and workers; styles, and pictures sent by us.
+
+    Nothing is fetched from elsewhere, and no page may show this one within itself.
+    """
+    scripts = re.findall(rb"<script[^>]*>(.*?)</script>", page, re.DOTALL)
+    hashes = [f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in scripts]
+    return "; ".join(
+        [
+            "default-src 'none'",
+            f"script-src {' '.join(hashes)} 'nonce-{_NONCE}' 'wasm-unsafe-eval'",
+            "worker-src blob:",
+            "style-src 'unsafe-inline'",
+            "img-src data: blob:",
+            "connect-src 'self' data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+            "frame-ancestors 'none'",
+        ]
+    )

@@ -1,4 +1,4 @@
-"""What reaches into the private parts of viser, written for the version below.
+"""What reaches into the private parts of viser, written for version 1.1.
 
 Its widgets are found by ``_impl.uuid``, which labels name; its page by class names of Mantine, attributes of its docks
 and ``window.__viserMutable``. Should any of it look different one day, rows are higher, keys go to viser and the notice
@@ -9,16 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from verefine_viz.viewer.assets import asset
-
-VISER_VERSION = "1.1"
-"""The version that style sheets, scripts and selectors were written for."""
-
 LINK_LABEL = "page link"
 """Label of the hidden text field through which links send their commands."""
-
-PAGE_SCRIPT = asset("page.js").replace("LINK_LABEL", LINK_LABEL)
-"""What the page does by itself: it sends the commands of links, and handles keys where viser ignores them."""
 
 CANCEL_CLASS = "cancel"
 """Class of the line with the link that Escape stands for."""

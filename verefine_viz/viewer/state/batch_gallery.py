@@ -46,7 +46,7 @@ class Entry:
 
     @property
     def can_be_opened(self) -> bool:
-        """A frame that failed as a whole fails again, and an object that was left out is again."""
+        """A frame that failed as a whole fails again, and an object that was excluded is again."""
         return self.row.was_asked_for
 
     @property
@@ -91,19 +91,15 @@ class Gallery:
         """How many objects are right, in words; as in a batch, one without an answer is not."""
         objects = [e.row for e in self.entries if e.row.is_object]
         known = [row for row in objects if row.has_truth or row.is_correct is not None]
-        said = f"{len(objects)} objects"
-        if known:
-            said = f"{sum(row.is_correct is True for row in known)} of {len(known)} objects"
-        if self.has_several_runs:
-            said += f" of {len(self.runs)} runs"
-        else:
-            n_frames = len({e.row.frame for e in self.entries})
-            said += f" in {n_frames} frame{'s' * (n_frames != 1)}"
-        said += " are right" if known else ""
-        missing = sum(row.status != "ok" for row in objects)
-        said += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
-        unknown = len(self.entries) - len(objects)
-        return f"{said}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else said
+        n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
+        n_frames, failed = len({e.row.frame for e in self.entries}), len(self.entries) - len(objects)
+        words = f"{n_right} of {len(known)} objects" if known else f"{len(objects)} objects"
+        words += (
+            f" of {len(self.runs)} runs" if self.has_several_runs else f" in {n_frames} frame{'s' * (n_frames != 1)}"
+        )
+        words += " are right" if known else ""
+        words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+        return words + (f"; {failed} frame{'s' * (failed != 1)} failed" if failed else "")
 
     @cached_property
     def doubt(self) -> str:
@@ -149,12 +145,12 @@ class Gallery:
 
     @cached_property
     def choices(self) -> dict[str, tuple[str, ...]]:
-        """What can be filtered for, by filter; filters that leave no choice are left out."""
-        found = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
-        return {"result": RESULTS} | {by: (ALL, *values) for by, values in found.items() if len(values) > 1}
+        """What can be filtered for, by filter; none that would leave no choice."""
+        values = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
+        return {"result": RESULTS} | {by: (ALL, *given) for by, given in values.items() if len(given) > 1}
 
     def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
-        """What a run says about an object."""
+        """What a run reports of an object."""
         return self._by_object.get((run, frame, instance_id))
 
     def doubt_in(self, run: str, frame: str) -> str:
