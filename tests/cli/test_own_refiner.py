@@ -20,7 +20,7 @@ from verefine_viz.refiners.identity import Identity
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.viewer import serving
+from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.commands import OpenRecording
 from verefine_viz.viewer.debugger import Debugger
 
@@ -62,7 +62,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the page would be opened with."""
     asked: dict[str, Any] = {}
-    monkeypatch.setattr(serving, "serve", lambda session, **given: asked.update(given, session=session))
+    monkeypatch.setattr(page_app, "serve", lambda session, **given: asked.update(given, session=session))
     return asked
 
 
@@ -146,7 +146,7 @@ def test_the_rerun_viewer_opens_it_and_one_line_says_where(
 
 def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:
     assert cli.main(["view", str(recording)]) == 0
-    serving.check_names(served["session"])
+    page_app.check_names(served["session"])
     assert served["recordings"] == (recording, None)
     make_tools: Any = Toolbox
     debugger = Debugger(served["session"], None, make_tools).carry_out([OpenRecording(str(recording))])

@@ -11,7 +11,7 @@ from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.cli import view
 from verefine_viz.session.files import resolve
-from verefine_viz.viewer import serving
+from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
@@ -34,7 +34,7 @@ def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...]) -> None:
 def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the page would be opened with."""
     asked: dict[str, Any] = {}
-    monkeypatch.setattr(serving, "serve", lambda session, **given: asked.update(given, session=session))
+    monkeypatch.setattr(page_app, "serve", lambda session, **given: asked.update(given, session=session))
     return asked
 
 

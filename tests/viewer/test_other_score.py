@@ -116,9 +116,9 @@ def test_other_settings_leave_the_scale_as_it_is() -> None:
 
 def scales_of(view: Snapshot) -> set[bool]:
     """Whether what is shown in one place scores as little as the stricter settings allow: poses, initial poses."""
-    assert view.truth is not None
+    assert view.ground_truth is not None
     assert view.state is not None
-    scores = [pose.score for pose in (*view.poses.values(), view.truth)]
+    scores = [pose.score for pose in (*view.poses.values(), view.ground_truth)]
     firsts = [arm.entries[0].score.score for arm in view.state.arms]
     known = [s.score for s in scores if s is not None] + [s.score for s in view.state.initial] + firsts
     return {score <= 0.25 for score in known}

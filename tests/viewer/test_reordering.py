@@ -142,7 +142,7 @@ def test_the_first_cannot_come_earlier(debugger: Debugger) -> None:
 
 def test_a_frame_whose_order_nobody_looked_at() -> None:
     plain = Debugger(SESSION, None, FakeTools)
-    with pytest.raises(InputError, match="was not looked at"):
+    with pytest.raises(InputError, match="is unknown"):
         plain.apply(MoveInOrder(0, 1))
     plain.apply(c.OpenFrame("0/2"))
     assert "not looked at" in order_html(plain.view(deep=False))

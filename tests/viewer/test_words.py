@@ -112,13 +112,13 @@ def test_a_far_start_that_led_nowhere_is_red_at_the_end_of_the_run_only() -> Non
 def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     view = after(c.RunUntil("end"))
     best = view.poses["best"]
-    truth = view.truth
+    truth = view.ground_truth
     assert best.score is not None
     assert truth is not None
     view = replace(
         view,
         poses=view.poses | {"best": replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))},
-        truth=replace(truth, score=replace(best.score, score=0.82)),
+        ground_truth=replace(truth, score=replace(best.score, score=0.82)),
     )
     (said,) = (f.text for f in findings(view) if f.text.startswith("The score prefers"))
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
@@ -127,13 +127,13 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     assert "The score prefers this wrong pose to the true pose: 0.940 against 0.820. More iterations" in words.truth(
         view
     )
-    view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
+    view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
 
 def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
     view = after(c.RunUntil("end"), c.ScoreGroundTruth())
-    best, true = view.poses["best"], view.truth
+    best, true = view.poses["best"], view.ground_truth
     assert best.score is not None
     assert true is not None
 
@@ -145,7 +145,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         assert view.a is not None
         assert view.b is not None
         sides = {"a": replace(view.a, pose=near), "b": replace(view.b, pose=truth)}
-        return replace(view, poses=poses, truth=truth, **sides)  # type: ignore[arg-type]
+        return replace(view, poses=poses, ground_truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
     said = "The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer"

@@ -60,7 +60,7 @@ class View:
             from verefine_viz.session.files import load_session
 
             session = load_session(self.session, overrides)
-        from verefine_viz.viewer.serving import serve
+        from verefine_viz.viewer.app import serve
 
         serve(
             session,

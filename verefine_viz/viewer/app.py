@@ -1,29 +1,38 @@
-"""The page of a session: opens it on a worker thread, which then carries out what is asked for."""
+"""The page of a session: opens it on a worker thread, which then carries out what is asked for, and serves it until
+Ctrl-C, SIGTERM or SIGHUP.
+"""
 
 from __future__ import annotations
 
 import logging
+import signal
 import threading
+import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import Cancelled, VerefineError
+from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
 from verefine_viz.core.patience import Patience
 from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.compiling import told_of_compiling
+from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.viewer.busy_status import BusyStatus
-from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.page import Page, Worker
 from verefine_viz.viewer.panels.layout import set_theme
 from verefine_viz.viewer.state.batch_gallery import Gallery
-from verefine_viz.viewer.state.branch import Tools
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.web.viser_internals import lost_style
+
+if TYPE_CHECKING:
+    from verefine_viz.session.toolbox import Toolbox
 
 _LOG = logging.getLogger(__name__)
 
@@ -50,7 +59,7 @@ class App:
         host: str = "127.0.0.1",
         port: int = 8080,
         allowed_origins: Sequence[str] = (),
-        make_tools: Callable[[Session], Tools] | None = None,
+        make_tools: Callable[[Session], Toolbox] | None = None,
         folder: Path | None = None,
         batch: Gallery | None = None,
         first: Sequence[Command] = (),
@@ -159,7 +168,7 @@ class App:
             from verefine_viz.session.toolbox import Toolbox
 
             surfaces = Surfaces()
-            make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=self._patience))
+            make_tools = partial(Toolbox, patience=self._patience)
             checks: dict[str, Any] = {
                 "plausibility": partial(plausibility, surface_of=surfaces, patience=self._patience),
                 "overlap": partial(overlap, surface_of=surfaces),
@@ -184,3 +193,65 @@ class App:
             if not run.is_done:
                 run.method.step(run.state)
             self.debugger.view()
+
+
+# The page as a program
+
+
+def serve(
+    session: Session,
+    *,
+    session_path: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    allowed_origins: Sequence[str] = (),
+    open_browser: bool = True,
+    recordings: tuple[Path | None, Path | None] = (None, None),
+    batch: Gallery | None = None,
+) -> None:
+    """Serves the page until Ctrl-C, SIGTERM or SIGHUP; prints its address, one line. Call it in the main thread.
+
+    ``recordings`` are A, the open run, and B beside it; ``batch`` is what is listed in the Batch tab.
+
+    Raises:
+        VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
+    """
+    notes = check_names(session)
+    open_a, compare_b = recordings
+    first = [
+        *([OpenRecording(str(open_a))] if open_a else []),
+        *([CompareRecording(str(compare_b))] if compare_b else []),
+    ]
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
+            signal.signal(number, signal.default_int_handler)
+    app = App(session, session_path, host, port, allowed_origins, batch=batch, first=first).start()
+    try:
+        print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
+        for note in notes:
+            print(f"note: {note}", flush=True)
+        app.wait_until_ready()
+        if open_browser:
+            webbrowser.open(app.url)
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        app.stop()
+
+
+def check_names(session: Session) -> tuple[str, ...]:
+    """That scene, method and refiner exist, before a browser is sent to a page that cannot open; notes on the choice of
+    frames.
+
+    Raises:
+        VerefineError: one of them does not.
+    """
+    from verefine_viz.scenes.source import open_scene
+
+    if session.method.name not in ALL_METHOD_NAMES:
+        raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
+    if session.method.refiner not in REFINERS:
+        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
+    scene = open_scene(session.scene, session.hypotheses)
+    return (*scene.notes, *edits_elsewhere(session.edits, scene.frames))

@@ -329,7 +329,7 @@ class SaveSession(Command):
     replace: bool = False
     """Whether a file that holds another session, or another branch, may be replaced."""
     waiting: tuple[str, ...] = ()
-    """What was typed as settings and is not in use, in words: it is not saved, and that is said."""
+    """What was typed as settings and is not in use, in words: it is not saved, and the page says so."""
 
 
 class Export(Command):
@@ -505,6 +505,6 @@ class ShowSide(ViewCommand):
 
 
 class ShowSidePoses(ViewCommand):
-    """Which poses of both are drawn: the best so far, or what the latest iteration kept."""
+    """Which poses of both are drawn: the best so far, or what the latest iteration accepted."""
 
     which: SidePose

@@ -12,7 +12,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, swatch, table, text, warning
 from verefine_viz.viewer.drawing.tables import NOT_COMPARABLE
-from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot, RunAtMoment
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot, DrawnPose
 from verefine_viz.viewer.text.names import TERMS
 
 # Scores of two runs side by side: what they tell where both score by the same settings, and where they do not.
@@ -207,7 +207,7 @@ def now_table(v: ComparisonSnapshot) -> str:
     return table(head, rows)
 
 
-def _now_row(side: str, now: RunAtMoment | None, has_ended: bool) -> Row:
+def _now_row(side: str, now: DrawnPose | None, has_ended: bool) -> Row:
     mark = f"{swatch(SIDE_COLORS[side])}{side}{' ■' if has_ended else ''}"
     if now is None:
         return Row([mark, *[_NONE] * 7])

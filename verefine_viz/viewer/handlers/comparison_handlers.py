@@ -12,12 +12,13 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
-from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, Tools, nested
+from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, nested
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.workspace import Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
+    from verefine_viz.session.toolbox import Toolbox
 
 
 # Where B of a comparison comes from: a run of the open frame with other settings, or a recording of it.
@@ -49,16 +50,16 @@ def _recorded_branch(space: Workspace, path: Path) -> Branch:
 
     recorded = read_recording(path)
     check_same_frame(recorded, space.branch.tools.session, space.frame)
-    tools = space.tools_of(recorded.session)
+    tools = space.make_tools(recorded.session)
     return space.recorded_branch(recorded, tools, tools.problem(recorded.frame))
 
 
-def _tools(space: Workspace, tools: Tools, session: Session) -> Tools:
+def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
     """Tools of ``session``; what they have in common with ``tools`` is shared where that is safe."""
     old = tools.session
     between = settings_between(old, session)
     if old.edits or old.changes or any(name.partition(".")[0] not in _CHEAP for name, _, _ in between):
-        return space.tools_of(session)
+        return space.make_tools(session)
     return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 
 

@@ -117,7 +117,7 @@ def _reorder(state: State, command: c.CutDependency | c.MoveInOrder | c.ResetOrd
         case c.ResetOrder():
             changes = (("dependency.order", ()), ("dependency.order_file", ""))
         case _ if graph is None:
-            raise InputError("how the objects of this frame depend on each other was not looked at")
+            raise InputError("how the objects of this frame depend on each other is unknown")
         case c.CutDependency(first, second, cut):
             pairs = {frozenset((e.first, e.second)) for e in graph.edges}
             if frozenset((first, second)) not in pairs:

@@ -30,9 +30,9 @@ class ErrorsPanel:
     def show(self, view: Snapshot) -> None:
         """All errors at the cursor; without ground truth only the sentence."""
         self._words.show(sentence(truth(view)))
-        self.score_truth.visible = view.truth is not None
-        self._stages.show(one_scale_note(view) + errors_table(view) if view.truth else "")
-        self._starts.show(starts_table(view) if view.truth else "")
+        self.score_truth.visible = view.ground_truth is not None
+        self._stages.show(one_scale_note(view) + errors_table(view) if view.ground_truth else "")
+        self._starts.show(starts_table(view) if view.ground_truth else "")
 
 
 # The plot of score over error of everything in a batch.

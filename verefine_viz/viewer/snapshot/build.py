@@ -110,7 +110,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
             (i, evaluator.errors(target, i.accepted_stage.T_cam_obj), evaluator.errors(target, i.best.T_cam_obj))
             for i in own
         ),
-        truth=poses.get("ground truth"),
+        ground_truth=poses.get("ground truth"),
         # Up to half a second for a pose that is nearly such a turn: a run does not wait for it.
         undeclared=evaluator.undeclared_turn(target, poses["best"].T_cam_obj)
         if "best" in poses and not running

@@ -11,7 +11,6 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
-from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.session.alignment import Moment, Timeline
 from verefine_viz.session.comparison import Differences, name_of
@@ -25,19 +24,19 @@ from verefine_viz.viewer.state.state import Compared, Comparison
 
 
 @dataclass(frozen=True, eq=False)
-class RunAtMoment:
-    """One run at the moment that is shown, for the object in focus."""
+class DrawnPose:
+    """What is drawn of an object in one run at the moment that is shown."""
 
+    T_cam_obj: Float
     iteration: int
-    """The one that the pose drawn comes from; 0 = an initial pose."""
+    """The one that it comes from; 0 = an initial pose."""
     arm: int
-    """The hypothesis that the pose drawn belongs to, from 0."""
+    """The hypothesis that it belongs to, from 0."""
     stage: StageName
-    """What the pose drawn was in its iteration."""
+    """What it was in its iteration."""
     score: float | None
-    """Of the pose drawn, by the rule of its own run."""
+    """By the rule of its own run."""
     errors: PoseErrors | None
-    """Of the pose drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +82,9 @@ class ComparisonSnapshot:
     """How well all answers of A and all of B explain the frame together; None for one object."""
     effort_a: Effort
     effort_b: Effort
-    now_a: RunAtMoment | None
-    """None where A does not solve the object in focus."""
-    now_b: RunAtMoment | None
+    now_a: DrawnPose | None
+    """Of the object in focus; None where A does not solve it."""
+    now_b: DrawnPose | None
     curves: Curves
     poses: Mapping[int, tuple[Float | None, Float | None]]
     """What is drawn of each object: pose of A, pose of B."""
@@ -98,7 +97,7 @@ class ComparisonSnapshot:
 def comparison_snapshot(
     comparison: Comparison, a: Branch, focus: Target, chosen: bool, whole_scene: bool
 ) -> ComparisonSnapshot | None:
-    """The comparison at this moment; None while one run is looked at alone.
+    """The comparison at this moment; None while nothing is compared.
 
     Args:
         comparison: which runs.
@@ -121,10 +120,10 @@ def comparison_snapshot(
     between = settings_between(a.settings, b.settings)
     name, (name_a, name_b) = name_of(compared.a.problem, own), _names(a, b, between)
     drawn = {
-        instance_id: _drawn(compared, place, instance_id, choice.poses)
+        instance_id: _drawn(compared, place, instance_id, choice.poses, evaluator)
         for instance_id in dict.fromkeys((*compared.a.instance_ids, *compared.b.instance_ids))
     }
-    now_a, now_b = (_at_moment(pose, focus, evaluator) for pose in drawn.get(own, (None, None)))
+    now_a, now_b = drawn.get(own, (None, None))
 
     def score_of(target: Target, best: Best) -> float:
         """By the rule of A, whose own target of the same object may count other masks."""
@@ -159,40 +158,27 @@ def comparison_snapshot(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """A pose that is drawn of one run, and where it comes from."""
-
-    T_cam_obj: Float
-    iteration: int
-    arm: int
-    stage: StageName
-    score: PoseScore | None
-
-
-def _drawn(compared: Compared, place: int, instance_id: int, which: SidePose) -> tuple[_Drawn | None, _Drawn | None]:
+def _drawn(
+    compared: Compared, place: int, instance_id: int, which: SidePose, evaluator: CachedEvaluator
+) -> tuple[DrawnPose | None, DrawnPose | None]:
     """What is drawn of an object in both runs: the best pose so far, or the one that its latest iteration accepted."""
 
-    def of(trace: Trace, latest: int, until: int) -> _Drawn | None:
+    def of(trace: Trace, latest: int, until: int) -> DrawnPose | None:
         best = trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
         if best is None:
             return None
+        errors, target = evaluator.errors, trace.problem.target(instance_id)
         if which == "best" or latest == 0:
-            return _Drawn(best.T_cam_obj, best.iteration, best.arm, best.stage, best.score)
+            T = best.T_cam_obj
+            return DrawnPose(T, best.iteration, best.arm, best.stage, best.score.score, errors(target, T))
         iteration = trace.iterations[latest - 1]
-        stage = iteration.accepted_stage
-        return _Drawn(stage.T_cam_obj, latest, iteration.arm, stage.name, stage.score)
+        stage, T = iteration.accepted_stage, iteration.accepted_stage.T_cam_obj
+        score = stage.score.score if stage.score else None
+        return DrawnPose(T, latest, iteration.arm, stage.name, score, errors(target, T))
 
     k_a, k_b = compared.timeline.latest(place, instance_id)
     reach_a, reach_b = compared.timeline.a_at(place), _reach(compared.timeline, place)
     return of(compared.a, k_a, reach_a), of(compared.b, k_b, max(k_b, reach_b))
-
-
-def _at_moment(pose: _Drawn | None, focus: Target, evaluator: CachedEvaluator) -> RunAtMoment | None:
-    if pose is None:
-        return None
-    score = pose.score.score if pose.score else None
-    return RunAtMoment(pose.iteration, pose.arm, pose.stage, score, evaluator.errors(focus, pose.T_cam_obj))
 
 
 def _names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tuple[str, str]:

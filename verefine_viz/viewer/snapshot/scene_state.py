@@ -227,7 +227,7 @@ class ScenePhysics:
     overlaps: tuple[Any, ...] = ()
     """Pairs of objects that are partly in the same place, deepest first."""
     complete: bool = True
-    """Whether everything was looked at."""
+    """Whether nothing is missing."""
 
 
 def others_of(scene: SceneState, instance_id: int) -> tuple[Placed, ...]:

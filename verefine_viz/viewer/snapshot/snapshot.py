@@ -44,7 +44,7 @@ class EvaluatedPose:
 
     @property
     def label(self) -> str:
-        """What people read."""
+        """What the page calls it."""
         return "answer" if self.is_of_best_scene else self.name
 
 
@@ -54,7 +54,7 @@ class ComparedPose:
 
     pose: EvaluatedPose
     maps: ScoreMaps | None
-    """None in a view that is not deep."""
+    """None in a snapshot that is not deep."""
     probe: Probe | None = None
 
 
@@ -136,14 +136,14 @@ class Snapshot:
     a: ComparedPose | None
     b: ComparedPose | None
     plausible: dict[str, Any]
-    """Plausibility by stage, where it is known: of the pose before the simulation ("current"), of the one that was kept
-    ("accepted") or the answer ("best"), and of the edited one ("edited")."""
+    """Plausibility by stage, where it is known: of the pose before the simulation ("current"), of the accepted
+    one ("accepted") or the answer ("best"), and of the edited one ("edited")."""
     initial_errors: tuple[PoseErrors | None, ...]
     """Per hypothesis of the object in focus."""
     error_series: tuple[tuple[Iteration, PoseErrors | None, PoseErrors | None], ...]
     """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
-    truth: EvaluatedPose | None
-    """Ground truth, scored; None where there is none."""
+    ground_truth: EvaluatedPose | None
+    """Scored; None where there is none."""
     undeclared: UndeclaredTurn | None
     """The turn that alone makes the best pose so far count as wrong; None where it is right, or wrong otherwise, and
     while a run is on."""
@@ -159,7 +159,7 @@ class Snapshot:
     """What is known by now about the scene."""
     deep: bool = True
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
-    pose is edited plausibility always is: it has to follow the hand."""
+    pose is edited plausibility always is: it has to follow the pose."""
     message: str = ""
     """What just happened or went wrong, in a sentence."""
     refused: bool = False
@@ -169,7 +169,7 @@ class Snapshot:
     written: tuple[WrittenFile, ...] = ()
     """Files written lately."""
     comparison: ComparisonSnapshot | None = None
-    """The comparison with another run; None = this one is looked at alone."""
+    """The comparison with another run; None = there is none."""
 
     def at(self, index: int) -> Iteration:
         """Iteration ``index``, from 1: every run numbers them without a gap, also where it was forked or read."""
@@ -177,7 +177,7 @@ class Snapshot:
 
     @property
     def name(self) -> str:
-        """The object in focus, for people."""
+        """Of the object in focus."""
         return self.target.model.name
 
     @property
@@ -201,12 +201,12 @@ class Snapshot:
 
     @cached_property
     def edits(self) -> tuple[Edit, ...]:
-        """The poses that the session moves by hand in this frame."""
+        """The edited poses that the session has in this frame."""
         return edits_of(self.session.edits, self.problem, is_only_frame=len(self.frames) == 1)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about the frame, and of what the session does behind the end of the run."""
+        """What the user should know about the frame, and of what the session does behind the end of the run."""
         changes, p = self.session.changes, self.progress
         # A change on the way may make the run longer.
         is_known = not any(p.done < change.after_iteration <= p.total for change in changes)
@@ -219,11 +219,11 @@ class Snapshot:
 
     @cached_property
     def data_doubts(self) -> tuple[str, ...]:
-        """``doubts``, or what a batch found in the same frame: before a run is over it may know more."""
+        """``doubts``, or what a batch reports of the same frame: before a run is over it may know more."""
         if self.doubts or self.batch is None or self.entry is None:
             return self.doubts
-        found = self.batch.doubt_in(self.entry.run, self.frame).removesuffix(".")
-        return (found,) * bool(found)
+        doubt = self.batch.doubt_in(self.entry.run, self.frame).removesuffix(".")
+        return (doubt,) if doubt else ()
 
     @cached_property
     def own_iterations(self) -> tuple[Iteration, ...]:
@@ -273,16 +273,16 @@ def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
     )
 
 
-def visit(view: Snapshot, iteration: Iteration) -> c.Command:
+def visit(snapshot: Snapshot, iteration: Iteration) -> c.Command:
     """Goes to an iteration, also to the last one of a finished run, where the end would show the answer."""
-    p = view.progress
+    p = snapshot.progress
     if iteration.index == p.done == p.total:
         return c.SeekStage(iteration.index, iteration.stages[-1].name)
     return c.Seek(iteration.index)
 
 
-def is_revealed(view: Snapshot, stage: str) -> bool:
+def is_revealed(snapshot: Snapshot, stage: str) -> bool:
     """Whether the iteration is shown up to this stage."""
-    if view.shown is None:
+    if snapshot.shown is None:
         return False
-    return stage in revealed(view.shown, view.options.stage if view.is_current else None)
+    return stage in revealed(snapshot.shown, snapshot.options.stage if snapshot.is_current else None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from verefine_viz.core.records import Iteration
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Node:
     """One node: an object placed from one of its hypotheses, after those of the nodes above."""
 
@@ -20,12 +20,12 @@ class Node:
     instance_id: int
     arm: int
     lcp: float
-    visits: int
-    cost_px: float
-    """Sum over the visits."""
     iteration: int
     """Of the run, in which it was added; 0 for the root."""
-    children: tuple[int, ...]
+    visits: int = 0
+    cost_px: float = 0.0
+    """Sum over the visits."""
+    children: list[int] = field(default_factory=list)
     """As they came about."""
 
     @property
@@ -63,19 +63,6 @@ class Tree:
             yield from self.below(child.number)
 
 
-@dataclass
-class _Growing:
-    parent: int
-    depth: int
-    instance_id: int
-    arm: int
-    lcp: float
-    iteration: int
-    visits: int = 0
-    cost_px: float = 0.0
-    children: list[int] = field(default_factory=list)
-
-
 def tree_of(iterations: Sequence[Iteration], cluster: int | None = None) -> Tree | None:
     """The tree after these iterations; None where none of them searched.
 
@@ -89,27 +76,30 @@ def tree_of(iterations: Sequence[Iteration], cluster: int | None = None) -> Tree
     steps = [(index, step) for index, step in steps if step.cluster == cluster]
     if not steps or cluster is None:
         return None
-    growing: dict[int, _Growing] = {0: _Growing(-1, 0, -1, -1, 0.0, 0)}
-    incumbent, found, lowest = (0,), 0, float("inf")
-    costs = []
+    nodes = {0: Node(0, -1, 0, -1, -1, 0.0, 0)}
+    incumbent, incumbent_iteration, lowest = (0,), 0, float("inf")
     for index, step in steps:
-        node = step.node
-        if node is not None:
-            parent = growing[node.parent]
-            parent.children.append(node.node)
-            growing[node.node] = _Growing(node.parent, parent.depth + 1, node.instance_id, node.arm, node.lcp, index)
+        added = step.node
+        if added is not None:
+            parent = nodes[added.parent]
+            parent.children.append(added.node)
+            nodes[added.node] = Node(
+                added.node, added.parent, parent.depth + 1, added.instance_id, added.arm, added.lcp, index
+            )
         for number in step.branch:
-            growing[number].visits += 1
-            growing[number].cost_px += step.cost_px
+            nodes[number].visits += 1
+            nodes[number].cost_px += step.cost_px
         if step.incumbent_cost_px < lowest:
-            incumbent, found, lowest = step.branch, index, step.incumbent_cost_px
-        costs.append((index, step.cost_px, step.incumbent_cost_px))
-    nodes = tuple(
-        Node(
-            number, g.parent, g.depth, g.instance_id, g.arm, g.lcp, g.visits, g.cost_px, g.iteration, tuple(g.children)
-        )
-        for number, g in sorted(growing.items())
-    )
+            incumbent, incumbent_iteration, lowest = step.branch, index, step.incumbent_cost_px
     last = steps[-1][1]
-    rollout = tuple(zip((p.instance_id for p in last.rollout), last.rollout_arms, strict=True))
-    return Tree(cluster, nodes, last.branch, incumbent, lowest, found, tuple(costs), last.choices, rollout)
+    return Tree(
+        cluster=cluster,
+        nodes=tuple(node for _, node in sorted(nodes.items())),
+        branch=last.branch,
+        incumbent=incumbent,
+        incumbent_px=lowest,
+        incumbent_iteration=incumbent_iteration,
+        costs=tuple((index, step.cost_px, step.incumbent_cost_px) for index, step in steps),
+        choices=last.choices,
+        rollout=tuple(zip((p.instance_id for p in last.rollout), last.rollout_arms, strict=True)),
+    )

@@ -1,1 +1,1 @@
-"""What is open and how it is looked at: all that changes while the page is used."""
+"""What is open and how it is shown: all that changes while the page is used."""

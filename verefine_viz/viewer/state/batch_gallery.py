@@ -154,12 +154,8 @@ class Gallery:
         return self._by_object.get((run, frame, instance_id))
 
     def doubt_in(self, run: str, frame: str) -> str:
-        """What a run found not to fit together in the data of a frame; empty where nothing was found."""
-        return self._doubt_by_frame.get((run, frame), "")
-
-    @cached_property
-    def _doubt_by_frame(self) -> dict[tuple[str, str], str]:
-        return {(entry.run, entry.row.frame): doubt for entry in self.entries if (doubt := entry.row.doubt)}
+        """What a run reports not to fit together in the data of a frame; "" = nothing."""
+        return next((row.doubt for row in self.runs[run].rows if row.frame == frame and row.doubt), "")
 
     @cached_property
     def _by_object(self) -> dict[tuple[str, str, int | None], Entry]:

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.protocols import Verifier, Watcher
 from verefine_viz.core.settings import Change, Session
 from verefine_viz.session.alignment import Key
 from verefine_viz.session.engine import Run
@@ -19,26 +18,8 @@ from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 from verefine_viz.viewer.state.timeline_marks import Mark, marks_of, once_per_object
 from verefine_viz.viewer.state.view_options import STAGES
 
-# What the page needs of simulator, renderer, refiner, method and scene together.
-
-
-class Tools(Protocol):
-    """A toolbox; ``session.toolbox.Toolbox`` is the real one."""
-
-    session: Session
-
-    @property
-    def frames(self) -> tuple[str, ...]: ...
-    @property
-    def verifier(self) -> Verifier: ...
-    @property
-    def method(self) -> Any: ...
-    def problem(self, frame: str) -> Problem: ...
-    def changed(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
-    def restarted(self, settings: dict[str, dict[str, Any]]) -> Tools: ...
-    def ordered(self, problem: Problem) -> Problem: ...
-    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run: ...
-
+if TYPE_CHECKING:
+    from verefine_viz.session.toolbox import Toolbox
 
 # Changed settings in their two forms: by dotted name, as commands have them, and by section, as session files do.
 
@@ -102,7 +83,7 @@ class Branch:
 
     name: str
     run: Run
-    tools: Tools
+    tools: Toolbox
     start: Session
     """The settings it began with."""
     changes: tuple[Change, ...]
@@ -178,7 +159,7 @@ class FrameWork:
     branches: list[Branch]
     index: int = 0
     comparison: ComparisonChoice | None = None
-    """The comparison of the open branch with another; None = it is looked at alone."""
+    """The comparison of the open branch with another; None = nothing is compared."""
 
     @property
     def branch(self) -> Branch:

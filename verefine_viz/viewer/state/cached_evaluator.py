@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 
+if TYPE_CHECKING:
+    from verefine_viz.session.toolbox import Toolbox
+
 T = TypeVar("T")
 Key = tuple[Any, ...]
 """What was asked: its kind first."""
@@ -27,13 +30,6 @@ _CACHED_MAPS = 12
 _CACHED_NUMBERS = 20_000
 NEAR_M = 0.01
 """Objects further apart than this have nothing to do with each other [m]."""
-
-
-class HasVerifier(Protocol):
-    """The part of a toolbox that scoring needs."""
-
-    @property
-    def verifier(self) -> Verifier: ...
 
 
 class CachedEvaluator:
@@ -47,7 +43,7 @@ class CachedEvaluator:
 
     def __init__(
         self,
-        toolbox: HasVerifier,
+        toolbox: Toolbox,
         plausibility: Callable[[Placed, tuple[Placed, ...], Support], Any] | None = None,
         overlap: Callable[[Placed, Placed], Any | None] | None = None,
     ) -> None:
@@ -110,7 +106,7 @@ class CachedEvaluator:
         return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
 
     def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
-        """What :meth:`plausibility` said if it was asked before, else None."""
+        """What :meth:`plausibility` returned if it was called before, else None."""
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
         return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
 
@@ -122,7 +118,7 @@ class CachedEvaluator:
         return self._remember(_pair(one, other), lambda: evaluator(one, other))
 
     def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
-        """Whether :meth:`overlap` was asked before (or need not be), and what it said."""
+        """Whether :meth:`overlap` was called before (or need not be), and its result."""
         if self._overlap is None or not are_near(one, other):
             return True, None
         key = _pair(one, other)

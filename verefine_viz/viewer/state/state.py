@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.patience import ENDLESS, Patience
@@ -19,9 +19,12 @@ from verefine_viz.session.engine import Run
 from verefine_viz.session.trace import Trace, trace_of
 from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
 from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
-from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, Tools
+from verefine_viz.viewer.state.branch import Branch, ComparisonChoice
 from verefine_viz.viewer.state.view_options import ViewOptions
 from verefine_viz.viewer.state.workspace import Workspace, WrittenFile
+
+if TYPE_CHECKING:
+    from verefine_viz.session.toolbox import Toolbox
 
 _TIMED = 20
 """Iterations whose mean duration says how long the others will take."""
@@ -101,7 +104,7 @@ class Comparison:
 
     @property
     def choice(self) -> ComparisonChoice | None:
-        """What B is and how both are shown; None = the open run is looked at alone."""
+        """What B is and how both are shown; None = nothing is compared."""
         return self._workspace.work.comparison
 
     def branch_b(self) -> Branch | None:
@@ -124,7 +127,7 @@ class Comparison:
         return options if self.choice is None else replace(options, layers=options.layers - self.choice.hidden)
 
     def compared(self) -> Compared | None:
-        """Both runs against each other; None while only one is looked at."""
+        """Both runs against each other; None while nothing is compared."""
         other = self.branch_b()
         if other is None:
             return None
@@ -165,7 +168,7 @@ class State:
         self,
         session: Session,
         path: Path | None,
-        make_tools: Callable[[Session], Tools],
+        make_tools: Callable[[Session], Toolbox],
         plausibility: Callable[..., Any] | None = None,
         demos: tuple[str, ...] = (),
         write: Callable[[State, Command], WrittenFile] | None = None,

@@ -135,7 +135,7 @@ def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple
     thinned: list[Mark] = []
     for iteration, marks in marked:
         for mark in marks:
-            # Taken out where it is said, so that there is none left for the next one.
+            # Taken out where it is added, so that there is none left for the next one.
             n = times.pop((iteration.instance_id, mark.kind), 0)
             if mark.kind not in ONCE:
                 thinned.append(mark)

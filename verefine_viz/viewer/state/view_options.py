@@ -97,7 +97,7 @@ class ViewOptions:
         return replace(self, edited=None, edited_from=None, a=a, b=b, compared_before=None)
 
     def afresh(self) -> ViewOptions:
-        """The same for another frame or another run: what was chosen for good is kept."""
+        """The same for another frame or another run: what was chosen for good stays."""
         return ViewOptions(
             cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
             batch_only=self.batch_only, batch_page=self.batch_page,
@@ -119,7 +119,7 @@ def revealed(iteration: Iteration, stage: str | None) -> tuple[str, ...]:
 
 
 # The end of a finished run shows its answer. What was tried last belongs to the last iteration, and can be asked for:
-# the answer is shown unless a stage, a simulated path or an edited pose is looked at.
+# the answer is shown unless a stage, a simulated path or an edited pose is shown.
 
 OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "accepted"})
 """Poses that an iteration goes through."""

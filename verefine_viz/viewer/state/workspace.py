@@ -19,11 +19,12 @@ from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
 from verefine_viz.viewer.commands import Changes
-from verefine_viz.viewer.state.branch import Branch, FrameWork, Tools, in_order, merged, nested
+from verefine_viz.viewer.state.branch import Branch, FrameWork, in_order, merged, nested
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
+    from verefine_viz.session.toolbox import Toolbox
 
 
 # What files hold of the open session.
@@ -61,13 +62,13 @@ class WrittenFile:
 
 
 def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -> tuple[Edit, ...]:
-    """The poses moved in all frames: as the open runs of those that were looked at have them, else as the session has.
+    """The poses moved in all frames: as the open runs of those that were opened have them, else as the session has.
 
     Those of the shown frame come first: a session opens at the first frame in which it moves a pose.
 
     Args:
         shown: the open branch.
-        others: those of the other frames that were looked at.
+        others: those of the other frames that were opened.
         is_only_frame: whether the session has no frame but the shown one.
     """
     made = [*_at_first(shown, is_only_frame), *(edit for other in others for edit in _at_first(other) if edit.frame)]
@@ -85,7 +86,7 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     Args:
         session: what repeats the open branch, with the poses moved in all frames.
         shown: the open branch.
-        others: those of the other frames that were looked at.
+        others: those of the other frames that were opened.
         n_frames: how many the session has.
     """
     frame, apart = shown.run.problem.frame, [o.run.problem.frame for o in others if not _goes_with(o, shown)]
@@ -144,7 +145,7 @@ class Workspace:
     Args:
         session: what to open first.
         path: its file, if it has one.
-        make_tools: builds the real or fake parts from a session.
+        make_tools: builds the algorithm's parts from a session.
         plausibility: see :class:`CachedEvaluator`.
         patience: asked before anything that may take seconds.
         overlap: see :class:`CachedEvaluator`.
@@ -154,12 +155,12 @@ class Workspace:
         self,
         session: Session,
         path: Path | None,
-        make_tools: Callable[[Session], Tools],
+        make_tools: Callable[[Session], Toolbox],
         plausibility: Callable[..., Any] | None = None,
         patience: Patience = ENDLESS,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
-        self._make_tools = make_tools
+        self.make_tools = make_tools
         self._patience = patience
         self._plausibility, self._overlap = plausibility, overlap
         self.open(session, path)
@@ -167,7 +168,7 @@ class Workspace:
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""
         self._patience.ask("Reading the scene: models, pictures, initial poses.")
-        tools = self._make_tools(session)
+        tools = self.make_tools(session)
         frames = tools.frames
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
@@ -196,12 +197,12 @@ class Workspace:
         return self.work.branch
 
     def is_open(self, branch: Branch) -> bool:
-        """Whether it can still be looked at, on whatever frame."""
+        """Whether it can still be shown, on whatever frame."""
         return any(branch is other for work in self._works.values() for other in work.branches)
 
     @property
     def others(self) -> tuple[Branch, ...]:
-        """The open branches of the other frames that were looked at."""
+        """The open branches of the other frames that were opened."""
         return tuple(work.branch for frame, work in self._works.items() if frame != self.frame)
 
     @property
@@ -291,14 +292,13 @@ class Workspace:
         self._patience.ask("Reading the scene: models, pictures, initial poses.")
         scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
         session = recorded.session.model_copy(update={"scene": scene})
-        tools = self._make_tools(session)
+        tools = self.make_tools(session)
         branch = self.recorded_branch(recorded, tools, _read(tools, recorded.frame))
-        self.tools, self.path, self.frames = tools, None, (recorded.frame,)
-        self.files = {}
+        self.tools, self.path, self.frames, self.files = tools, None, (recorded.frame,), {}
         self.breakpoints = session.breakpoints
         self.frame, self._works = recorded.frame, {recorded.frame: FrameWork([branch])}
 
-    def recorded_branch(self, recorded: Recorded, tools: Tools, problem: Problem) -> Branch:
+    def recorded_branch(self, recorded: Recorded, tools: Toolbox, problem: Problem) -> Branch:
         """A recording as a branch."""
         # Rerun takes a second to load, and most sessions never read a recording.
         from verefine_viz.recording.playback import played
@@ -306,21 +306,17 @@ class Workspace:
         run, path, session = played(recorded, problem), recorded.path, tools.session
         return Branch(path.name, run, tools, session, session.changes, self._evaluators(tools), path)
 
-    def tools_of(self, session: Session) -> Tools:
-        """What runs a session's method."""
-        return self._make_tools(session)
-
-    def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
+    def new_branch(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
-        self._patience.ask(preparing(problem, tools.session))
+        self._patience.ask(_preparing(problem, tools.session))
         return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._evaluators(tools))
 
-    def _begin(self, tools: Tools, problem: Problem) -> FrameWork:
+    def _begin(self, tools: Toolbox, problem: Problem) -> FrameWork:
         if not problem.instances:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
         return FrameWork([self.new_branch("first run", tools, problem)])
 
-    def _evaluators(self, tools: Tools) -> tuple[tuple[int, CachedEvaluator], ...]:
+    def _evaluators(self, tools: Toolbox) -> tuple[tuple[int, CachedEvaluator], ...]:
         """Those of a run from its start, with the changes that its session holds."""
         evaluators = [(0, self._evaluator(tools))]
         for change in in_order(tools.session.changes):
@@ -329,11 +325,11 @@ class Workspace:
                 evaluators.append((change.after_iteration, self._evaluator(tools)))
         return tuple(evaluators)
 
-    def _evaluator(self, tools: Tools) -> CachedEvaluator:
+    def _evaluator(self, tools: Toolbox) -> CachedEvaluator:
         return CachedEvaluator(tools, self._plausibility, self._overlap)
 
 
-def _read(tools: Tools, frame: str) -> Problem:
+def _read(tools: Toolbox, frame: str) -> Problem:
     """A frame, and whether its camera and its models look right; a batch has no time to look."""
     from verefine_viz.calibration.camera_check import camera_notes  # Loads what draws models.
 
@@ -341,7 +337,7 @@ def _read(tools: Tools, frame: str) -> Problem:
     return replace(problem, doubts=camera_notes(problem))
 
 
-def preparing(problem: Problem, session: Session) -> str:
+def _preparing(problem: Problem, session: Session) -> str:
     """What is done before iteration 1, in words."""
     shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
     parts = "convex parts for physics and " if session.physics.enabled else ""

@@ -213,7 +213,7 @@ def _starved(view: Snapshot) -> list[Finding]:
     best = view.poses["best"]
     if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
         return []
-    if prefers(view.poses["best"], view.truth):
+    if prefers(view.poses["best"], view.ground_truth):
         return []  # More turns would not have helped it.
     wider = max(2 * view.session.method.exploration, 0.05)
     text = (
@@ -225,7 +225,7 @@ def _starved(view: Snapshot) -> list[Finding]:
 
 
 def _wrong_score(view: Snapshot) -> list[Finding]:
-    best, truth = view.poses.get("best"), view.truth
+    best, truth = view.poses.get("best"), view.ground_truth
     if not _is_over(view) or best is None or truth is None or truth.score is None:
         return []
     if best.errors is None or best.score is None or is_correct(best.errors):

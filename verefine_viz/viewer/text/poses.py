@@ -136,7 +136,7 @@ def truth_score(view: Snapshot) -> str:
     As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer; if
     5.5 mm is too much, look at the depth there and at the score's settings.
     """
-    best, truth = view.poses.get("best"), view.truth
+    best, truth = view.poses.get("best"), view.ground_truth
     if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
         return ""
     if view.undeclared is not None:

@@ -88,10 +88,10 @@ def physics(view: Snapshot) -> str:
 
 def truth(view: Snapshot) -> str:
     """How far off the object is, and whether the score knows."""
-    if view.truth is None:
+    if view.ground_truth is None:
         return "This frame has no ground truth for the object, so there are no errors to show."
     best = view.poses.get("best")
-    if best is None or best.errors is None or best.score is None or view.truth.score is None:
+    if best is None or best.errors is None or best.score is None or view.ground_truth.score is None:
         return f"{view.name} has no pose to measure."
     by_hand = edited_error(view)
     if by_hand:

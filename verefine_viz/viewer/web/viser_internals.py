@@ -85,8 +85,9 @@ _LOST = 'body:has([style*="opacity: 0.5"][style*="pointer-events: none"] .vz)::a
 def lost_words(port: int) -> str:
     """What has happened, and what to do; the page finds the program again at its own port only."""
     command = "verefine-viz view …" + (f" --port {port}" if port != USUAL_PORT else "")
-    said = "The program has ended (or cannot be reached). Start it again"
-    return f"{said}: {command}; this page then connects by itself."
+    return (
+        f"The program has ended (or cannot be reached). Start it again: {command}; this page then connects by itself."
+    )
 
 
 def lost_style(port: int) -> str:
@@ -103,7 +104,7 @@ def lost_style(port: int) -> str:
 WIDTH_PX, HEIGHT_PX = 1280, 800
 """What the panels are placed for."""
 _SLACK_PX = 40
-"""How much smaller a window may be: so little is covered then that nothing need be said."""
+"""How much smaller a window may be: so little is covered then that no line is needed."""
 SAID = (
     f"The window is too small for all panels (they need {WIDTH_PX} × {HEIGHT_PX}): make it larger, zoom out with "
     "Ctrl and −, or fold panels with the − at their corner."
