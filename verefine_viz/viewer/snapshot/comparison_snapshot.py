@@ -72,7 +72,7 @@ class ComparisonSnapshot:
     moment: Moment | None
     """The one shown; None = before the first."""
     focus: str
-    """The object in focus, for people."""
+    """Name of the object in focus."""
     curves_of: str
     """What the curves show, over what."""
     differences: Differences

@@ -95,7 +95,7 @@ class Comparison:
         self.goal: tuple[Branch, int | None] | None = None
         """The branch that is computed and up to which length, None = to its end."""
         self._noted: tuple[Run, int] | None = None
-        self._known: tuple[Run, int, Run, int, Compared] | None = None
+        self._known: tuple[tuple[Run, int, Run, int], Compared] | None = None
 
     @property
     def is_running(self) -> bool:
@@ -116,8 +116,8 @@ class Comparison:
         """What the log has to say before the next command, since it may depend on how far B is."""
         if self.goal is None:
             return ()
-        run, noted = self.goal[0].run, self._noted
-        if run.length == 0 or (noted is not None and noted[0] is run and noted[1] == run.length):
+        run = self.goal[0].run
+        if run.length == 0 or self._noted == (run, run.length):
             return ()
         self._noted = (run, run.length)
         return (RunB(run.length),)
@@ -132,14 +132,12 @@ class Comparison:
         if other is None:
             return None
         a, b = self._workspace.run, other.run
-        known = self._known
-        if known is not None and known[0] is a and known[2] is b and known[1] == a.length and known[3] == b.length:
-            return known[4]
-        one, two = trace_of(a), trace_of(b)
-        timeline = aligned(one, two)
-        compared = Compared(one, two, timeline, differences(one, two, timeline))
-        self._known = (a, a.length, b, b.length, compared)
-        return compared
+        key = (a, a.length, b, b.length)
+        if self._known is None or self._known[0] != key:
+            trace_a, trace_b = trace_of(a), trace_of(b)
+            timeline = aligned(trace_a, trace_b)
+            self._known = key, Compared(trace_a, trace_b, timeline, differences(trace_a, trace_b, timeline))
+        return self._known[1]
 
     def place(self) -> int:
         """Where both are on their timeline; 0 before the first moment."""

@@ -70,7 +70,7 @@ class Admission:
         return host in {origin.partition("://")[2] for origin in ours} and (not origins or origins[0] in ours)
 
     def guarded(self, answer: Answer) -> Answer:
-        """Refuses what is not admitted, in words for a person who typed the address; answers the rest as before."""
+        """Refuses what is not admitted, in words for the user who typed the address; answers the rest as before."""
 
         def answer_if_admitted(connection: ServerConnection, request: Request) -> Response | None:
             port = connection.local_address[1]
