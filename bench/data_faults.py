@@ -24,13 +24,12 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
-from verefine_viz.diagnosis.truth import FrameTruth
-from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
-from verefine_viz.scenes.demo_view import Viewpoint
+from verefine_viz.scenes.demo_layout import Viewpoint
+from verefine_viz.scenes.hypothesis_pool import ResultsFile, perturbed
 from verefine_viz.scenes.instance_notes import unit_notes
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import ResultsFile
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox

@@ -32,12 +32,10 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.physics.rest import settle_to_rest
-from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.scenes.demo_scene import LAYOUT_FRAME
-from verefine_viz.scenes.demo_view import Viewpoint
+from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
+from verefine_viz.scenes.demo_layout import LAYOUT_FRAME, Viewpoint
 
 
 def bad_pool(rng: np.random.Generator) -> Broken:

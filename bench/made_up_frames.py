@@ -16,13 +16,12 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import SceneSettings, Session
+from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.observation.observed_frame import observe, segment_cloud
+from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import demo_model
-from verefine_viz.scenes.demo_view import Viewpoint
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.scenes.sensor import Sensor, sense

@@ -7,28 +7,28 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from verefine_viz.core.errors import Cancelled
-from verefine_viz.core.patience import Patience
+from verefine_viz.core.progress_token import ProgressToken
 
 
-def hearing(said: list[str]) -> Patience:
+def hearing(said: list[str]) -> ProgressToken:
     """Endless; notes what is begun."""
-    return Patience(lambda doing, share: said.append(doing) if doing else None)
+    return ProgressToken(lambda doing, share: said.append(doing) if doing else None)
 
 
-def ending_after(n: int) -> Patience:
+def ending_after(n: int) -> ProgressToken:
     """It is asked for ``n`` times in vain."""
     left = iter(range(n))
-    return Patience(is_left=lambda: next(left, None) is not None)
+    return ProgressToken(is_left=lambda: next(left, None) is not None)
 
 
-def asked(work: Callable[[Patience], object]) -> int:
+def asked(work: Callable[[ProgressToken], object]) -> int:
     """How often ``work`` asks for patience."""
     asks: list[None] = []
-    work(Patience(is_left=lambda: not asks.append(None)))
+    work(ProgressToken(is_left=lambda: not asks.append(None)))
     return len(asks)
 
 
-def cancelled_everywhere(work: Callable[[Patience], object], n: int, most: int = 12) -> Iterator[int]:
+def cancelled_everywhere(work: Callable[[ProgressToken], object], n: int, most: int = 12) -> Iterator[int]:
     """Has ``work``, which asks ``n`` times, cancelled at that many of its asks, from the first to the last."""
     for k in sorted({round(i * (n - 1) / (most - 1)) for i in range(most)}):
         with pytest.raises(Cancelled):
@@ -42,7 +42,7 @@ class Countdown:
     def __init__(self) -> None:
         self.left: int | None = None
         """Asks until it ends; None = endless."""
-        self.patience = Patience(is_left=self._is_left)
+        self.patience = ProgressToken(is_left=self._is_left)
 
     def _is_left(self) -> bool:
         if self.left is None:

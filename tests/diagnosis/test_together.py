@@ -12,9 +12,9 @@ from bench.diagnosis import named
 from bench.failing_scenes import broken_scene
 from bench.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.compare import first_difference
+from verefine_viz.diagnosis.case import company_of, solved_together
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.together import company_of, solved_together
+from verefine_viz.recording.verify import first_difference
 
 IDS = (0, 1)
 

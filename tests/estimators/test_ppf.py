@@ -12,15 +12,15 @@ import pytest
 
 from tests.estimators.views import CAMERA, random_pose, target_of, view
 from tests.patience import asked, cancelled_everywhere
+from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
-from verefine_viz.evaluation.errors import pose_errors, rotation_error_deg
+from verefine_viz.evaluation.pose_errors import pose_errors, rotation_error_deg
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -146,7 +146,7 @@ def test_what_is_cancelled_on_the_way_leaves_nothing_behind(ppf: Ppf) -> None:
     target = seen("bracket", 2)
     first = bits(ppf.hypotheses(target, 5))
 
-    def work(patience: Patience) -> object:
+    def work(patience: ProgressToken) -> object:
         return ppf.hypotheses(target, 5, patience)
 
     n = asked(work)

@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 
 from tests.patience import ending_after
 from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, model, placed, ring, standing, table
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import build
-from verefine_viz.physics.equilibrium import holds
-from verefine_viz.physics.plausibility import Plausibility, plausibility
+from verefine_viz.physics.plausibility import Plausibility, holds, plausibility
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 
 BRICK = box(0.06, 0.04, 0.1)
 PLATE = box(0.1, 0.1, 0.04)

@@ -9,15 +9,14 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session import comparison
-from verefine_viz.session.alignment import aligned
-from verefine_viz.session.trace import trace_of
+from verefine_viz.session.comparison import aligned, trace_of
 
 METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
 

@@ -14,7 +14,7 @@ from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.results import HEADER, ResultRow, method_of, read_results, write_results
+from verefine_viz.scenes.results_csv import HEADER, ResultRow, method_of, read_results, write_results
 from verefine_viz.scenes.source import open_scene
 
 STRICTER = {"nanpose", "nonrotation"}

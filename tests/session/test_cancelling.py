@@ -9,10 +9,10 @@ import pytest
 
 from tests.patience import Countdown, asked, cancelled_everywhere, ending_after
 from tests.scenes.bop_folder import make
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import Cancelled
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import ProgressToken
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
@@ -57,7 +57,7 @@ def test_a_frame_of_a_folder_that_is_cancelled_can_be_read_again(tmp_path: Path,
 def test_a_folder_is_asked_for_patience_between_its_models(tmp_path: Path) -> None:
     raw, frame = bop(tmp_path, "perturb")
     told: list[tuple[str, float | None]] = []
-    Toolbox(resolve(raw), Patience(lambda doing, share: told.append((doing, share)))).problem(frame)
+    Toolbox(resolve(raw), ProgressToken(lambda doing, share: told.append((doing, share)))).problem(frame)
     assert ("Reading the objects' models.", 0.0) in told
     assert ("", 0.5) in told
 
@@ -79,7 +79,7 @@ def test_a_mesh_to_score_that_is_cancelled_is_not_kept(tmp_path: Path) -> None:
     model = demo_model("teddy", 100, 0)
     whole = scoring_mesh(model, 0.5, tmp_path / "whole")
 
-    def work(patience: Patience) -> object:
+    def work(patience: ProgressToken) -> object:
         return scoring_mesh(model, 0.5, tmp_path / "stopped", patience)
 
     n = asked(lambda patience: scoring_mesh(model, 0.5, tmp_path / "counted", patience))

@@ -13,14 +13,17 @@ from hypothesis import strategies as st
 from tests.session.comparing import METHODS, made_up, run_of, trace
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Iteration
-from verefine_viz.session.alignment import aligned, keys_of
 from verefine_viz.session.comparison import (
     Difference,
+    Trace,
+    aligned,
     apart,
     differences,
     first_difference,
+    keys_of,
+    refiner_calls,
+    trace_of,
 )
-from verefine_viz.session.trace import Trace, refiner_calls, trace_of
 
 ORDERS = st.lists(st.tuples(st.integers(0, 2), st.booleans()), max_size=14)
 

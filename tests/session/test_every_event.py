@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
-from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
+from verefine_viz.core.problem import DependencyGraph, Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, ScoreSettings

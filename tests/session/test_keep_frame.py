@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from tests.fakes import BOX_M, box_problem
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
+from verefine_viz.session.capture import Found, keep_frame
 from verefine_viz.session.files import load_session
-from verefine_viz.session.keep_frame import Found, keep_frame
 from verefine_viz.session.toolbox import Toolbox
 
 

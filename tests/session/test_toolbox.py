@@ -12,12 +12,12 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.scenes.bop_folder import Made, make
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import Change
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.instance_notes import within_reach
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox

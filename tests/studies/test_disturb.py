@@ -16,7 +16,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.studies.disturb import disturbed, occluded, without_top
-from verefine_viz.studies.tables import tables
+from verefine_viz.studies.paper_tables import tables
 
 PROBLEM = box_problem(n_instances=3)
 

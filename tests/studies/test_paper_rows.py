@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.paper_rows import ROWS, missing_rows
+from verefine_viz.studies.paper_tables import ROWS, missing_rows
 
 
 def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_data_set() -> None:

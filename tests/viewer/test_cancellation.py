@@ -12,8 +12,8 @@ import pytest
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import command_of, cursor, messages
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
@@ -30,7 +30,7 @@ SLOW = "0/2"
 class Slow(FakeTools):
     """Reads its second frame, and what has other initial poses, until nobody waits any more or it is enough."""
 
-    patience: Patience
+    patience: ProgressToken
     reading: threading.Event
     enough = False
 

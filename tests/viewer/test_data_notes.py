@@ -12,10 +12,10 @@ from tests.fakes import box_problem
 from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c

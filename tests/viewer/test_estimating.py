@@ -16,8 +16,8 @@ from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.client import client, until
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators import registry
 from verefine_viz.session.files import load_session, resolve, save_session
@@ -32,7 +32,7 @@ ESTIMATE = c.Estimate(1, "ppf")
 class Estimator:
     """Finds the same two poses of everything."""
 
-    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, patience: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         return tuple(Hypothesis(transform(np.eye(3), [0, 0.02 * k, 0.6]), 0.5, "ppf") for k in range(2))
 
 

@@ -11,7 +11,7 @@ import pytest
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing import tables

@@ -10,8 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.limits import check_memory, check_seeds, check_workers
+from verefine_viz.commands.flags import AnySettings, SessionFlags, check_memory, check_seeds, check_workers, given
 from verefine_viz.core.errors import SettingsError
 
 
@@ -54,9 +53,9 @@ class Batch:
             check_workers(self.workers)
         check_memory(self.worker_memory_gb)
         check_seeds(self.seeds)
-        from verefine_viz.batch.command import run_jobs
+        from verefine_viz.batch.batch_command import run_jobs
         from verefine_viz.batch.jobs import session_jobs, sweep_jobs
-        from verefine_viz.batch.runner import Place
+        from verefine_viz.batch.run_batch import Place
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
         place = Place(self.workers, limit, self.cluster)

@@ -10,8 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.limits import check_workers
+from verefine_viz.commands.flags import AnySettings, SessionFlags, check_workers, given
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Estimate:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
-        from verefine_viz.commands.pools import write_pools
+        from verefine_viz.commands.estimate_frames import write_pools
 
         check_workers(self.workers)
         return write_pools(self.session, self.out, given(self.settings, arguments), self.workers, self.retry_failed)

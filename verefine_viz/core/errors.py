@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from pydantic import ValidationError
 
-from verefine_viz.core.listing import listed
+from verefine_viz.core.text_format import listed
 
 NEAR = 0.65
 """Names are near whose letters agree by this share, as with two of three or three of four in the same order."""

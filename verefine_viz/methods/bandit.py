@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Choice
+from verefine_viz.core.text_format import telling_digits
 from verefine_viz.methods.arms import ObjectState
 
 Numbers = list[float]

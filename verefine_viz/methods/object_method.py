@@ -15,9 +15,8 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.methods.bandit import Policy, next_choice
-from verefine_viz.methods.chain import Chain
 from verefine_viz.methods.events import events_of
-from verefine_viz.methods.judging import Judging
+from verefine_viz.methods.iteration_step import Chain, Judging
 
 
 @dataclass(frozen=True)

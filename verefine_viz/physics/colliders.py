@@ -27,7 +27,7 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.physics.decomposition import LIMIT_S, TookTooLong, decomposed
 
 log = logging.getLogger(__name__)
@@ -90,7 +90,7 @@ class Collider:
 
 
 def collider(
-    model: ObjectModel, kind: ColliderKind, cache: Path | None = None, patience: Patience = ENDLESS
+    model: ObjectModel, kind: ColliderKind, cache: Path | None = None, patience: ProgressToken = NEVER_CANCELLED
 ) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
 
@@ -126,7 +126,7 @@ def _built_with() -> str:
     return hashlib.sha256(" ".join(version(name) for name in names).encode()).hexdigest()[:8]
 
 
-def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) -> Collider:
+def build(model: ObjectModel, kind: ColliderKind, patience: ProgressToken = NEVER_CANCELLED) -> Collider:
     """The collider of ``model``, without the cache; see :func:`collider`."""
     name = f"object {model.obj_id} ({model.name})"
     mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
@@ -203,7 +203,7 @@ def _directions(n: int) -> Float:
     return np.vstack([np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1), np.eye(3), -np.eye(3)])
 
 
-def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, patience: Patience) -> list[Float]:
+def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, patience: ProgressToken) -> list[Float]:
     """Convex parts of a hollow mesh; none if the decomposition gives nothing solid."""
     if len(mesh.faces) > DECOMPOSED_FACES:
         mesh = mesh.simplify_quadric_decimation(face_count=DECOMPOSED_FACES)

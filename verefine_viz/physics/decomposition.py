@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 
 MAX_PARTS = 16
 LIMIT_S = 60
@@ -32,7 +32,9 @@ class TookTooLong(Exception):
     """A mesh could not be taken apart within ``LIMIT_S``."""
 
 
-def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: Patience = ENDLESS) -> list[Float]:
+def decomposed(
+    name: str, vertices: Float, faces: NDArray[np.int32], patience: ProgressToken = NEVER_CANCELLED
+) -> list[Float]:
     """Vertices (n, 3) of each convex part of a mesh, the same bits at each call.
 
     Args:
@@ -78,7 +80,7 @@ def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: P
             return np.split(found["vertices"], found["splits"]) if len(found["vertices"]) else []
 
 
-def _wait(child: subprocess.Popen[bytes], name: str, patience: Patience) -> None:
+def _wait(child: subprocess.Popen[bytes], name: str, patience: ProgressToken) -> None:
     """Until the process ends, saying every second for how long already."""
     doing = f"Preparing the convex parts of {name} for physics"
     patience.once(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")

@@ -16,8 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.prepared import MeshStore, intrinsics
 from verefine_viz.rendering.rasterizer import draw_frame
@@ -34,7 +34,7 @@ class ExplainedPixels:
         explained_m: float,
         score: ScoreSettings,
         cache_folder: Path | None = None,
-        patience: Patience = ENDLESS,
+        patience: ProgressToken = NEVER_CANCELLED,
     ) -> None:
         """Draws with the meshes and pixel centres of the verification score.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.gl_context import probe
 from verefine_viz.rendering.gl_verifier import GlVerifier
 
 
-def make_verifier(settings: ScoreSettings, patience: Patience = ENDLESS) -> CpuVerifier | GlVerifier:
+def make_verifier(settings: ScoreSettings, patience: ProgressToken = NEVER_CANCELLED) -> CpuVerifier | GlVerifier:
     """The verifier that the settings ask for; ``auto`` takes OpenGL where it runs on a GPU, else the CPU rasteriser.
 
     Args:

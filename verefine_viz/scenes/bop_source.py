@@ -8,20 +8,24 @@ from pathlib import Path
 from verefine_viz.calibration.camera_check import truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
-from verefine_viz.core.listing import LONGEST_NUMBERS, listed
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.core.text_format import LONGEST_NUMBERS, listed
+from verefine_viz.observation.observed_frame import observe, segment_cloud
 from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
-from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
+from verefine_viz.scenes.hypothesis_pool import (
+    check_asked,
+    check_covered,
+    file_notes,
+    perturbed,
+    pools_of_object,
+    results_of,
+)
 from verefine_viz.scenes.instance_notes import instance_notes, unit_notes
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
     Segment,
     Segments,
@@ -72,7 +76,7 @@ class BopSource:
         """See :class:`SceneSource`."""
         return self._asked_for(all_left_out(self._dataset, *parse_frame(frame), why, self._detections is not None))
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, patience: ProgressToken = NEVER_CANCELLED) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
 
         Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on; what
@@ -135,7 +139,7 @@ class BopSource:
         return wanted
 
     def _models(
-        self, segments: Sequence[Segment], patience: Patience
+        self, segments: Sequence[Segment], patience: ProgressToken
     ) -> tuple[dict[int, ObjectModel], dict[int, str], list[str]]:
         """The models of these objects, what is wrong with those that have none, and notes."""
         models: dict[int, ObjectModel] = {}

@@ -10,21 +10,16 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.scenes.demo_failures import FAILURES
+from verefine_viz.observation.observed_frame import observe, segment_cloud
+from verefine_viz.scenes.demo_layout import CAMERA, DemoScene, MaskFault, Picture, prepare, settled, take_picture
 from verefine_viz.scenes.demo_models import demo_model, demo_obj_id
-from verefine_viz.scenes.demo_scene import DemoScene, MaskFault, prepare, settled
-from verefine_viz.scenes.demo_scenes import SCENES
-from verefine_viz.scenes.demo_view import CAMERA, Picture, take_picture
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import pools_of_object, results_of
-from verefine_viz.scenes.segments import Segment
+from verefine_viz.scenes.demo_scenes import FAILURES, SCENES
+from verefine_viz.scenes.hypothesis_pool import perturbed, pools_of_object, results_of
+from verefine_viz.scenes.segments import Segment, silhouette
 from verefine_viz.scenes.sensor import sense
-from verefine_viz.scenes.silhouette import silhouette
 
 _ALL: dict[str, DemoScene] = {**SCENES, **FAILURES}
 
@@ -57,7 +52,7 @@ def demo_problem(
     settings: SceneSettings,
     hypotheses: HypothesesSettings,
     frame: str = "0/0",
-    patience: Patience = ENDLESS,
+    patience: ProgressToken = NEVER_CANCELLED,
 ) -> Problem:
     """A frame of a built-in scene.
 
@@ -136,7 +131,7 @@ def _scene(name: str) -> DemoScene:
     return _ALL[name]
 
 
-def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, patience: Patience) -> list[Placed]:
+def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, patience: ProgressToken) -> list[Placed]:
     T_cam_world = inverse(T_world_cam)
     models = [demo_model(item.model, settings.model_points, settings.seed) for item in scene.items]
     prepare(scene.items, patience)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from verefine_viz.core.geometry import FARTHEST_M, distance_m
-from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Instance
+from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.frames import FrameIds
-from verefine_viz.scenes.pool import ResultsFile
+from verefine_viz.scenes.hypothesis_pool import ResultsFile
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 FAR = 2.5

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import LeftOut, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.frames import parse_frame, repeated_notes
+from verefine_viz.scenes.hypothesis_pool import check_asked
 
 
 class SceneSource(Protocol):
@@ -33,7 +33,7 @@ class SceneSource(Protocol):
         """
         ...
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, patience: ProgressToken = NEVER_CANCELLED) -> Problem:
         """The problem of one frame.
 
         Args:
@@ -103,12 +103,12 @@ class DemoSource:
 
     def check_first_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
-        from verefine_viz.scenes.pool import check_covered, file_notes, results_of
+        from verefine_viz.scenes.hypothesis_pool import check_covered, file_notes, results_of
 
         files, frames = results_of(self._hypotheses), [parse_frame(frame) for frame in self.frames]
         return (*file_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, patience: ProgressToken = NEVER_CANCELLED) -> Problem:
         """A frame of the scene; the same object at each call.
 
         Raises:

@@ -8,19 +8,19 @@ from functools import cached_property
 from typing import Any
 
 from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
-from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
-from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_first_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
@@ -36,7 +36,7 @@ class Toolbox:
         patience: asked before anything that may take seconds, and on the way. What is cancelled can be asked for again.
     """
 
-    def __init__(self, session: Session, patience: Patience = ENDLESS) -> None:
+    def __init__(self, session: Session, patience: ProgressToken = NEVER_CANCELLED) -> None:
         self.session = session
         self._patience = patience
 

@@ -12,8 +12,8 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.observation.normals import estimate_normals
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.observation.observed_frame import segment_cloud
+from verefine_viz.scenes.hypothesis_pool import perturbed
 
 _RECTANGLE = (0.1, 0.35)
 """Sides of a rectangle as a share of the sides of the object's bounding box: smallest, largest."""

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from verefine_viz.core.errors import Cancelled, VerefineError
-from verefine_viz.core.patience import Patience
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.refiners.foreign import raised_by_refiner
-from verefine_viz.session.compiling import told_of_compiling
+from verefine_viz.refiners.registry import raised_by_refiner
+from verefine_viz.session.kernel_compilation import told_of_compiling
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
@@ -32,12 +32,11 @@ from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
 
 
 def real_parts(
-    patience: Patience,
+    patience: ProgressToken,
 ) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
     """The toolbox, the checks of plausibility and overlap, and the built-in scenes."""
-    from verefine_viz.physics.overlap import overlap
     from verefine_viz.physics.plausibility import plausibility
-    from verefine_viz.physics.proximity import Surfaces
+    from verefine_viz.physics.proximity import Surfaces, overlap
     from verefine_viz.scenes.demo import demo_names
     from verefine_viz.session.toolbox import Toolbox
 
@@ -88,7 +87,7 @@ class App:
         self._first = first
         self._requests = RequestQueue(lambda: self._telling.cancelling())
         self._meanwhile = Cancellation(self._requests, self._look_around)
-        self._patience = Patience(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
+        self._patience = ProgressToken(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
         self._page: Page | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None

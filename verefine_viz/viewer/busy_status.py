@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from time import monotonic
 
-from verefine_viz.session.compiling import COMPILING
+from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer.drawing.markup import block, text
 from verefine_viz.viewer.panels.run import RunPanel
 from verefine_viz.viewer.web.server import Server

@@ -9,9 +9,9 @@ from pathlib import Path
 import viser
 from PIL import Image as PilImage
 
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import Cancelled, InputError, VerefineError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.paths import atomic
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
@@ -67,7 +67,7 @@ class Exporter:
         patience: asked before each iteration of a recording is written.
     """
 
-    def __init__(self, server: viser.ViserServer, folder: Path, patience: Patience = ENDLESS) -> None:
+    def __init__(self, server: viser.ViserServer, folder: Path, patience: ProgressToken = NEVER_CANCELLED) -> None:
         self._server, self._folder, self._patience = server, folder, patience
 
     def __call__(self, state: State, command: c.Command) -> WrittenFile:
@@ -110,7 +110,7 @@ class Exporter:
                 return self._recording(state, free(folder / f"{stem}.rrd"))
 
     def _results(self, state: State, path: Path) -> Path:
-        from verefine_viz.scenes.results import ResultRow, write_results
+        from verefine_viz.scenes.results_csv import ResultRow, write_results
 
         run = state.workspace.run
         problem = run.problem
@@ -152,7 +152,7 @@ class Exporter:
 class ReportsProgress:
     """Watches a history of ``n`` iterations go by, and asks for patience before each."""
 
-    patience: Patience
+    patience: ProgressToken
     n: int
 
     def on_start(self, state: RunState) -> None:

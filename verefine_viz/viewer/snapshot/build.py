@@ -14,7 +14,7 @@ from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison import comparison_snapshot
 from verefine_viz.viewer.snapshot.deferred_physics import known_physics, others_of, work_out

@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.session.engine import Run
@@ -98,7 +98,7 @@ class State:
         keep: Callable[[State, Command], WrittenFile] | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: Gallery | None = None,
-        patience: Patience = ENDLESS,
+        patience: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
         self.workspace = Workspace(session, path, make_tools, plausibility, patience, overlap)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.listing import first_of, listed
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Change, Edit, Session
-from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
@@ -156,7 +156,7 @@ class Workspace:
         path: Path | None,
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
-        patience: Patience = ENDLESS,
+        patience: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
         self._make_tools = make_tools

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.turning import turning_on
+from verefine_viz.core.text_format import first_of
+from verefine_viz.evaluation.pose_errors import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.breakpoints import UNITS
