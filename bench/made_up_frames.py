@@ -52,7 +52,7 @@ class Thing:
 
     model: ObjectModel
     T_world_obj: Float
-    first_poses: tuple[Float, ...] = ()
+    initial_poses: tuple[Float, ...] = ()
     """T_world_obj of its hypotheses."""
     seen_as: ObjectModel | None = None
     """What depth and mask show instead."""
@@ -96,7 +96,7 @@ def frame_of(
             segment_cloud(depth_m, camera, mask, SETTINGS.cloud_points, SETTINGS.seed),
             tuple(
                 Hypothesis(T_cam_world @ T, 1.0 - 0.01 * j, f"made up #{j + 1}")
-                for j, T in enumerate(things[k].first_poses)
+                for j, T in enumerate(things[k].initial_poses)
             ),
             T_cam_world @ things[k].T_world_obj,
         )
@@ -142,7 +142,7 @@ def moved(T_world_obj: Float, axis_world: Float, angle_deg: float, shift_mm: Seq
 
 
 def near(T_world_obj: Float, rng: np.random.Generator, n: int, deg: float, mm: float) -> tuple[Float, ...]:
-    """First poses that are off by a little."""
+    """Initial poses that are off by a little."""
     return tuple(moved(T_world_obj, random_unit_vector(rng), deg, mm * random_unit_vector(rng)) for _ in range(n))
 
 

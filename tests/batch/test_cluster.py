@@ -113,7 +113,7 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.2)
-    monkeypatch.setattr(cluster, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(cluster, "START_LIMIT_S", 0.1)
     said: list[str] = []
     with somebodys(n_workers=0) as empty:
 

@@ -103,7 +103,7 @@ def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     line = desk.refused(*desk.evaluated(path))
     assert line.startswith(str(path))
     assert words in line
-    # Where it is to be the first poses of a batch, it is refused in the same words, before the folder is made.
+    # Where it is to be the initial poses of a batch, it is refused in the same words, before the folder is made.
     hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
     assert desk.refused(*desk.batch(*hypotheses)) == line
 

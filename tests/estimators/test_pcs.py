@@ -1,4 +1,4 @@
-"""First poses from congruent point sets: right on views that were made up, repeatable, few where few exist."""
+"""Initial poses from congruent point sets: right on views that were made up, repeatable, few where few exist."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.estimators.views import random_pose, target_of, view
-from tests.patience import asked, cancelled_everywhere, hearing
+from tests.progress import asked, cancelled_everywhere, hearing
 from verefine_viz.core.algorithm_settings import PcsSettings
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.problem import Hypothesis, Target
@@ -150,8 +150,8 @@ def test_what_is_cancelled_on_the_way_leaves_nothing_behind(bases: int) -> None:
     expected = bits(Pcs(PcsSettings(bases=bases)).hypotheses(target, 5))
     pcs = Pcs(PcsSettings(bases=bases))
 
-    def work(patience: ProgressToken) -> object:
-        return pcs.hypotheses(target, 5, patience)
+    def work(progress: ProgressToken) -> object:
+        return pcs.hypotheses(target, 5, progress)
 
     n = asked(work)
     assert n > bases

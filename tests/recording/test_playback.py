@@ -60,7 +60,7 @@ def test_a_recording_cannot_be_edited_or_continued(tmp_path: Path) -> None:
 def test_data_that_changed_since_are_told(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session("sir", 2, maps=False))
     recorded = read_recording(tmp_path / "run.rrd")
-    with pytest.raises(InputError, match="made from 3 first poses of 0_box, its session now gives 2"):
+    with pytest.raises(InputError, match="made from 3 initial poses of 0_box, its session now gives 2"):
         played(recorded, box_problem(2, 2))
     with pytest.raises(InputError, match="made of 1_box, which frame 0/1 does not hold"):
         played(recorded, box_problem(3, 1))

@@ -1,4 +1,4 @@
-"""First poses by an estimator for single instances: whose they are, and names that nothing is called by."""
+"""Initial poses by an estimator for single instances: whose they are, and names that nothing is called by."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from verefine_viz.session.toolbox import Toolbox
 class Estimator:
     """Finds one pose of everything."""
 
-    def hypotheses(self, target: Target, n: int, patience: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         return (Hypothesis(transform(np.eye(3), [0, 0, 0.6]), 0.5, "ppf"),)
 
 

@@ -130,7 +130,7 @@ def with_estimates(made: Made, zs_mm: list[float], folder: Path) -> dict[str, An
 
 
 @pytest.mark.parametrize("method", [*METHOD_NAMES, "physim_mcts"])
-def test_a_first_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
+def test_a_initial_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
     made = make(tmp_path)
     raw = with_estimates(made, [1.5e5, 0, 9e6], tmp_path)
     raw["method"]["name"] = method

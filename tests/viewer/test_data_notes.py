@@ -45,7 +45,7 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
 
 
 @pytest.mark.parametrize(("depth", "noted"), [(1.0, 0), (0.8, 1)])
-def test_without_ground_truth_first_poses_show_a_wrong_depth_scale_before_the_run_and_after(
+def test_without_ground_truth_initial_poses_show_a_wrong_depth_scale_before_the_run_and_after(
     tmp_path: Path, depth: float, noted: int
 ) -> None:
     session = Session(

@@ -285,7 +285,7 @@ def test_a_built_in_scene_opens_with_the_settings_of_its_session_file(tmp_path: 
     assert "with its settings" in target.message
 
 
-def test_new_first_poses_need_a_restart_and_a_seed() -> None:
+def test_new_initial_poses_need_a_restart_and_a_seed() -> None:
     target = debugger().carry_out([c.Step()])
     with pytest.raises(SettingsError, match="section that can change during a run"):
         target.carry_out([c.Fork((("hypotheses.seed", 3),))])
@@ -305,7 +305,7 @@ def test_what_takes_seconds_is_said_before_it_begins() -> None:
             said.append("run")
             return super().run(problem, watchers)
 
-    Debugger(Session(), None, Slow, patience=ProgressToken(lambda doing, _: said.append(doing)))
+    Debugger(Session(), None, Slow, progress=ProgressToken(lambda doing, _: said.append(doing)))
     assert said[-1] == "run"
     assert said[-2].startswith("Preparing: convex parts for physics")
     assert "box" in said[-2]

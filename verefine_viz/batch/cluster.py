@@ -84,7 +84,7 @@ def why_not(error: Exception) -> str:
     return "what listens there is no Dask scheduler, or one of another version"
 
 
-PATIENCE_S = 20.0
+START_LIMIT_S = 20.0
 """After so long without any worker a person should know that nothing happens."""
 LOOK_S = 5.0
 """How often the number of workers is looked at."""
@@ -159,7 +159,7 @@ class ClusterWorkers:
 
     @property
     def warning(self) -> str:
-        if self._n_workers or time.monotonic() - self._opened < PATIENCE_S:
+        if self._n_workers or time.monotonic() - self._opened < START_LIMIT_S:
             return ""
         return f"the cluster at {self._address} has no workers; waiting for the first"
 

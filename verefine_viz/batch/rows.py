@@ -42,7 +42,7 @@ class ObjectRow(Row):
     name: str = ""
     method: str = ""
     seed: int | None = None
-    """Of the first poses (hypotheses.seed)."""
+    """Of the initial poses (hypotheses.seed)."""
     visib_fract: float | None = None
     """Visible share of the object, where the data set knows it."""
     has_truth: bool = False

@@ -190,7 +190,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     frames = toolbox.frames
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
-    notes = (*toolbox.notes, *toolbox.source.check_first_poses())
+    notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
     check_orders(session, frames)
     _ = toolbox.method
     return frames, notes
@@ -276,7 +276,7 @@ class _Batch:
         return self._outcome(self._write_end("finished", spent_s), mended)
 
     def _look(self) -> Written:
-        # First poses are not recorded.
+        # Initial poses are not recorded.
         keep = "none" if self.task == "estimate" else self.session.recording.keep
         return look_at(self.folder.path, self.frames, keep)
 

@@ -154,7 +154,7 @@ class _Booked:
             self._recorder.on_finish(state)
 
 
-# First poses of one frame, with the session's estimator: what ``verefine-viz estimate`` asks workers for.
+# Initial poses of one frame, with the session's estimator: what ``verefine-viz estimate`` asks workers for.
 
 
 def estimate_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:

@@ -10,7 +10,7 @@ from verefine_viz.batch.rows import FrameResult
 from verefine_viz.session.toolbox import Toolbox
 
 TaskName = Literal["solve", "explain", "estimate"]
-"""solve; solve and say why answers are wrong; first poses only."""
+"""solve; solve and say why answers are wrong; initial poses only."""
 FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 """(tools, "scene/image", folder of the batch) → result. Never raises because of a bad frame."""
 

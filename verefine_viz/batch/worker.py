@@ -30,8 +30,8 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
     from verefine_viz.session.kernel_compilation import COMPILING, told_of_compiling
     from verefine_viz.session.toolbox import Toolbox
 
-    patience = ProgressToken(tell_once=channel.send)
-    toolbox, run = Toolbox(session, patience), task_named(task)
+    progress = ProgressToken(report_once=channel.send)
+    toolbox, run = Toolbox(session, progress), task_named(task)
     try:
         with told_of_compiling(lambda: channel.send(COMPILING)):
             while True:
@@ -40,7 +40,7 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
                     channel.send(run(toolbox, given, out))
                 else:
                     session, out = given
-                    toolbox = Toolbox(session, patience)
+                    toolbox = Toolbox(session, progress)
     except (EOFError, BrokenPipeError):
         return
 

@@ -26,7 +26,7 @@ class Batch:
     """Run every session with each of these methods (pir sir rir …), each in a folder METHOD-SEED below --out; none =
     the session's own."""
     seeds: int | None = None
-    """Run everything with seeds 0 … N-1, of the first poses and of the method (hypotheses.seed, method.seed); none =
+    """Run everything with seeds 0 … N-1, of the initial poses and of the method (hypotheses.seed, method.seed); none =
     the session's own, at most 1000. verefine-viz report OUT then compares the methods, with their spread over the
     seeds."""
     workers: int = max(os.cpu_count() or 1, 1)

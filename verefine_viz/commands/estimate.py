@@ -1,4 +1,4 @@
-"""``verefine-viz estimate``: first poses of every frame to a BOP results CSV, without a screen."""
+"""``verefine-viz estimate``: initial poses of every frame to a BOP results CSV, without a screen."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from verefine_viz.commands.flags import AnySettings, SessionFlags, check_workers
 
 @dataclass(frozen=True)
 class Estimate:
-    """Find first poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
+    """Find initial poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
 
     session: Annotated[Path, tyro.conf.Positional]
     """Session file (.toml); its hypotheses.source must be ppf or pcs, or say --hypotheses.source ppf."""

@@ -19,7 +19,7 @@ class Study:
     """Run a study of the paper: every method under growing error, or with missing depth, or with every budget."""
 
     name: Annotated[Literal["ablation", "robustness", "tables"], tyro.conf.Positional]
-    """ablation: error of the first pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
+    """ablation: error of the initial pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
     (Tables I-III)."""
     out: Path
     """Folder for the figure (PNG, SVG) and the numbers (CSV). Stopped or killed, the same command goes on."""

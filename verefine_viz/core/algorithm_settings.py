@@ -52,7 +52,7 @@ class TricpSettings(Settings):
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
 
-# What can be set of the estimators, which propose first poses from depth and model alone.
+# What can be set of the estimators, which propose initial poses from depth and model alone.
 
 
 class PpfSettings(Settings):

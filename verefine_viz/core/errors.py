@@ -38,7 +38,7 @@ class UnavailableError(VerefineError):
 
 
 class Cancelled(BaseException):
-    """Nobody waits any more for what is being done; see :class:`core.patience.Patience`.
+    """Nobody waits any more for what is being done; see :class:`core.progress.ProgressToken`.
 
     Not an ``Exception``: what leaves out an object that is broken, or tries something else, must let this pass.
     """

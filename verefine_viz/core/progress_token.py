@@ -1,4 +1,4 @@
-"""What takes long says what it is doing, and ends early where nobody waits for it any more."""
+"""Long work reports what it is doing, and ends early once its result is not wanted any more."""
 
 from __future__ import annotations
 
@@ -13,51 +13,50 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ProgressToken:
-    """Of whoever waits for something. It changes nothing about what comes out, only whether anything does.
+    """Carries reports to, and cancellation from, the caller. It never changes a result, only whether there is one.
 
-    Whatever takes long asks for it between its natural units (objects, meshes, batches of votes), a few times a second
-    where it can, and before it keeps or writes anything; so what is cancelled leaves nothing half done.
+    Long work calls :meth:`checkpoint` between its natural units (objects, meshes, batches of votes), a few times a
+    second where it can, and before it stores or writes anything, so cancelling leaves nothing half done.
     """
 
-    tell: Callable[[str, float | None], None] = lambda doing, share: None
-    """Is told, in words, what is being done ("" = the same as before), and how much of it is done [0 to 1], None where
-    nobody knows."""
-    is_left: Callable[[], bool] = lambda: True
-    """Whether somebody still waits."""
-    tell_once: Callable[[str], None] = lambda doing: None
-    """Is told, in words, what may take a minute, is done once and is kept on disk: where hundreds of frames pass by,
-    nothing else is worth a line."""
+    report: Callable[[str, float | None], None] = lambda doing, share: None
+    """Gets what is being done ("" = the same as before) and how much of it is done [0 to 1], None = unknown."""
+    is_wanted: Callable[[], bool] = lambda: True
+    """False once the work is cancelled."""
+    report_once: Callable[[str], None] = lambda doing: None
+    """Gets only what may take a minute, happens once and is cached on disk: all that a batch of hundreds of frames
+    needs to hear."""
 
-    def ask(self, doing: str = "", share: float | None = None) -> None:
-        """Says what is done next, or how much of it is done, if that is given.
+    def checkpoint(self, doing: str = "", share: float | None = None) -> None:
+        """Reports what is done next, or how much of it is done, where either is given.
 
         Raises:
-            Cancelled: nobody waits for it any more.
+            Cancelled: the result is not wanted any more.
         """
-        if not self.is_left():
+        if not self.is_wanted():
             raise Cancelled
         if doing or share is not None:
-            self.tell(doing, share)
+            self.report(doing, share)
 
-    def once(self, doing: str) -> None:
-        """Says that something is done next which may take a minute, once: what comes out is kept on disk.
+    def announce(self, doing: str) -> None:
+        """A checkpoint before something that may take a minute, happens once and is cached on disk.
 
         Raises:
-            Cancelled: nobody waits for it any more.
+            Cancelled: the result is not wanted any more.
         """
-        self.ask(doing)
-        self.tell_once(doing)
+        self.checkpoint(doing)
+        self.report_once(doing)
 
     def over(self, items: Sequence[T], doing: str = "") -> Iterator[T]:
-        """The items one by one, each asked for before its turn.
+        """The items one by one, with a checkpoint before each.
 
         Raises:
-            Cancelled: nobody waits for it any more.
+            Cancelled: the result is not wanted any more.
         """
         for k, item in enumerate(items):
-            self.ask(doing if k == 0 else "", k / len(items))
+            self.checkpoint(doing if k == 0 else "", k / len(items))
             yield item
 
 
 NEVER_CANCELLED = ProgressToken()
-"""Of whoever waits until the end and need not be told anything."""
+"""For callers that wait until the end and need no reports."""

@@ -92,15 +92,15 @@ class SceneRenderer(Protocol):
 
 
 class Estimator(Protocol):
-    """Finds first poses of an object from its segment of the frame."""
+    """Finds initial poses of an object from its segment of the frame."""
 
-    def hypotheses(self, target: Target, n: int, patience: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         """At most ``n`` hypotheses, best first; none where the segment is too small to say anything.
 
         Args:
             target: the instance; its own hypotheses are not looked at.
             n: how many are wanted.
-            patience: is asked before anything that may take seconds, and on the way.
+            progress: is checked before anything that may take seconds, and on the way.
 
         Raises:
             Cancelled: nobody waits for them any more.

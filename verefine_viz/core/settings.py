@@ -52,7 +52,7 @@ class SceneSettings(Settings):
 
 
 class HypothesesSettings(Settings):
-    """Where the first poses come from."""
+    """Where the initial poses come from."""
 
     source: Literal["results", "perturb", "ppf", "pcs"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
@@ -69,7 +69,7 @@ class HypothesesSettings(Settings):
     seed: Seed = 0
     """perturb: seed."""
     estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
-    """Instances whose first poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
+    """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
 class MethodSettings(Settings):

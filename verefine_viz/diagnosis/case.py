@@ -61,7 +61,7 @@ class ErrorOf:
 # their own; and larger budgets where there is reason to think that it was too small.
 
 Pools = Mapping[int, Sequence[Hypothesis]]
-"""First poses by instance_id, instead of an instance's own."""
+"""Initial poses by instance_id, instead of an instance's own."""
 
 
 def company_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
@@ -81,7 +81,7 @@ def solved_together(
         toolbox: the run's.
         problem: the run's frame.
         instance_id: whose answer is wanted.
-        pools: other first poses.
+        pools: other initial poses.
         times: multiple of the run's budget.
         iterations: K, per hypothesis, instead of the run's; the search counts expansions, whatever the pools.
     """
@@ -276,7 +276,7 @@ class Case:
         self.reruns[what] = Rerun(best, error, repaired)
 
     def with_pool(self, *poses: Float) -> Target:
-        """The target with these first poses instead."""
+        """The target with these initial poses instead."""
         pool = tuple(Hypothesis(T, 1.0, f"re-run {k + 1}") for k, T in enumerate(poses))
         return replace(self.target, instance=replace(self.target.instance, hypotheses=pool))
 

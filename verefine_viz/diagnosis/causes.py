@@ -35,7 +35,7 @@ class Cause(StrEnum):
 
 TITLES: dict[Cause, str] = {
     Cause.SYMMETRIC: "symmetry of the shape not declared",
-    Cause.UNIT: "first poses in another unit",
+    Cause.UNIT: "initial poses in another unit",
     Cause.DEPTH: "depth missing or unregistered",
     Cause.MASK: "mask leaks or misses",
     Cause.NEIGHBOUR: "neighbour misplaced first",

@@ -48,14 +48,14 @@ def symmetric(case: Case) -> Finding | None:
 
 
 def unit(case: Case) -> Finding | None:
-    """First poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
+    """Initial poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
     diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
     units = [of_another_unit(h.T_cam_obj, case.T_true, diameter_m) for h in given]
     wrong = [name for name in units if name]
     if not wrong:
         return None
     poses = [_in_millimetres(h.T_cam_obj, name) for h, name in zip(given, units, strict=True)]
-    again = case.rerun("first poses in millimetres", case.with_pool(*poses))
+    again = case.rerun("initial poses in millimetres", case.with_pool(*poses))
     whose = "The translation of the only hypothesis"
     if len(units) > 1:
         whose = f"The translation{'s' * (len(wrong) > 1)} of {len(wrong)} of {len(units)} hypotheses"

@@ -1,4 +1,4 @@
-"""First poses whose translations are written in another unit."""
+"""Initial poses whose translations are written in another unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""First poses from congruent point sets (Super4PCS, Mellado 2014), as the system that the paper starts from uses them.
+"""Initial poses from congruent point sets (Super4PCS, Mellado 2014), as the system the paper starts from uses them.
 
 Four points of the segment are a base; what a rigid motion cannot change about them is looked for among the model's
 points; each match is a pose; how many of the model's points then lie on the segment (LCP) ranks it; and of the
@@ -131,7 +131,7 @@ class Pcs:
         self.settings = settings
         self._models: WeakKeyDictionary[ObjectModel, PcsModel] = WeakKeyDictionary()
 
-    def hypotheses(self, target: Target, n: int, patience: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         """At most ``n`` poses, highest LCP first; see :class:`core.protocols.Estimator`.
 
         The confidence is the LCP of the pose that a hypothesis stands for, in (0, 1]: of a model whose front alone is
@@ -141,13 +141,13 @@ class Pcs:
         segment = large_parts(thinned(segment_cloud(target), s.grid_m), s.grid_m, s.part_share)
         if len(segment) < MIN_POINTS:
             return ()
-        patience.ask(f"Looking for {model.name} in its segment by {s.bases:,} bases of four points.")
+        progress.checkpoint(f"Looking for {model.name} in its segment by {s.bases:,} bases of four points.")
         known = self._models.get(model)
         if known is None:
             known = self._models[model] = PcsModel.build(model, s)
         rng = np.random.default_rng(s.seed)
-        Ts, scores = candidates(segment, known, model.diameter_m, s, rng, patience)
-        patience.ask(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
+        Ts, scores = candidates(segment, known, model.diameter_m, s, rng, progress)
+        progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         k = math.ceil(math.sqrt(max(n, POOL)))
         Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, s.bins, k, rng)
         found = zip(Ts[:n], scores[:n], strict=True)
@@ -160,7 +160,7 @@ def candidates(
     model_diameter_m: float,
     settings: PcsSettings,
     rng: np.random.Generator,
-    patience: ProgressToken = NEVER_CANCELLED,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> tuple[Float, Float]:
     """Every pose (N, 4, 4) that lays a quad of the model on a base of the segment, and its LCP (N,).
 
@@ -170,7 +170,7 @@ def candidates(
         model_diameter_m: no base is larger.
         settings: of the method.
         rng: draws bases and quads.
-        patience: asked before each base, and before each batch of poses is counted.
+        progress: checked before each base, and before each batch of poses is counted.
 
     Raises:
         Cancelled: nobody waits for them any more.
@@ -178,7 +178,7 @@ def candidates(
     grid = NearGrid.build(segment, settings.delta_m)
     longest_m = min(diameter(segment), model_diameter_m)
     poses = [np.empty((0, 4, 4))]
-    for _ in patience.over(range(settings.bases)):
+    for _ in progress.over(range(settings.bases)):
         base = draw_base(segment, longest_m, settings.delta_m, rng)
         if base is None:
             continue
@@ -186,5 +186,5 @@ def candidates(
         poses.append(fitted(base.points, model.points, quads, TOLERANCE * settings.delta_m)[0])
     Ts = np.concatenate(poses)
     batches = range(0, len(Ts), AT_ONCE)
-    scores = [lcps(Ts[k : k + AT_ONCE], model.points, grid) for k in patience.over(batches)]
+    scores = [lcps(Ts[k : k + AT_ONCE], model.points, grid) for k in progress.over(batches)]
     return Ts, np.concatenate([np.empty(0), *scores])

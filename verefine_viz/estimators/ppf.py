@@ -1,4 +1,4 @@
-"""First poses from point pair features (Drost 2010), our own. docs/methods.md 6.
+"""Initial poses from point pair features (Drost 2010), our own. docs/methods.md 6.
 
 Pairs of oriented points look the same from everywhere: distance, and three angles. Pairs of the segment vote for poses
 of the model whose pairs look alike; near votes are one pose; the depth image ranks what is left.
@@ -41,7 +41,7 @@ def voted_poses(
     table: PairTable,
     turn_bins: int,
     peaks: int,
-    patience: ProgressToken = NEVER_CANCELLED,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> tuple[Float, Float]:
     """Poses ``Ts_cam_obj`` (N, 4, 4) that got most votes, and their votes (N,); N ≤ references · peaks.
 
@@ -54,13 +54,13 @@ def voted_poses(
         table: the model's pairs.
         turn_bins: bins of the turn about the normal, 360° together.
         peaks: most poses per reference.
-        patience: asked before each reference, a tenth of a second on the finest grid.
+        progress: checked before each reference, a tenth of a second on the finest grid.
 
     Raises:
         Cancelled: nobody waits for them any more.
     """
     found = [(np.empty((0, 4, 4)), np.empty(0))]
-    for k in patience.over(range(len(references))):
+    for k in progress.over(range(len(references))):
         found.append(_voted(scene.points, scene.normals, references[k : k + 1], table, turn_bins, peaks))
     poses, votes = zip(*found, strict=True)
     return np.concatenate(poses), np.concatenate(votes)
@@ -134,7 +134,7 @@ class Ppf:
         self._folder = cache_folder
         self._learnt: WeakKeyDictionary[ObjectModel, Learnt] = WeakKeyDictionary()
 
-    def hypotheses(self, target: Target, n: int, patience: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         """At most ``n`` poses, best first, no two of which look the same; see :class:`core.protocols.Estimator`.
 
         The confidence is in (0, 1]: see :func:`ppf_agreement.agreement`.
@@ -144,30 +144,30 @@ class Ppf:
         segment = thinned(segment_surface(target), s.step * d)
         if len(segment.points) < MIN_POINTS:
             return ()
-        learnt = self._of(model, patience)
+        learnt = self._of(model, progress)
         references = np.arange(0, len(segment.points), s.reference_every)
-        patience.ask(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
-        Ts, votes = voted_poses(segment, references, learnt.table, s.turn_bins, s.peaks, patience)
+        progress.checkpoint(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
+        Ts, votes = voted_poses(segment, references, learnt.table, s.turn_bins, s.peaks, progress)
         center_obj = learnt.table.points.mean(axis=0)
         nearness = Nearness(model.symmetries, center_obj, s.cluster_share * d, math.radians(s.cluster_deg))
-        patience.ask(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
+        progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         candidates = clustered(Ts, votes, nearness)[0][: s.candidates]
-        patience.ask()
+        progress.checkpoint()
         agree = agreement(target, learnt.cloud, learnt.field, segment, candidates, s.tolerance * d)
         order = np.argsort(-agree, kind="stable")
         order = order[agree[order] > 0]
         chosen = order[distinct(candidates[order], n, nearness)]
         return tuple(Hypothesis(candidates[i], float(agree[i]), f"ppf #{k}") for k, i in enumerate(chosen, start=1))
 
-    def _of(self, model: ObjectModel, patience: ProgressToken) -> Learnt:
+    def _of(self, model: ObjectModel, progress: ProgressToken) -> Learnt:
         """What is known of the model: from memory, else from disk, else learnt now."""
         known = self._learnt.get(model)
         if known is None:
             path = cache_file(model, self.settings, self._folder)
             known = read(path)
             if known is None:
-                patience.ask(f"Learning the point pairs of {model.name}.")
-                known = learn(model, self.settings, patience)
+                progress.checkpoint(f"Learning the point pairs of {model.name}.")
+                known = learn(model, self.settings, progress)
                 write(path, known)
             self._learnt[model] = known
         return known

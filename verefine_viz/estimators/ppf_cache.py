@@ -44,7 +44,7 @@ class Learnt(NamedTuple):
         return Oriented(self.table.points, self.table.normals)
 
 
-def learn(model: ObjectModel, settings: PpfSettings, patience: ProgressToken = NEVER_CANCELLED) -> Learnt:
+def learn(model: ObjectModel, settings: PpfSettings, progress: ProgressToken = NEVER_CANCELLED) -> Learnt:
     """Tables of ``model``, without the cache: a tenth to half a second, several on the finest grid.
 
     Raises:
@@ -54,7 +54,7 @@ def learn(model: ObjectModel, settings: PpfSettings, patience: ProgressToken = N
     d = model.diameter_m
     angle_bin_rad = math.radians(settings.angle_bin_deg)
     cloud = thinned(surface, settings.step * d)
-    table = pair_table(cloud, settings.distance_bin * d, angle_bin_rad, settings.bin_limit, patience)
+    table = pair_table(cloud, settings.distance_bin * d, angle_bin_rad, settings.bin_limit, progress)
     return Learnt(table, surface_field(surface.points, d))
 
 

@@ -103,7 +103,7 @@ def pair_table(
     distance_bin_m: float,
     angle_bin_rad: float,
     bin_limit: int,
-    patience: ProgressToken = NEVER_CANCELLED,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> PairTable:
     """The table of a thinned model cloud.
 
@@ -113,7 +113,7 @@ def pair_table(
         angle_bin_rad: bin of each of the three angles [rad].
         bin_limit: most pairs kept in a bin, evenly spread over its pairs in order of their points; flat faces fill few
             bins with very many pairs, which would take nearly all of the time.
-        patience: asked on the way; the finest table of a large model takes seconds.
+        progress: asked on the way; the finest table of a large model takes seconds.
 
     Raises:
         Cancelled: nobody waits for it any more.
@@ -126,14 +126,14 @@ def pair_table(
     key = np.empty(n * (n - 1), dtype=np.int64)
     first = np.empty(n * (n - 1), dtype=np.uint16)
     turn = np.empty(n * (n - 1), dtype=np.float32)
-    for begin in patience.over(range(0, n, AT_ONCE)):
+    for begin in progress.over(range(0, n, AT_ONCE)):
         end = min(begin + AT_ONCE, n)
         _pairs(points, normals, rotations, distance_bin_m, angle_bin_rad, n_angles, begin, end, key, first, turn)
     sizes = np.bincount(key, minlength=n_distances * n_angles**3)
-    patience.ask()
+    progress.checkpoint()
     before = np.concatenate([[0], np.cumsum(sizes)])
     order = _in_bins(key, before)
-    patience.ask()
+    progress.checkpoint()
     kept = np.minimum(sizes, bin_limit)
     starts = np.concatenate([[0], np.cumsum(kept)])
     # The m-th pair kept of a bin is number ⌊m · size / kept⌋ of it.

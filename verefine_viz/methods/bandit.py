@@ -51,7 +51,7 @@ class Turns:
 
 @dataclass(frozen=True)
 class BestInitial:
-    """Always the arm whose first pose scored best (EXPL, paper Sec. V-A); the first on ties."""
+    """Always the arm whose initial pose scored best (EXPL, paper Sec. V-A); the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
         first = [arm.own_entries[0] for arm in state.arms]

@@ -109,7 +109,7 @@ class ObjectMethod:
     def judged_anew(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
         """The same with all its poses judged by this method, among ``fixed`` objects.
 
-        The mean of a hypothesis becomes that of its first pose, or the one that a person put in its place, and of
+        The mean of a hypothesis becomes that of its initial pose, or the one that a person put in its place, and of
         those that its iterations kept since.
         """
         hypotheses = state.target.instance.hypotheses

@@ -126,7 +126,7 @@ def plausibility(
     settings: PhysicsSettings | None = None,
     cache: Path | None = None,
     surface_of: Callable[[ObjectModel], Surface] = Surface,
-    patience: ProgressToken = NEVER_CANCELLED,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> Plausibility:
     """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
 
@@ -140,7 +140,7 @@ def plausibility(
         settings: the simulator's settings; defaults if None.
         cache: folder of colliders already built; by default in the user's cache folder.
         surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
-        patience: asked where a collider has to be built.
+        progress: asked where a collider has to be built.
 
     Raises:
         ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
@@ -149,9 +149,9 @@ def plausibility(
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
     normal = support.normal_world / np.linalg.norm(support.normal_world)
-    solid = collider(moving.model, "hull", cache, patience)
+    solid = collider(moving.model, "hull", cache, progress)
     if solid.mass_from == "parts":  # A closed mesh has its own centre of mass, however its collider is made.
-        solid = collider(moving.model, settings.collider, cache, patience)
+        solid = collider(moving.model, settings.collider, cache, progress)
     com = apply(T_world_obj, solid.com_obj[None])[0]
 
     # The plane: its distance to a mesh is a vertex's.

@@ -41,17 +41,17 @@ class BulletSimulator:
     """Bullet with the paper's settings; same arguments, same bits, after any history and in any process."""
 
     def __init__(
-        self, settings: PhysicsSettings, cache: Path | None = None, patience: ProgressToken = NEVER_CANCELLED
+        self, settings: PhysicsSettings, cache: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
     ) -> None:
         """A world of its own.
 
         Args:
             settings: step, solver, mass, friction, collider and so on.
             cache: folder of colliders already built; by default in the user's cache folder.
-            patience: asked while a collider is built.
+            progress: asked while a collider is built.
         """
         self._settings = settings
-        self._patience = patience
+        self._progress = progress
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
@@ -68,7 +68,7 @@ class BulletSimulator:
         """
         found = self._colliders.get(model.mesh_hash)
         if found is None:
-            found = collider(model, self._settings.collider, self._cache, self._patience)
+            found = collider(model, self._settings.collider, self._cache, self._progress)
             self._colliders[model.mesh_hash] = found
         return found
 
@@ -298,7 +298,7 @@ def settle_to_rest(
 
 
 def _first_still(Ts: Float, vertices: Float, still_steps: int, still_m: float) -> int | None:
-    """Index of the first pose that differs little from all of the ``still_steps`` poses before it."""
+    """Index of the initial pose that differs little from all of the ``still_steps`` poses before it."""
     corners = np.array(np.meshgrid(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))).reshape(3, -1)
     tracks = Ts[:, :3, :3] @ corners + Ts[:, :3, 3:]
     for end in range(still_steps, len(Ts)):

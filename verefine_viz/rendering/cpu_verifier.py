@@ -67,11 +67,11 @@ class CpuVerifier:
     name = "cpu"
 
     def __init__(
-        self, settings: ScoreSettings, cache_folder: Path | None = None, patience: ProgressToken = NEVER_CANCELLED
+        self, settings: ScoreSettings, cache_folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
     ) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _Scene | None = None
         """Of the last call; it is mostly that of the next one as well."""

@@ -36,11 +36,11 @@ class GlVerifier:
     name = "gl"
 
     def __init__(
-        self, settings: ScoreSettings, cache_folder: Path | None = None, patience: ProgressToken = NEVER_CANCELLED
+        self, settings: ScoreSettings, cache_folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
     ) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
         self._passes: GlPasses | None = None
         self._owner: threading.Thread | None = None
         self._placed_key: tuple[object, ...] | None = None

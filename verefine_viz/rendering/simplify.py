@@ -95,7 +95,7 @@ def cache_folder() -> Path:
 
 
 def scoring_mesh(
-    model: ObjectModel, simplify_mm: float, folder: Path | None = None, patience: ProgressToken = NEVER_CANCELLED
+    model: ObjectModel, simplify_mm: float, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> RenderMesh:
     """The mesh to score ``model`` with.
 
@@ -103,7 +103,7 @@ def scoring_mesh(
         model: its mesh is never changed.
         simplify_mm: largest deviation between the two surfaces, either way [mm]; 0 keeps every triangle.
         folder: the cache; None = :func:`cache_folder`. A damaged or unwritable cache costs time only.
-        patience: asked where the mesh has to be made, before each try to make it with fewer triangles.
+        progress: asked where the mesh has to be made, before each try to make it with fewer triangles.
 
     Raises:
         Cancelled: nobody waits for it any more; nothing is kept.
@@ -113,15 +113,15 @@ def scoring_mesh(
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        patience.ask(f"Preparing the mesh of {model.name} to score; kept once it is made.")
-        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, patience)
+        progress.checkpoint(f"Preparing the mesh of {model.name} to score; kept once it is made.")
+        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
         cached = vertices, faces, closed_faces(vertices, faces)
         _write(file, *cached)
     return render_mesh(*cached)
 
 
 def simplified(
-    vertices: Float, faces: Faces, tolerance_m: float, patience: ProgressToken = NEVER_CANCELLED
+    vertices: Float, faces: Faces, tolerance_m: float, progress: ProgressToken = NEVER_CANCELLED
 ) -> tuple[Float, Faces]:
     """The coarsest mesh found whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
     vertices, faces = _welded(vertices, faces)
@@ -135,7 +135,7 @@ def simplified(
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
     while enough > 1.05 * too_few + 1:
-        patience.ask()
+        progress.checkpoint()
         target = max(too_few + 1, int(np.sqrt(too_few * enough)))
         # The library's thresholds are absolute: it is given a mesh of size 1.
         coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)

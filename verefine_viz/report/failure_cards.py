@@ -156,7 +156,7 @@ class _Source:
 def _opened(run: Loaded, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
     session = run.index.session
     try:
-        # Pictures need no first poses, whose files may be gone.
+        # Pictures need no initial poses, whose files may be gone.
         hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
         scene = session.scene.model_copy(update={"frames": tuple(frames)})
         return open_scene(scene, hypotheses)

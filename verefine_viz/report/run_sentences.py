@@ -156,7 +156,7 @@ FEW = 5
 _STARVED = "each came right when its best hypothesis got the whole budget, so try "
 ADVICE = {
     Cause.SYMMETRIC: DECLARE,
-    Cause.UNIT: "write the translations of the first poses in millimetres (hypotheses.files)",
+    Cause.UNIT: "write the translations of the initial poses in millimetres (hypotheses.files)",
     Cause.DEPTH: "look at the depth images and how they are registered",
     Cause.MASK: "look at where the masks leak or miss",
     Cause.NEIGHBOUR: "mend the objects first that were placed before them",
@@ -167,8 +167,8 @@ ADVICE = {
     Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
-    Cause.POOL: "no first pose led to the truth, so more or better ones are needed ([hypotheses])",
-    Cause.NO_HYPOTHESIS: "without a first pose nothing is refined, so name further results files or an estimator "
+    Cause.POOL: "no initial pose led to the truth, so more or better ones are needed ([hypotheses])",
+    Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
     "(hypotheses.files, hypotheses.estimate)",
 }
 """What to try, by cause."""

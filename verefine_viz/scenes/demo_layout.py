@@ -168,7 +168,7 @@ class MaskFault:
 
 
 FirstPoses = Callable[[Float, Float, np.random.Generator], tuple[tuple[Float, str], ...]]
-"""(true T_world_obj, T_world_cam, generator) → first poses T_world_obj with their descriptions, best first."""
+"""(true T_world_obj, T_world_cam, generator) → initial poses T_world_obj with their descriptions, best first."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class DemoScene:
     """(labels (H, W), points_world (H, W, 3)) → pixels (H, W) that are not measured, on top of the sensor's own."""
     mask_faults: dict[int, MaskFault] = field(default_factory=dict)
     """By index of the item."""
-    first_poses: FirstPoses | None = None
+    initial_poses: FirstPoses | None = None
     """How the hypotheses of this scene come about; None = perturbed ground truth as the settings say."""
     note: str = ""
     """What a person should know about the scene."""
@@ -195,15 +195,15 @@ LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)
 """Objects are laid out without any camera: the world takes its place."""
 
 
-def prepare(items: Sequence[Item], patience: ProgressToken = NEVER_CANCELLED) -> None:
+def prepare(items: Sequence[Item], progress: ProgressToken = NEVER_CANCELLED) -> None:
     """Builds what :func:`settled` needs and what is then kept on disk: most of its time, when it is first asked.
 
     Raises:
         Cancelled: nobody waits for it any more.
     """
-    simulator = BulletSimulator(PhysicsSettings(), patience=patience)
+    simulator = BulletSimulator(PhysicsSettings(), progress=progress)
     for item in items:
-        patience.ask()
+        progress.checkpoint()
         simulator.collider(_body(item))
 
 

@@ -1,4 +1,4 @@
-"""First poses out of results files: whose is each row, and in which order are they tried."""
+"""Initial poses out of results files: whose is each row, and in which order are they tried."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _each_once(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
 
 
 def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
-    """The results files that first poses come from, in the order of trust; none where they come from elsewhere.
+    """The results files that initial poses come from, in the order of trust; none where they come from elsewhere.
 
     Raises:
         SettingsError: no file is named.
@@ -136,7 +136,7 @@ def check_covered(
     """Looks whether the rows of ``files`` are of objects that are asked for in ``frames``.
 
     Args:
-        files: none where first poses come from elsewhere.
+        files: none where initial poses come from elsewhere.
         hypotheses: whose files they are.
         frames: the chosen ones.
         objects_of: the objects that are asked for in a frame; None where nobody can tell.
@@ -220,7 +220,7 @@ def pools_of_object(
     return tuple(pools)
 
 
-# Ground truth, disturbed: first poses with a known error, as in the paper's ablation.
+# Ground truth, disturbed: initial poses with a known error, as in the paper's ablation.
 
 
 def perturbed(
@@ -250,7 +250,7 @@ def perturbed(
     return tuple(poses)
 
 
-# Instances whose first poses come from an estimator, wherever those of the others come from.
+# Instances whose initial poses come from an estimator, wherever those of the others come from.
 
 
 def asked_estimators(hypotheses: HypothesesSettings) -> dict[tuple[str, int], str]:

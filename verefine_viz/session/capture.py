@@ -1,6 +1,6 @@
 """Keeps frames of a running pipeline to debug them later; arrays are enough, no data set is needed.
 
-    keep_frame("kept", K, depth_m, rgb, [Found("mug.stl", mask, {"my_net": T_cam_obj})])
+    keep_frame("kept", K, depth_m, rgb, [DetectedObject("mug.stl", mask, {"my_net": T_cam_obj})])
 
 and then ``verefine-viz view kept/session.toml``.
 """
@@ -48,7 +48,7 @@ class DetectedObject:
     """(H, W) its visible pixels: all that is not 0."""
     poses: Mapping[str, ArrayLike] = field(default_factory=dict)
     """T_cam_obj [m] by estimator, (4, 4), or (N, 4, 4) with the best first. Of several objects of one mesh, a pose goes
-    to the one whose mask it covers most. Without any, point pair features find first poses when the frame is opened."""
+    to the one whose mask it covers most. Without any, point pair features make hypotheses when the frame is opened."""
     name: str = ""
     """What the object is called; empty = as the mesh file. The same name in a later frame means the same mesh."""
     unit_m: float = 1.0
@@ -182,8 +182,6 @@ def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None
         )
 
 
-__all__ = ["Found", "keep_frame"]
-
 FARTHEST_M = 60.0
 """Depth beyond is none; a median beyond is no depth in metres."""
 
@@ -205,7 +203,7 @@ def keep_frame(
         K: (3, 3) intrinsics [px].
         depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
         rgb: (H, W, 3) uint8, or None.
-        objects: what was found, each with its mask and its poses: a list of :class:`Found`.
+        objects: what was found, each with its mask and its poses: a list of :class:`DetectedObject`.
         gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length, as an IMU or the robot's
             kinematics have it (an accelerometer at rest reads the opposite); None = along the normal of the table that
             is seen.
@@ -241,7 +239,7 @@ def _checked(
     if not objects:
         raise InputError("no object is given, expected at least one")
     if isinstance(objects, DetectedObject) or not all(isinstance(found, DetectedObject) for found in objects):
-        raise InputError("objects is no list of Found, expected [Found(mesh, mask, …), …]")
+        raise InputError("objects is no list of DetectedObject, expected [DetectedObject(mesh, mask, …), …]")
     n_true = sum(found.T_cam_obj_gt is not None for found in objects)
     if n_true not in (0, len(objects)):
         raise InputError(f"{n_true} of {len(objects)} objects have a true pose; give all of them one, or none")

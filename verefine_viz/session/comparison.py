@@ -281,7 +281,7 @@ def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
         for j, (f_a, f_b) in enumerate(zip(a.initial.get(own, ()), b.initial.get(own, ()), strict=False)):
             if f_a != f_b and same_pose(ours[j].T_cam_obj, theirs[j].T_cam_obj):
                 yield Difference(
-                    0, own, "score", f"scores the first pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
+                    0, own, "score", f"scores the initial pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
                 )
 
 

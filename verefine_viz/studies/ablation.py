@@ -1,4 +1,4 @@
-"""What each part of the method is worth, over the error of the first pose. Source: Sec. V-A, Fig. 4."""
+"""What each part of the method is worth, over the error of the initial pose. Source: Sec. V-A, Fig. 4."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def ablation(quick: bool = False) -> Study:
     five = tuple(Curve(label, {"method": {"name": name, "iterations": ITERATIONS}}) for label, name in SEVERAL)
     panels = []
     for error, unit in (("rotation", "°"), ("translation", "mm")):
-        label = f"{error} error of the first pose [{unit}]"
+        label = f"{error} error of the initial pose [{unit}]"
         physics = (Claim("PIR", "PhysBefore"), Claim("PIR", "PhysAfter")) if error == "rotation" else ()
         panels.append(
             Panel(
@@ -36,7 +36,7 @@ def ablation(quick: bool = False) -> Study:
                 label,
                 xs,
                 one,
-                _first_poses(error, 1),
+                _initial_poses(error, 1),
                 (*physics, Claim("SIR", "PIR"), Claim("SIR", "refiner alone")),
                 "physics between the refiner's calls beats physics before or after them; supervision (SIR) beats both",
             )
@@ -47,15 +47,15 @@ def ablation(quick: bool = False) -> Study:
                 label,
                 xs,
                 (*five, sir),
-                _first_poses(error, HYPOTHESES),
+                _initial_poses(error, HYPOTHESES),
                 (Claim("RIR", "EVEN"), Claim("RIR", "EXPL"), Claim("RIR", "SIR, first hypothesis")),
                 "choosing by the bandit (RIR) beats an even share and all on the best first score",
             )
         )
-    return Study("ablation", "Ablation: error of the first poses (paper, Fig. 4)", tuple(panels))
+    return Study("ablation", "Ablation: error of the initial poses (paper, Fig. 4)", tuple(panels))
 
 
-def _first_poses(error: str, n: int) -> Prepare:
+def _initial_poses(error: str, n: int) -> Prepare:
     def prepare(problem: Problem, x: float, seed: int) -> Problem:
         rotation_deg, translation_mm = (x, 0.0) if error == "rotation" else (0.0, x)
         return disturbed(problem, n, rotation_deg, translation_mm, seed)
@@ -66,7 +66,7 @@ def _first_poses(error: str, n: int) -> Prepare:
 # How much depth may be missing. Source: Sec. V-B, Fig. 5.
 
 ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
-"""Error of the first poses."""
+"""Error of the initial poses."""
 TREND = "the refiner alone loses most as depth goes; what physics adds (SIR, RIR) lasts longest"
 
 

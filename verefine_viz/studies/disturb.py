@@ -1,4 +1,4 @@
-"""First poses with a known error, and frames with missing depth. Source: Sec. V-A, V-B (docs/methods.md 8.1)."""
+"""Initial poses with a known error, and frames with missing depth. Source: Sec. V-A, V-B (docs/methods.md 8.1)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RECTANGLE = (0.1, 0.35)
 
 
 def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
-    """The same frame with ``n`` first poses per object, each off by exactly this error.
+    """The same frame with ``n`` initial poses per object, each off by exactly this error.
 
     Raises:
         InputError: no object has a ground-truth pose.

@@ -16,7 +16,7 @@ REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
 SHORT, LONG = 2, 10
 """Refiner calls per hypothesis (Table I)."""
 ROTATION_DEG, TRANSLATION_MM, HYPOTHESES = 30.0, 30.0, 5
-"""First poses where the session brings none."""
+"""Initial poses where the session brings none."""
 SINGLE = (("", "refine"), ("+ PIR", "pir"), ("+ SIR", "sir"))
 SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
 TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
@@ -27,7 +27,7 @@ def tables(quick: bool = False, keep_pools: bool = False) -> Study:
 
     Args:
         quick: ICP only, and the short budget.
-        keep_pools: the session's own first poses instead of disturbed ground truth.
+        keep_pools: the session's own initial poses instead of disturbed ground truth.
     """
     curves: list[Curve] = []
     refiners = dict(list(REFINERS.items())[:1]) if quick else REFINERS
@@ -69,7 +69,7 @@ GIVEN = {"perturb": "disturbed ground truth", "results": "results files"} | SOUR
 
 @dataclass(frozen=True)
 class PaperRows:
-    """Rows of one table with the same data, first poses and refiner."""
+    """Rows of one table with the same data, initial poses and refiner."""
 
     table: str
     dataset: str
@@ -77,9 +77,9 @@ class PaperRows:
     data: str
     """What the paper calls it."""
     parts: str
-    """First poses, refiner and methods, for people."""
+    """Initial poses, refiner and methods, for people."""
     source: str
-    """``hypotheses.source`` of the first poses; empty: not here at all."""
+    """``hypotheses.source`` of the initial poses; empty: not here at all."""
 
 
 ROWS = (
@@ -111,5 +111,5 @@ def _reason(rows: PaperRows, session: Session) -> str:
         reasons.append(NO_DENSEFUSION)
     elif session.hypotheses.source != rows.source:
         first = GIVEN[session.hypotheses.source]
-        reasons.append(f'needs first poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {first}')
+        reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {first}')
     return "; ".join(reasons)

@@ -32,7 +32,7 @@ from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
 
 
 def real_parts(
-    patience: ProgressToken,
+    progress: ProgressToken,
 ) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
     """The toolbox, the checks of plausibility and overlap, and the built-in scenes."""
     from verefine_viz.physics.plausibility import plausibility
@@ -41,8 +41,8 @@ def real_parts(
     from verefine_viz.session.toolbox import Toolbox
 
     surfaces = Surfaces()
-    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=patience))
-    checks = partial(plausibility, surface_of=surfaces, patience=patience), partial(overlap, surface_of=surfaces)
+    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, progress=progress))
+    checks = partial(plausibility, surface_of=surfaces, progress=progress), partial(overlap, surface_of=surfaces)
     return make_tools, *checks, tuple(demo_names())
 
 
@@ -87,7 +87,7 @@ class App:
         self._first = first
         self._requests = RequestQueue(lambda: self._telling.cancelling())
         self._meanwhile = Cancellation(self._requests, self._look_around)
-        self._patience = ProgressToken(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
+        self._progress = ProgressToken(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
         self._page: Page | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -196,11 +196,11 @@ class App:
         self._telling.shown()
 
     def _open(self) -> None:
-        keeping = Exporter(self.server, self._folder, self._patience)
+        keeping = Exporter(self.server, self._folder, self._progress)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._telling.tell("Loading the simulator, the renderer and the refiner.")
-            make_tools, plausibility, overlap, demos = real_parts(self._patience)
+            make_tools, plausibility, overlap, demos = real_parts(self._progress)
         self.debugger = Debugger(
             self._session,
             self._path,
@@ -210,7 +210,7 @@ class App:
             keep=keeping,
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
-            patience=self._patience,
+            progress=self._progress,
             overlap=overlap,
         ).carry_out(self._first)
         self._telling.tell("Drawing the first picture.")

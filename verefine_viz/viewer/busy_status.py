@@ -36,7 +36,7 @@ class BusyStatus:
         """Whether kernels were not there yet."""
 
     def tell(self, doing: str, share: float | None = None) -> None:
-        """Before something that may take seconds, and on the way; see :class:`core.patience.Patience`."""
+        """Before something that may take seconds, and on the way; see :class:`core.progress.ProgressToken`."""
         if not doing and monotonic() - self._told_at < BETWEEN_S:
             return
         self._doing, self._share, self._told_at = doing or self._doing, share, monotonic()

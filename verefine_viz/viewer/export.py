@@ -64,11 +64,11 @@ class Exporter:
     Args:
         server: whose 3D scene is exported.
         folder: where sessions lie; exports go to its ``runs`` folder.
-        patience: asked before each iteration of a recording is written.
+        progress: checked before each iteration of a recording is written.
     """
 
-    def __init__(self, server: viser.ViserServer, folder: Path, patience: ProgressToken = NEVER_CANCELLED) -> None:
-        self._server, self._folder, self._patience = server, folder, patience
+    def __init__(self, server: viser.ViserServer, folder: Path, progress: ProgressToken = NEVER_CANCELLED) -> None:
+        self._server, self._folder, self._progress = server, folder, progress
 
     def __call__(self, state: State, command: c.Command) -> WrittenFile:
         """Writes one file, says which, and hands an export to the browser that asked for it."""
@@ -140,7 +140,7 @@ class Exporter:
         recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.
-            run.fork(run.length, watchers=(ReportsProgress(self._patience, run.length), recorder)).close()
+            run.fork(run.length, watchers=(ReportsProgress(self._progress, run.length), recorder)).close()
         except Cancelled:
             recorder.close()
             path.unlink(missing_ok=True)
@@ -150,16 +150,16 @@ class Exporter:
 
 @dataclass(frozen=True)
 class ReportsProgress:
-    """Watches a history of ``n`` iterations go by, and asks for patience before each."""
+    """Watches a history of ``n`` iterations go by, and asks before each."""
 
-    patience: ProgressToken
+    progress: ProgressToken
     n: int
 
     def on_start(self, state: RunState) -> None:
-        self.patience.ask(f"Writing the recording of {self.n} iteration{'s' if self.n != 1 else ''}.")
+        self.progress.checkpoint(f"Writing the recording of {self.n} iteration{'s' if self.n != 1 else ''}.")
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
-        self.patience.ask(share=(iteration.index - 1) / self.n)
+        self.progress.checkpoint(share=(iteration.index - 1) / self.n)
 
     def on_finish(self, state: RunState) -> None:
         """Nothing is left to wait for."""

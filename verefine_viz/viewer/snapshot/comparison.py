@@ -26,7 +26,7 @@ class RunAtMoment:
     """One run at the moment that is shown, for the object in focus."""
 
     iteration: int
-    """The one that the pose drawn comes from; 0 = a initial pose."""
+    """The one that the pose drawn comes from; 0 = an initial pose."""
     arm: int
     """The hypothesis that the pose drawn belongs to, from 0."""
     stage: StageName

@@ -45,7 +45,7 @@ def _why_here(view: Snapshot, entry: Entry) -> str:
     if view.cursor != at or view.progress.running or entry.row.status != "ok":
         return ""
     if at == 0:
-        return "No iteration made it much worse, and its answer is a initial pose: look before iteration 1."
+        return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
     if entry.row.worst_iteration is None:
         return f"No iteration made it much worse; iteration {at} made the answer."
     before, after = view.poses.get("current"), view.poses.get("accepted")

@@ -131,7 +131,7 @@ def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> Plaus
 
 
 def is_placeholder(o: ObjectState) -> bool:
-    """Whether an object stands at a initial pose that no iteration has touched."""
+    """Whether an object stands at an initial pose that no iteration has touched."""
     return o.phase == "waiting" and o.n_iterations == 0
 
 

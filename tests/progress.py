@@ -1,4 +1,4 @@
-"""Patience that ends, and patience that remembers what it was told."""
+"""A token that ends, and progress that remembers what it was told."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def hearing(said: list[str]) -> ProgressToken:
 def ending_after(n: int) -> ProgressToken:
     """It is asked for ``n`` times in vain."""
     left = iter(range(n))
-    return ProgressToken(is_left=lambda: next(left, None) is not None)
+    return ProgressToken(is_wanted=lambda: next(left, None) is not None)
 
 
 def asked(work: Callable[[ProgressToken], object]) -> int:
-    """How often ``work`` asks for patience."""
+    """How often ``work`` asks at its checkpoints."""
     asks: list[None] = []
-    work(ProgressToken(is_left=lambda: not asks.append(None)))
+    work(ProgressToken(is_wanted=lambda: not asks.append(None)))
     return len(asks)
 
 
@@ -37,12 +37,12 @@ def cancelled_everywhere(work: Callable[[ProgressToken], object], n: int, most: 
 
 
 class Countdown:
-    """Patience that can be wound up again."""
+    """A token that can be wound up again."""
 
     def __init__(self) -> None:
         self.left: int | None = None
         """Asks until it ends; None = endless."""
-        self.patience = ProgressToken(is_left=self._is_left)
+        self.progress = ProgressToken(is_wanted=self._is_left)
 
     def _is_left(self) -> bool:
         if self.left is None:

@@ -174,7 +174,7 @@ def test_without_budget_a_moved_pose_is_scored_but_waits_for_nothing(name: str) 
 
 
 def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_among_the_first_ones() -> None:
-    """The mean of an arm may fall far below its first pose, which is the best one all the same."""
+    """The mean of an arm may fall far below its initial pose, which is the best one all the same."""
     method = method_of("rir")
     state = Run(method, box_problem(3, 1)).state
     o = state.objects[0]

@@ -1,4 +1,4 @@
-"""Without ground truth, first poses show that depth is not in the unit they were estimated for."""
+"""Without ground truth, initial poses show that depth is not in the unit they were estimated for."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def moved(instance: Instance, by_mm: Float) -> Float:
 
 
 def estimated(off_mm: float, depth: float = 1.0) -> Problem:
-    """Without ground truth, with first poses as an estimator might give them, and depth multiplied."""
+    """Without ground truth, with initial poses as an estimator might give them, and depth multiplied."""
     rng = np.random.default_rng(0)
     instances = tuple(
         replace(i, T_cam_obj_gt=None, hypotheses=(Hypothesis(moved(i, rng.normal(0, off_mm, 3)), 1.0, "cosypose"),))
@@ -37,7 +37,7 @@ def estimated(off_mm: float, depth: float = 1.0) -> Problem:
 @pytest.mark.parametrize(
     ("depth", "said"),
     [
-        (0.5, "50% smaller than the first poses say: check depth_scale in scene_camera.json (about 2.0"),
+        (0.5, "50% smaller than the initial poses say: check depth_scale in scene_camera.json (about 2.0"),
         (0.9, "(about 1.1"),
         (1.1, "larger"),
         (2.0, "(about 0.50 times as much would fit)"),
@@ -58,7 +58,7 @@ def test_two_objects_are_too_few() -> None:
     assert not depth_notes(estimated(5.0, 0.5).only(ids))
 
 
-def test_objects_without_first_pose_are_left_out() -> None:
+def test_objects_without_initial_pose_are_left_out() -> None:
     problem = estimated(3.0, 0.5)
     bare = tuple(replace(i, hypotheses=()) for i in problem.instances)
     assert depth_notes(replace(problem, instances=(bare[0], *problem.instances[1:])))
