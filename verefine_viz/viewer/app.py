@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
-from verefine_viz.core.patience import Patience
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.session.compiling import told_of_compiling
 from verefine_viz.session.edits import edits_elsewhere
+from verefine_viz.session.kernel_compilation import told_of_compiling
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
@@ -71,7 +71,7 @@ class App:
         self._batch = batch
         self._first = first
         self._requests = RequestQueue(lambda: self._busy.cancelling())
-        self._patience = Patience(lambda *doing: self._busy.tell(*doing), self._requests.is_wanted)
+        self._progress = ProgressToken(lambda *doing: self._busy.tell(*doing), self._requests.is_wanted)
         self._ready = threading.Event()
         self._failure: BaseException | None = None
         self._worker: threading.Thread | None = None
@@ -161,16 +161,15 @@ class App:
         make_tools, checks = self._make_tools, {}
         if make_tools is None:
             self._busy.tell("Loading the simulator, the renderer and the refiner.")
-            from verefine_viz.physics.overlap import overlap
             from verefine_viz.physics.plausibility import plausibility
-            from verefine_viz.physics.proximity import Surfaces
+            from verefine_viz.physics.proximity import Surfaces, overlap
             from verefine_viz.scenes.demo import demo_names
             from verefine_viz.session.toolbox import Toolbox
 
             surfaces = Surfaces()
-            make_tools = partial(Toolbox, patience=self._patience)
+            make_tools = partial(Toolbox, progress=self._progress)
             checks: dict[str, Any] = {
-                "plausibility": partial(plausibility, surface_of=surfaces, patience=self._patience),
+                "plausibility": partial(plausibility, surface_of=surfaces, progress=self._progress),
                 "overlap": partial(overlap, surface_of=surfaces),
                 "demos": tuple(demo_names()),
             }
@@ -178,10 +177,10 @@ class App:
             self._session,
             self._path,
             make_tools,
-            write=Exporter(self.server, self._folder, self._patience),
+            write=Exporter(self.server, self._folder, self._progress),
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
-            patience=self._patience,
+            progress=self._progress,
             **checks,
         )
 

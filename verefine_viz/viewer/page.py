@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Literal
 
 from verefine_viz.core.errors import Cancelled, VerefineError
-from verefine_viz.refiners.foreign import raised_by_refiner
+from verefine_viz.refiners.registry import raised_by_refiner
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.debugger import STOP, Debugger, RequestQueue

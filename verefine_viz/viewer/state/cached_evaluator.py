@@ -18,7 +18,7 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
 from verefine_viz.evaluation.answers import CORRECT
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 
 if TYPE_CHECKING:
     from verefine_viz.session.toolbox import Toolbox

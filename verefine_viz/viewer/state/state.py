@@ -10,13 +10,11 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.session.alignment import Timeline, aligned
-from verefine_viz.session.comparison import Differences, differences
+from verefine_viz.session.comparison import Differences, Timeline, Trace, aligned, differences, trace_of
 from verefine_viz.session.engine import Run
-from verefine_viz.session.trace import Trace, trace_of
 from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
 from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice
@@ -172,10 +170,10 @@ class State:
         write: Callable[[State, Command], WrittenFile] | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: Gallery | None = None,
-        patience: Patience = ENDLESS,
+        progress: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility, patience, overlap)
+        self.workspace = Workspace(session, path, make_tools, plausibility, progress, overlap)
         self.browsing = Browsing(batch, self.workspace)
         self.comparison = Comparison(self.workspace)
         self.running = Running()
