@@ -16,7 +16,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from bench.kills import without_times
 from tests.batch.frames import (
     ROOT,
     batch_here,
@@ -28,6 +27,7 @@ from tests.batch.frames import (
     started_batch,
     write_session,
 )
+from tests.batch.killed_batches import without_times
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import ResultRow, read_results, write_results

@@ -18,11 +18,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from bench.kills import without_times
 from tests.batch import answering
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, batch_here, command, started_batch
+from tests.batch.killed_batches import without_times
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import pool, runner

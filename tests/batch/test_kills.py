@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-from bench.kills import killed_until_done, without_times
-from bench.light_frames import write_light_frames
 from tests.batch.frames import batch_here, command
+from tests.batch.killed_batches import killed_until_done, without_times
+from tests.light_frames import write_light_frames
 
 N_KILLS = 2
 

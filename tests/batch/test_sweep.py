@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.kills import without_times
 from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run_batch, write_session
+from tests.batch.killed_batches import without_times
 from tests.scenes.bop_folder import Made
 
 SWEEP = ("--methods", "pir", "rir", "--seeds", 2)

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.diagnosis import named
-from bench.failing_scenes import broken_scene
-from bench.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
+from tests.failing_scenes import broken_scene, named
+from tests.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.compare import first_difference
 from verefine_viz.diagnosis.causes import Cause

@@ -7,8 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from bench.diagnosis import named
-from bench.failing_scenes import broken_scene
+from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
