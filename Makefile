@@ -1,4 +1,5 @@
-# make app | make test | make test-lowest | make lint | make bench: each sets up what it needs; second calls start in seconds.
+# make app | make test | make test-fast | make test-lowest | make lint | make bench: each sets up what it needs; second
+# calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
 # PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
 
@@ -10,12 +11,13 @@ WORKERS ?= 2
 BIN = $(VENV)/bin
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help app test test-fast resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
+	@echo "make test-fast  run the tests that start no process, browser or server: under two minutes"
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make bench  measure this machine, print a table, write bench.json"
@@ -29,6 +31,9 @@ app: $(VENV)/.ready-app
 test: $(VENV)/.ready-dev system-test
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
+
+test-fast: $(VENV)/.ready-dev system-test
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast -n $(WORKERS) --dist loadfile
 
 # Whether the lowest versions that pyproject.toml allows go together; test-lowest runs with them.
 resolve-lowest: $(VENV)/.ready-dev

@@ -10,7 +10,6 @@ from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
 
-pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
 
 

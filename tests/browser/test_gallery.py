@@ -20,7 +20,6 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.snapshot.score_plot import plot_of
 from verefine_viz.viewer.state.gallery import Gallery, read_gallery
 
-pytestmark = pytest.mark.browser
 MUG, CAN = 1, 4
 ERRORS_MM = {("rir", 0): (30.0, 2.0), ("rir", 1): (50.0, 20.0), ("sir", 0): (70.0, 1.0), ("sir", 1): (3.0, 90.0)}
 """By run and image: of the mug and of the can."""

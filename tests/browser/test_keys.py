@@ -7,8 +7,6 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, Look, until_true
 
-pytestmark = pytest.mark.browser
-
 
 def test_space_runs_after_a_click_on_a_tab(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")

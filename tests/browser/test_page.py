@@ -14,7 +14,6 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.web.viser_internals import lost_words
 
-pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
 
 

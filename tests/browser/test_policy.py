@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 
-pytestmark = pytest.mark.browser
 _WATCH = """
 window.violations = [];
 addEventListener("securitypolicyviolation", e => violations.push([e.effectiveDirective, e.blockedURI]));
