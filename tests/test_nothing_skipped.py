@@ -32,6 +32,7 @@ def test_of_what_is_known(): assert False
 """
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("required", "counts"), [("", ("3 skipped", "1 xfailed")), ("1", ("1 skipped", "1 xfailed", "2 errors"))]
 )

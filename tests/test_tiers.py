@@ -11,7 +11,7 @@ STARTS = {
     "run": RUN,
     "spawn": "multiprocessing.get_context('spawn').Process(target=print).start()",
     "fork": "os.waitpid(os.fork() or os._exit(0), 0)",
-    "server": "socket.create_server(('127.0.0.1', 0)).close()",
+    "server": "\n    with socket.socket() as s: s.bind(('127.0.0.1', 0))",
     "caught": f"\n    with contextlib.suppress(BaseException): {RUN}",
     "thread": f"\n    t = threading.Thread(target=lambda: {RUN}); t.start(); t.join()",
 }
