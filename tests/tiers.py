@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing.util
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -55,13 +56,25 @@ def tier(item: pytest.Item) -> str:
 class Guard:
     """Fails the fast test that starts a process or listens on a port.
 
-    Set-up counts, so that a fixture of a module or a session is under guard in the first test that asks for it.
+    Set-up counts, so that a fixture of a module or a session is under guard in the first test that asks for it. The
+    user's cache is hidden: whether CoACD has to start must not depend on the colliders that are there.
     """
 
     def __init__(self) -> None:
         self._is_on = False
         self._seen: list[str] = []
+        self._cache = tempfile.TemporaryDirectory(prefix="verefine-fast-")
         sys.addaudithook(self._audit)  # It cannot be taken off again.
+
+    def pytest_unconfigure(self) -> None:
+        self._cache.cleanup()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            if tier(item) == "fast":
+                patch.setenv("XDG_CACHE_HOME", self._cache.name)
+            return (yield)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> Iterator[None]:
