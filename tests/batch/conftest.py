@@ -21,7 +21,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """Its folder, from one worker process of this machine."""
     out = tmp_path_factory.mktemp("whole") / "out"
     done = run_batch(session, out, "--workers", 1)

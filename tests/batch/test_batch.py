@@ -47,7 +47,7 @@ def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """A batch with one worker, run to its end."""
     out = tmp_path_factory.mktemp("uninterrupted") / "out"
     done = run_batch(session, out, "--workers", 1)
@@ -79,6 +79,7 @@ def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Ma
     assert run["packages"]["pybullet"] != "missing"
 
 
+@pytest.mark.usefixtures("processes")
 def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
     done = batch_here(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
     assert done.returncode == 0, done.stderr
@@ -86,6 +87,7 @@ def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, 
     assert not list((tmp_path / "out" / "recordings").iterdir())
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with started_batch(session, out, "--workers", 1) as child:
@@ -106,6 +108,7 @@ def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Pa
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: Path) -> None:
     before = {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()}
     done = batch_here(session, uninterrupted)
@@ -116,6 +119,7 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
     assert {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_stop_keeps_what_is_done(
     number: signal.Signals, uninterrupted: Path, session: Path, tmp_path: Path

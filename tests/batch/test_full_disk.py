@@ -49,7 +49,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.fixture(scope="module")
-def answered(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """The folder of a batch by workers that have an answer for every frame."""
     out = tmp_path_factory.mktemp("answered") / "out"
     with pytest.MonkeyPatch.context() as patched:
@@ -58,6 +58,7 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("n_bytes", "refused"),
     [
@@ -85,6 +86,7 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
     assert without_times(out) == without_times(answered)
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with started_batch(session, out, "--workers", 1) as child:
@@ -105,6 +107,7 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     assert not list(out.rglob("*.part"))
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with file_limit(20_000):  # a recording takes some 300 kB
@@ -195,6 +198,7 @@ def _objects(out: Path) -> list[dict[str, str]]:
         return [{k: v for k, v in row.items() if k != "ms"} for row in csv.DictReader(file)]
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("words", ["datasets", "replay {whole}/recordings/000007_000000.rrd --verify"])
 def test_output_that_goes_to_a_full_disk(words: str, whole: Path) -> None:

@@ -95,6 +95,7 @@ BAD_RESULTS: dict[str, tuple[str | bytes, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_RESULTS)
 def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     content, words = BAD_RESULTS[case]
@@ -107,6 +108,7 @@ def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     assert desk.refused(*desk.batch(*hypotheses)) == line
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("text", "in_batch", "in_evaluation"),
     [
@@ -241,6 +243,7 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
 }
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_DATA)
 def test_a_data_set_that_cannot_be_used(desk: Desk, case: str) -> None:
     spoil, in_evaluation, in_batch = BAD_DATA[case]
@@ -255,6 +258,7 @@ def test_without_ground_truth_there_is_nothing_to_score(desk: Desk) -> None:
     assert "scene_gt.json is missing; without ground truth there is nothing to score" in line
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make_frames(tmp_path / "boxes", 3)
     cut(made.scene / "depth" / "000001.png")

@@ -32,6 +32,7 @@ FAILING = 2
 """Scenes per cause."""
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_is_broken_is_named(cause: Cause) -> None:
     n_failed = 0

@@ -91,6 +91,7 @@ def test_the_same_question_has_the_same_answer(pcs: Pcs) -> None:
     assert bits(Pcs(PcsSettings(seed=1)).hypotheses(target, 25)) != first
 
 
+@pytest.mark.usefixtures("processes")
 def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
     script = (
         "import hashlib\n"

@@ -155,6 +155,7 @@ def test_what_is_cancelled_on_the_way_leaves_nothing_behind(ppf: Ppf) -> None:
         assert bits(ppf.hypotheses(target, 5)) == first
 
 
+@pytest.mark.usefixtures("processes")
 def test_another_process_with_other_threads_loads_the_table_and_answers_alike(ppf: Ppf, folder: Path) -> None:
     first = bits(ppf.hypotheses(seen("duck", 0), 5))
     code = (

@@ -125,6 +125,7 @@ def test_an_object_without_first_poses_has_no_answer_and_the_others_do(method: s
     assert found[2] is not None
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_batch_says_what_the_page_would_say(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make(tmp_path / "data")
     _without_a_mask_file(made)

@@ -52,7 +52,7 @@ def headless_run(name: str, preset: str) -> tuple[Iteration, ...]:
 
 
 @pytest.fixture(scope="module")
-def by_workers() -> Iterator[Runs]:
+def by_workers(processes: None) -> Iterator[Runs]:
     """Every method with both presets, shared out between two processes: each does other runs before than the other."""
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
         yield {case: pool.submit(headless_run, *case) for case in product(ALL_METHOD_NAMES, PRESETS)}

@@ -39,6 +39,7 @@ def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
     return [o.model_dump(exclude={"ms"}) for o in outcomes]
 
 
+@pytest.mark.usefixtures("processes")
 def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path: Path) -> None:
     alone = _run(tmp_path / "a.jsonl")
     assert _facts(_run(tmp_path / "b.jsonl", workers=2)) == _facts(alone)
@@ -50,6 +51,7 @@ def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path
     assert len(kept) == len(lines)
 
 
+@pytest.mark.usefixtures("processes")
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_path: Path) -> None:
     workers: list[BaseProcess] = []
 
