@@ -9,6 +9,8 @@ SESSION ?= sessions/mug.toml
 PORT ?= 8080
 WORKERS ?= 2
 BIN = $(VENV)/bin
+# A file is run by one process, in the order of tests/tiers.py: slow ones first.
+PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
 .PHONY: help app test test-fast resolve-lowest test-lowest lint bench clean system-app system-test
@@ -29,11 +31,11 @@ app: $(VENV)/.ready-app
 # The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
 # VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL)
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
 
 test-fast: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast -n $(WORKERS) --dist loadfile
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast $(PARALLEL)
 
 # Whether the lowest versions that pyproject.toml allows go together; test-lowest runs with them.
 resolve-lowest: $(VENV)/.ready-dev

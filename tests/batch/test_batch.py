@@ -33,6 +33,8 @@ from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results import ResultRow, read_results, write_results
 from verefine_viz.session.files import load_session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 N_FRAMES = 5
 
 
@@ -79,7 +81,6 @@ def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Ma
     assert run["packages"]["pybullet"] != "missing"
 
 
-@pytest.mark.usefixtures("processes")
 def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
     done = batch_here(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
     assert done.returncode == 0, done.stderr
@@ -87,7 +88,6 @@ def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, 
     assert not list((tmp_path / "out" / "recordings").iterdir())
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with started_batch(session, out, "--workers", 1) as child:
@@ -108,7 +108,6 @@ def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Pa
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: Path) -> None:
     before = {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()}
     done = batch_here(session, uninterrupted)
@@ -119,7 +118,6 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
     assert {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_stop_keeps_what_is_done(
     number: signal.Signals, uninterrupted: Path, session: Path, tmp_path: Path

@@ -33,6 +33,8 @@ from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @contextmanager
 def somebodys(n_workers: int = 1) -> Iterator[LocalCluster]:
@@ -51,7 +53,6 @@ def running(processes: None) -> Iterator[LocalCluster]:
         yield made
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with socket() as taken:
@@ -86,7 +87,6 @@ def test_a_running_cluster_gives_the_same_and_keeps_nothing_of_ours(
     assert not [n for w in running.workers.values() for n in getattr(w, "plugins", {}) if n.startswith("verefine")]
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -111,7 +111,6 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     assert without_times(out)[0] == without_times(whole)[0]
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_cluster_without_workers_is_waited_for_and_said(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,7 +182,6 @@ def test_only_workers_of_this_machine_are_counted_by_its_cores(
     assert "no Dask scheduler answers" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")
 
 
-@pytest.mark.usefixtures("processes")
 def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
     code = (
         "import sys\nsys.modules['dask'] = sys.modules['distributed'] = None\n"

@@ -31,6 +31,8 @@ from verefine_viz.batch.runner import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @contextmanager
 def file_limit(n_bytes: int) -> Iterator[None]:
@@ -58,7 +60,6 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes:
     return out
 
 
-@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("n_bytes", "refused"),
     [
@@ -86,7 +87,6 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
     assert without_times(out) == without_times(answered)
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with started_batch(session, out, "--workers", 1) as child:
@@ -107,7 +107,6 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     assert not list(out.rglob("*.part"))
 
 
-@pytest.mark.usefixtures("processes")
 def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with file_limit(20_000):  # a recording takes some 300 kB
@@ -198,7 +197,6 @@ def _objects(out: Path) -> list[dict[str, str]]:
         return [{k: v for k, v in row.items() if k != "ms"} for row in csv.DictReader(file)]
 
 
-@pytest.mark.usefixtures("processes")
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("words", ["datasets", "replay {whole}/recordings/000007_000000.rrd --verify"])
 def test_output_that_goes_to_a_full_disk(words: str, whole: Path) -> None:

@@ -10,6 +10,8 @@ from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run
 from tests.batch.killed_batches import without_times
 from tests.scenes.bop_folder import Made
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 SWEEP = ("--methods", "pir", "rir", "--seeds", 2)
 
 

@@ -27,12 +27,13 @@ from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.session.trace import Trace, trace_of
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 FAILING = 2
 """Scenes per cause."""
 
 
-@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_is_broken_is_named(cause: Cause) -> None:
     n_failed = 0

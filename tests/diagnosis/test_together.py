@@ -15,6 +15,8 @@ from verefine_viz.core.compare import first_difference
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.together import company_of, solved_together
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 IDS = (0, 1)
 
 

@@ -27,6 +27,8 @@ from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -91,7 +93,6 @@ def test_the_same_question_has_the_same_answer(pcs: Pcs) -> None:
     assert bits(Pcs(PcsSettings(seed=1)).hypotheses(target, 25)) != first
 
 
-@pytest.mark.usefixtures("processes")
 def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
     script = (
         "import hashlib\n"

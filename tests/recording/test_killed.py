@@ -17,6 +17,8 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recording_file import chunks_of, journal_path, part_path
 from verefine_viz.recording.replay import completed
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

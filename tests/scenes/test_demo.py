@@ -24,6 +24,8 @@ from verefine_viz.scenes.results import ResultRow, write_results
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.write_bop import write_bop
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 def made(name: str, frame: str = "0/0", scene: dict | None = None, **hypotheses: object) -> Problem:
     settings = SceneSettings.model_validate({"demo": name, **(scene or {})})
@@ -68,7 +70,6 @@ def test_faces_look_outwards(name: str) -> None:
     assert trimesh.Trimesh(model.vertices, model.faces, process=False).volume > 0
 
 
-@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("name", list(SCENES))
 def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None:
     problem = made(name)
@@ -116,7 +117,6 @@ def test_perturbed_truth_is_as_far_off_as_asked() -> None:
         assert np.linalg.norm(h.T_cam_obj[:3, 3] - T[:3, 3]) == pytest.approx(0.012)
 
 
-@pytest.mark.usefixtures("processes")
 def test_another_process_makes_the_same_bits() -> None:
     code = (
         "from tests.scenes.test_demo import digest, made\n"

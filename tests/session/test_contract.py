@@ -22,6 +22,8 @@ from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 PRESETS = ("recommended", "published")
 Runs = dict[tuple[str, str], Future[tuple[Iteration, ...]]]
 """The run of a method with a preset, once a worker has made it."""
