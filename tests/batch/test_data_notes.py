@@ -18,6 +18,8 @@ from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer.state.gallery import Gallery
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @pytest.mark.parametrize(
     ("focal", "translation_mm", "noted"),

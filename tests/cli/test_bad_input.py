@@ -176,6 +176,7 @@ def test_failures_that_no_report_shows(desk: Desk, n: str) -> None:
 # view
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_port_is_taken(desk: Desk) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -197,6 +198,7 @@ def test_a_port_that_does_not_exist(desk: Desk, port: str) -> None:
     assert port in desk.refused("view", "--port", port)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
 def test_a_host_that_is_not_this_machine(desk: Desk, host: str) -> None:
     assert host in desk.refused("view", "--host", host, "--port", "0")

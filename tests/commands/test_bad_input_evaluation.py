@@ -301,6 +301,7 @@ def test_what_is_no_address_of_a_cluster(desk: Desk, address: str) -> None:
     assert line == f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
 
 
+@pytest.mark.usefixtures("processes")
 def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
     with socket.socket() as silent:
@@ -311,6 +312,7 @@ def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest
     assert f"no Dask scheduler answers at {address} (it said nothing for 0.5 s)" in line
 
 
+@pytest.mark.usefixtures("processes")
 def test_something_that_speaks_another_language(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
 

@@ -23,6 +23,8 @@ from verefine_viz.evaluation.targets import Targets, Task
 from verefine_viz.evaluation.truth import ProblemTruth, visible_targets
 from verefine_viz.scenes.results import ResultRow, write_results
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoSet:

@@ -19,6 +19,8 @@ from verefine_viz.session import comparison
 from verefine_viz.session.alignment import aligned
 from verefine_viz.session.trace import trace_of
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
 
 

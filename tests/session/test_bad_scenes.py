@@ -64,6 +64,7 @@ SPOILT: dict[str, tuple[Callable[[Made], None], str]] = {
 }
 
 
+@pytest.mark.usefixtures("long_run")
 @pytest.mark.parametrize("method", SCENE_METHODS)
 @pytest.mark.parametrize("case", SPOILT)
 def test_one_spoilt_object_is_said_and_the_two_others_are_solved(method: str, case: str, tmp_path: Path) -> None:

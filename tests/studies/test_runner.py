@@ -123,6 +123,7 @@ def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, mon
     assert str(path) not in [file.path for file in psutil.Process().open_files()]
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = tmp_path / "duck.toml"
     session.write_text('[scene]\ndemo = "duck"\nmodel_points = 200\n[mcts]\nexpansions = 2\n')

@@ -102,6 +102,7 @@ def test_listens_on_loopback_only(server: Server) -> None:
     assert server.url == f"http://127.0.0.1:{server.get_port()}"
 
 
+@pytest.mark.usefixtures("processes")
 def test_taken_port_is_one_clear_line() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
@@ -114,6 +115,7 @@ def test_taken_port_is_one_clear_line() -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["203.0.113.7", "no such host", "not-a-host.invalid"])
 def test_host_that_cannot_be_bound_is_one_clear_line(host: str) -> None:
     with pytest.raises(UnavailableError, match=r"cannot be bound .* usually 127.0.0.1") as error:

@@ -18,6 +18,8 @@ from verefine_viz.viewer.state.gallery import Entry
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.sentences import truth
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 @pytest.fixture(scope="module")
 def solved() -> tuple[Diagnosis, Debugger]:
