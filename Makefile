@@ -1,4 +1,5 @@
-# make app | make test | make test-lowest | make lint | make bench: each sets up what it needs; second calls start in seconds.
+# make app | make test | make test-fast | make test-lowest | make lint | make bench: each sets up what it needs; second
+# calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
 # PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
 
@@ -8,14 +9,17 @@ SESSION ?= sessions/mug.toml
 PORT ?= 8080
 WORKERS ?= 2
 BIN = $(VENV)/bin
+# A file is run by one process, in the order of tests/tiers.py: slow ones first.
+PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help app test test-fast resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
+	@echo "make test-fast  run the tests that start no process, browser or server: under two minutes"
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make bench  measure this machine, print a table, write bench.json"
@@ -27,8 +31,11 @@ app: $(VENV)/.ready-app
 # The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
 # VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" -n $(WORKERS) --dist loadfile
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL)
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
+
+test-fast: $(VENV)/.ready-dev system-test
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast $(PARALLEL)
 
 # Whether the lowest versions that pyproject.toml allows go together; test-lowest runs with them.
 resolve-lowest: $(VENV)/.ready-dev

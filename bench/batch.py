@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.light_frames import write_light_frames
+from tests.light_frames import write_light_frames
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.machine import resident_bytes
 from verefine_viz.batch.rows import FrameResult

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.made_up_frames import SETTINGS, Thing, frame_of, model, standing
+from tests.made_up_frames import SETTINGS, Thing, frame_of, model, standing
 from verefine_viz.calibration.camera_check import compared, depth_notes, truth_notes, verdict
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera

@@ -14,22 +14,12 @@ from collections.abc import Sequence
 from itertools import count
 from time import perf_counter
 
-from bench.failing_scenes import broken_scene
-from bench.made_up_frames import Broken
 from bench.second_faults import with_second
-from verefine_viz.diagnosis.causes import Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose
+from tests.failing_scenes import broken_scene, named
+from verefine_viz.diagnosis.causes import Cause
 
 SEEDS = 20
 MOST_SEEDS = 100
-
-
-def named(broken: Broken) -> Diagnosis | None:
-    """What the diagnosis says of the instance that is meant; None where it did not fail."""
-    run = broken.toolbox.run(broken.problem)
-    run.finish()
-    found = diagnose(run, broken.toolbox)
-    return next((d for d in found if d.instance_id == broken.instance_id), None)
 
 
 def run(

@@ -1,90 +1,19 @@
 """A batch that is killed again and again: ``python -m bench.kills [N_KILLS]``, 20 by default; takes minutes.
 
-Its tables must be those of a batch that never was. SIGKILL hits the parent at random moments: while it starts, between
-frames, while it writes. Workers must end by themselves.
+Its tables must be those of a batch that never was.
 """
 
 from __future__ import annotations
 
-import csv
 import os
 import random
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
-
-from bench.light_frames import write_light_frames
-from verefine_viz.batch.rows import TIME_COLUMNS
-
-DEADLINE_S = 600.0
-
-
-@dataclass(frozen=True)
-class Killed:
-    """How a batch came to its end."""
-
-    kills: int
-    frames_at_kill: tuple[int, ...]
-    """How many frames were done when each kill came."""
-
-
-def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
-    """results.csv and frames.csv, the columns of times left out."""
-    with (out / "results.csv").open(newline="") as file:
-        results = [row[:-1] for row in csv.reader(file)]
-    with (out / "frames.csv").open(newline="") as file:
-        frames = [{k: v for k, v in row.items() if k not in TIME_COLUMNS} for row in csv.DictReader(file)]
-    return results, frames
-
-
-def killed_until_done(
-    command: list[str], out: Path, n_kills: int, rng: random.Random, tell: Callable[[str], None] = lambda _: None
-) -> Killed:
-    """Starts ``command``, which writes the batch ``out``, kills it, and so on; at last lets it run to its end.
-
-    Raises:
-        RuntimeError: a start hangs or fails, or workers outlive their parent.
-    """
-    at: list[int] = []
-    for _ in range(n_kills):
-        child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        wanted = _n_done(out) + rng.choice((0, 1, 1, 2, 3))
-        _wait_for(child, out, wanted)
-        # A third of them while the next start is still importing, the others between two frames or in the middle.
-        time.sleep(rng.uniform(0.0, 2.0 if wanted == _n_done(out) else 0.2))
-        workers = psutil.Process(child.pid).children() if child.poll() is None else []
-        child.kill()
-        if child.wait() != -9:
-            break  # It was done before.
-        at.append(_n_done(out))
-        tell(f"killed with {at[-1]} frames done")
-        left = psutil.wait_procs(workers, timeout=DEADLINE_S)[1]
-        if left:
-            raise RuntimeError(f"{len(left)} workers of a killed batch still run")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"the last start failed: {done.stderr}")
-    return Killed(len(at), tuple(at))
-
-
-def _n_done(out: Path) -> int:
-    return len(list((out / "frames").glob("*.json")))
-
-
-def _wait_for(child: subprocess.Popen[bytes], out: Path, n_done: int) -> None:
-    deadline = time.monotonic() + DEADLINE_S
-    while child.poll() is None and _n_done(out) < n_done:
-        if time.monotonic() > deadline:
-            raise RuntimeError(f"no frame was done in {DEADLINE_S:.0f} s")
-        time.sleep(0.01)
+from tests.batch.killed_batches import killed_until_done, without_times
+from tests.light_frames import write_light_frames
 
 
 def main(n_kills: int) -> int:

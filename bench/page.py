@@ -20,7 +20,7 @@ from playwright.sync_api import Page
 from rich.console import Console
 
 from bench.__main__ import table
-from bench.browser import headless_chromium
+from tests.headless_chromium import headless_chromium
 from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port
 
 REPEATS = 12

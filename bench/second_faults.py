@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from bench.failing_scenes import GENERATORS
-from bench.made_up_frames import SETTINGS, Broken, leaning, level, seen_through
+from tests.failing_scenes import GENERATORS
+from tests.made_up_frames import SETTINGS, Broken, leaning, level, seen_through
 from verefine_viz.core.arrays import Mask
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.studies.disturb import without_depth

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from bench.made_up_frames import leaning, seen_through
+from tests.made_up_frames import leaning, seen_through
 from verefine_viz.core.problem import Problem
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox

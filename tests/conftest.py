@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, settings
 from tests.nothing_skipped import NO_DATA, pytest_runtest_makereport
 
 __all__ = ["pytest_runtest_makereport"]
+pytest_plugins = ["tests.tiers", "pytester"]
 
 # A busy machine is no failure; what is tested are laws, not times.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.batch.frames import make_frames, run_batch, write_session
+from tests.batch.frames import batch_here, make_frames, write_session
 
 N_FRAMES = 6
 
@@ -21,9 +21,9 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def whole(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """Its folder, from one worker process of this machine."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    done = run_batch(session, out, "--workers", 1)
+    done = batch_here(session, out, "--workers", 1)
     assert done.returncode == 0, done.stderr
     return out

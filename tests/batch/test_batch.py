@@ -16,7 +16,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from bench.kills import without_times
 from tests.batch.frames import (
     ROOT,
     batch_here,
@@ -28,10 +27,13 @@ from tests.batch.frames import (
     started_batch,
     write_session,
 )
+from tests.batch.killed_batches import without_times
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 from verefine_viz.session.files import load_session
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 N_FRAMES = 5
 
@@ -47,10 +49,10 @@ def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def uninterrupted(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """A batch with one worker, run to its end."""
     out = tmp_path_factory.mktemp("uninterrupted") / "out"
-    done = run_batch(session, out, "--workers", 1)
+    done = batch_here(session, out, "--workers", 1)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
     return out
 
@@ -116,7 +118,7 @@ def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: P
     assert {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_stop_keeps_what_is_done(
     number: signal.Signals, uninterrupted: Path, session: Path, tmp_path: Path
 ) -> None:

@@ -19,9 +19,9 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
-from bench.kills import without_times
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import batch_here, started_batch
+from tests.batch.killed_batches import without_times
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
@@ -32,6 +32,8 @@ from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 
 @contextmanager
@@ -45,7 +47,7 @@ def somebodys(n_workers: int = 1) -> Iterator[LocalCluster]:
 
 
 @pytest.fixture(scope="module")
-def running() -> Iterator[LocalCluster]:
+def running(processes: None) -> Iterator[LocalCluster]:
     """One that goes on over several batches."""
     with somebodys() as made:
         yield made

@@ -17,6 +17,8 @@ from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @pytest.mark.parametrize(
     ("focal", "translation_mm", "noted"),

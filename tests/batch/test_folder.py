@@ -120,6 +120,7 @@ def test_a_folder_of_something_else_gets_no_lock(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.usefixtures("processes")
 def test_half_written_files_of_killed_processes_go_and_those_of_others_stay(tmp_path: Path) -> None:
     RunFolder(tmp_path, SESSION).close()
     ended = subprocess.Popen([sys.executable, "-c", ""])
@@ -148,6 +149,7 @@ def test_only_one_process_writes(tmp_path: Path) -> None:
     RunFolder(tmp_path, SESSION).close()
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_killed_writer_leaves_no_lock(tmp_path: Path) -> None:
     code = (
         "import sys\nfrom pathlib import Path\nfrom tests.batch.test_folder import SESSION\n"

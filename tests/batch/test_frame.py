@@ -34,6 +34,7 @@ def toolbox(folder: Path, made: Made, keep: str, **hypotheses: object) -> Toolbo
     return Toolbox(load_session(session))
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("keep", "translation_mm", "n_kept"),
     [("all", 0.0, 1), ("failures", 0.0, 0), ("failures", 60.0, 1), ("none", 60.0, 0)],

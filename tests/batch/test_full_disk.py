@@ -18,11 +18,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from bench.kills import without_times
 from tests.batch import answering
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, batch_here, command, started_batch
+from tests.batch.killed_batches import without_times
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
@@ -31,6 +31,8 @@ from verefine_viz.batch.rows import failed_frame
 from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 
 @contextmanager
@@ -50,7 +52,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.fixture(scope="module")
-def answered(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """The folder of a batch by workers that have an answer for every frame."""
     out = tmp_path_factory.mktemp("answered") / "out"
     with pytest.MonkeyPatch.context() as patched:

@@ -15,6 +15,8 @@ from verefine_viz import cli
 from verefine_viz.batch.run_batch import check
 from verefine_viz.session.files import load_session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 FRAMES = ("7/0", "7/1")
 
 

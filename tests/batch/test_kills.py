@@ -5,9 +5,13 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-from bench.kills import killed_until_done, without_times
-from bench.light_frames import write_light_frames
+import pytest
+
 from tests.batch.frames import batch_here, command
+from tests.batch.killed_batches import killed_until_done, without_times
+from tests.light_frames import write_light_frames
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 N_KILLS = 2
 

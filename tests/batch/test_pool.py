@@ -14,6 +14,8 @@ from verefine_viz.batch import worker_pool as pool_module
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.settings import Session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @pytest.fixture(autouse=True)
 def _fragile_workers(monkeypatch: pytest.MonkeyPatch) -> None:

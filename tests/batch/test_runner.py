@@ -31,6 +31,7 @@ def test_what_is_odd_about_the_choice_is_said_before_the_work(tmp_path: Path, mo
     assert [one for one in told if one[0]] == [("note: a.csv gives no pose", 0), ("note: object 5 is nowhere", 0)]
 
 
+@pytest.mark.usefixtures("long_run")
 def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(1500, monkeypatch)
     held: dict[int, int] = {}

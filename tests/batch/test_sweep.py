@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from bench.kills import without_times
-from tests.batch.frames import batch_here, damaged, depth_file, make_frames, run_batch, write_session
+from tests.batch.frames import batch_here, damaged, depth_file, make_frames, write_session
+from tests.batch.killed_batches import without_times
 from tests.scenes.bop_folder import Made
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 SWEEP = ("--methods", "pir", "rir", "--seeds", 2)
 
@@ -26,7 +28,7 @@ def session(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def swept(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("swept") / "out"
-    done = run_batch(session, out, *SWEEP, "--workers", 2)
+    done = batch_here(session, out, *SWEEP, "--workers", 2)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
     assert sorted(path.name for path in out.iterdir()) == ["pir-0", "pir-1", "rir-0", "rir-1"]
     table = [line.split()[:2] for line in done.stdout.splitlines()]

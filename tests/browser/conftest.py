@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bench.browser import headless_chromium
+from tests.headless_chromium import headless_chromium
 from verefine_viz.commands.doctor_checks import find_chromium
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session

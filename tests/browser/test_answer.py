@@ -5,12 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 from verefine_viz.viewer import commands as c
-
-pytestmark = pytest.mark.browser
 
 
 def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None:

@@ -8,8 +8,6 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.parametrize("how", ["link", "Escape", "Escape in a box"])
 def test_looking_for_initial_poses_is_cancelled_and_a_step_follows(look: Look, tmp_path: Path, how: str) -> None:

@@ -9,7 +9,6 @@ import pytest
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
 from verefine_viz.viewer import commands as c
 
-pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
 
 

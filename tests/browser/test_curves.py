@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.browser.conftest import Look, is_seen, saved
 from verefine_viz.viewer import commands as c
-
-pytestmark = pytest.mark.browser
 
 
 def test_ten_hypotheses_are_all_in_the_legend(look: Look, tmp_path: Path) -> None:

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS, Look, Screen
-
-pytestmark = pytest.mark.browser
 
 
 def downloaded(screen: Screen, label: str, into: Path) -> Path:

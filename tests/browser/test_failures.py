@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
-
-pytestmark = pytest.mark.browser
 
 
 def run_to_end(screen: Screen) -> None:

@@ -19,7 +19,6 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.state.batch_gallery import Gallery, plot_of, read_gallery
 
-pytestmark = pytest.mark.browser
 MUG, CAN = 1, 4
 ERRORS_MM = {("rir", 0): (30.0, 2.0), ("rir", 1): (50.0, 20.0), ("sir", 0): (70.0, 1.0), ("sir", 1): (3.0, 90.0)}
 """By run and image: of the mug and of the can."""

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.browser.conftest import SLOW_MS, Look, Screen, saved
 from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
-
-pytestmark = pytest.mark.browser
 
 
 def click(screen: Screen, command: type, title: str = "") -> None:

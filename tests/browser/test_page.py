@@ -14,7 +14,6 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.web.viser_internals import lost_words
 
-pytestmark = pytest.mark.browser
 MUG = SESSIONS / "mug.toml"
 
 
@@ -32,16 +31,13 @@ def test_first_minute(look: Look) -> None:
     assert screen.app.debugger.workspace.run.is_done
 
 
-def test_without_a_gpu_edges_are_not_smoothed(look: Look) -> None:
-    """Chromium draws by software here; smooth edges would take half as long again."""
+def test_without_a_gpu_edges_are_not_smoothed_and_3d_stays_at_the_resolution_of_the_screen(look: Look) -> None:
+    """Chromium draws by software here; smooth edges would take half as long again, and viser would draw fewer pixels
+    after a few slow pictures.
+    """
     screen = look(MUG)
     smoothed = "() => window.__viserMutable.canvas.getContext('webgl2').getContextAttributes().antialias"
     assert screen.page.evaluate(smoothed) is False
-
-
-def test_without_a_gpu_3d_stays_at_the_resolution_of_the_screen(look: Look) -> None:
-    """viser would draw fewer pixels after a few slow pictures, and software draws slowly."""
-    screen = look(MUG)
     held = "() => window.__viserTestpoints?.devSettings?.get().fixedDpr === window.devicePixelRatio"
     share = "() => { const c = window.__viserMutable.canvas; return c.width / c.clientWidth / devicePixelRatio; }"
     # The page that the tests look at was asked for fewer pixels.

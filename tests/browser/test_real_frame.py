@@ -16,7 +16,7 @@ from tests.browser.conftest import Look, Screen
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import CLASS_COLORS
 
-pytestmark = [pytest.mark.browser, pytest.mark.data]
+pytestmark = pytest.mark.data
 NUMBER = r"(-?\d+(?:\.\d+)?)"
 NAMES = ["003_cracker_box", "005_tomato_soup_can", "006_mustard_bottle", "011_banana", "035_power_drill"]
 

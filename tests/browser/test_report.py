@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.test_group_page import sweep
 from verefine_viz.batch.index import run_folders
 from verefine_viz.report.build_report import write_group_report, write_report
-
-pytestmark = pytest.mark.browser
 
 
 def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.browser.conftest import SESSIONS, Look, Screen
 from verefine_viz.viewer.web.viser_internals import SAID
-
-pytestmark = pytest.mark.browser
 
 
 def test_a_zoomed_page_says_what_to_do_and_keeps_its_right_column_free(look: Look) -> None:

@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # --out
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_is_a_file(desk: Desk) -> None:
     desk.file("out", "precious")
     assert "is a file, expected a folder" in desk.batch(desk.bop())
@@ -38,6 +39,7 @@ BELOW: dict[str, Callable[[Desk], list[object]]] = {
 }
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
 def test_out_is_below_a_file(desk: Desk, command: str) -> None:
     file = desk.file("thing", "precious")
@@ -48,6 +50,7 @@ def test_out_is_below_a_file(desk: Desk, command: str) -> None:
     assert file.read_text() == "precious"
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
 def test_out_cannot_be_written(desk: Desk, command: str) -> None:
     # /proc refuses even root.
@@ -72,6 +75,7 @@ def test_out_lies_among_the_images(desk: Desk, command: str, inside: str) -> Non
     assert not out.parent.joinpath("run").exists()
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("words", [["--out", "~/runs"], ["--out=~/runs"]])
 def test_the_home_folder_that_a_shell_left_alone(desk: Desk, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     desk.file("runs/thesis.tex", "")
@@ -81,27 +85,32 @@ def test_the_home_folder_that_a_shell_left_alone(desk: Desk, words: list[str], m
     assert said.startswith(f"{desk.folder / 'runs'} holds other files (thesis.tex)")
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_holds_other_files(desk: Desk) -> None:
     desk.file("out/thesis.tex", "")
     assert "holds other files (thesis.tex) and no batch run" in desk.batch(desk.bop())
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_holds_another_session(desk: Desk) -> None:
     RunFolder(desk.folder / "out", resolve({"method": {"name": "pir"}})).close()
     assert "holds a run of another session: " in desk.batch(desk.bop())
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_holds_a_damaged_session(desk: Desk) -> None:
     desk.file("out/session.toml", "[[[")
     assert "is not TOML" in desk.batch(desk.bop())
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_is_in_use(desk: Desk) -> None:
     folder = RunFolder(desk.folder / "out", resolve({}))
     assert "another batch is writing to" in desk.batch(desk.bop())
     folder.close()
 
 
+@pytest.mark.usefixtures("processes")
 def test_out_holds_a_damaged_run_json(desk: Desk) -> None:
     session = desk.file("demo.toml", '[scene]\ndemo = "mug"\n')
     RunFolder(desk.folder / "out", resolve({})).close()
@@ -126,6 +135,7 @@ def test_out_is_in_a_loop_of_links(desk: Desk, command: str) -> None:
     assert "Too many levels of symbolic links" in said or f"Symlink loop from '{loop}" in said
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("name", ["n" * 300, "/".join(["n" * 200] * 25)])
 @pytest.mark.parametrize("command", BELOW)
 def test_out_has_a_name_that_is_too_long(desk: Desk, command: str, name: str) -> None:
@@ -166,6 +176,7 @@ def test_failures_that_no_report_shows(desk: Desk, n: str) -> None:
 # view
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_port_is_taken(desk: Desk) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -174,6 +185,7 @@ def test_the_port_is_taken(desk: Desk) -> None:
         assert str(port) in desk.refused("view", "--port", port)
 
 
+@pytest.mark.usefixtures("processes")
 def test_make_takes_the_port_that_is_advised() -> None:
     # Within another make, it tells of folders as well.
     command = ["make", "-n", "--no-print-directory", "app", "PORT=1234"]
@@ -186,6 +198,7 @@ def test_a_port_that_does_not_exist(desk: Desk, port: str) -> None:
     assert port in desk.refused("view", "--port", port)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
 def test_a_host_that_is_not_this_machine(desk: Desk, host: str) -> None:
     assert host in desk.refused("view", "--host", host, "--port", "0")
@@ -249,6 +262,7 @@ def test_view_of_a_batch_with_a_foreign_table(desk: Desk, text: str) -> None:
 # replay
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
@@ -283,6 +297,7 @@ def test_two_runs_to_view_are_told_how_to_compare_and_where_they_are(desk: Desk)
     assert desk.refused("view", run, run.parent).endswith(f"; runs in {run.parent}: {run}")
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_recording_of_another_program(desk: Desk) -> None:
     file = desk.folder / "other.rrd"
     rec = rr.RecordingStream("somebody_else")
@@ -296,6 +311,7 @@ def test_a_recording_of_another_program(desk: Desk) -> None:
 # As processes of their own
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     "words",
     [

@@ -145,6 +145,7 @@ def _unseen(desk: Desk, obj_id: int) -> Path:
     return desk.file("u.toml", f"[scene]\n{scene}\n")
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", SESSION_FILES)
 def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
     make_file, expected = SESSION_FILES[case]
@@ -152,6 +153,7 @@ def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
     assert not (desk.folder / "out").exists()
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

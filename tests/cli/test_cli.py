@@ -30,6 +30,7 @@ def overrides(*words: str) -> dict[str, Any]:
     return flags.given(command.settings, words)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", [[], ["view"], ["batch"], ["estimate"], ["replay"], ["doctor"]])
 def test_help_is_instant_because_nothing_heavy_is_imported(command: Sequence[str]) -> None:
     code = (
@@ -168,6 +169,7 @@ def test_settings_that_cannot_be_read(words: list[str], expected: str, capsys: p
     assert capsys.readouterr().err == said
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("words", [["batch", "a.toml", "--nosuch"], ["view", "--recording.kep", "all"], ["veiw"], []])
 def test_the_line_is_the_same_without_utf8(words: list[str]) -> None:
     said = [
@@ -224,6 +226,7 @@ def test_ctrl_c_is_no_error(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     assert capsys.readouterr().err == "stopped\n"
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_reader_that_leaves_early_is_no_error() -> None:
     program = [sys.executable, "-m", "verefine_viz.cli", "view", "--help"]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as child:
@@ -234,6 +237,7 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     assert child.returncode == 0
 
 
+@pytest.mark.usefixtures("processes")
 def test_app_py_is_view() -> None:
     done = subprocess.run(
         [sys.executable, "app.py", "no/such/session.toml"], capture_output=True, text=True, cwd=ROOT, check=False

@@ -28,6 +28,7 @@ bases = 1000000
 """
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("command", "number"),
     [

@@ -48,7 +48,7 @@ def make_recording(path: Path, session: Session) -> None:
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory: pytest.TempPathFactory, processes: None) -> Path:
     """Of a run with the refiner "own", which is not there any more."""
     path = tmp_path_factory.mktemp("own") / "run.rrd"
     with pytest.MonkeyPatch.context() as patched:
@@ -97,6 +97,7 @@ def test_that_program_verifies_it(
     assert cli.main(["replay", str(recording), "--verify"]) == 1
 
 
+@pytest.mark.usefixtures("processes")
 def test_one_that_came_into_use_on_the_way_is_missed_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
@@ -108,6 +109,7 @@ def test_one_that_came_into_use_on_the_way_is_missed_too(
     assert "was made with the refiner 'own', which" in refused("replay", tmp_path / "run.rrd", "--verify")
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_search_has_a_refiner_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = resolve(SETTINGS | {"method": MADE_BY | {"name": "physim_mcts"}, "mcts": {"expansions": 2}})
     make_recording(tmp_path / "run.rrd", session)

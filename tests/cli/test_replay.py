@@ -30,6 +30,7 @@ def again(recorded: Recorded) -> Run:
     return new_run(recorded.session, box_problem(3, 2))
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("names", "code"),
     [

@@ -14,6 +14,8 @@ import pytest
 from tests.viewer.two_runs import SESSION, record
 from verefine_viz.cli import view
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -96,6 +96,7 @@ BAD_RESULTS: dict[str, tuple[str | bytes, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_RESULTS)
 def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     content, words = BAD_RESULTS[case]
@@ -108,6 +109,7 @@ def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     assert desk.refused(*desk.batch(*hypotheses)) == line
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("text", "in_batch", "in_evaluation"),
     [
@@ -242,6 +244,7 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
 }
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_DATA)
 def test_a_data_set_that_cannot_be_used(desk: Desk, case: str) -> None:
     spoil, in_evaluation, in_batch = BAD_DATA[case]
@@ -256,6 +259,7 @@ def test_without_ground_truth_there_is_nothing_to_score(desk: Desk) -> None:
     assert "scene_gt.json is missing; without ground truth there is nothing to score" in line
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make_frames(tmp_path / "boxes", 3)
     cut(made.scene / "depth" / "000001.png")
@@ -298,6 +302,7 @@ def test_what_is_no_address_of_a_cluster(desk: Desk, address: str) -> None:
     assert line == f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
 
 
+@pytest.mark.usefixtures("processes")
 def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
     with socket.socket() as silent:
@@ -308,6 +313,7 @@ def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest
     assert f"no Dask scheduler answers at {address} (it said nothing for 0.5 s)" in line
 
 
+@pytest.mark.usefixtures("processes")
 def test_something_that_speaks_another_language(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
 

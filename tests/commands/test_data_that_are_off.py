@@ -20,6 +20,8 @@ from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.scenes.write_bop import write_bop
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 @pytest.fixture
 def made(tmp_path: Path) -> Made:

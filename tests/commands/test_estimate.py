@@ -13,6 +13,8 @@ from verefine_viz.scenes.results_csv import read_results
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
 
 

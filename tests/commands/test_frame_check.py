@@ -20,6 +20,8 @@ from verefine_viz.commands.dataset_parts import Finding
 from verefine_viz.commands.datasets import Datasets
 from verefine_viz.scenes.write_bop import write_bop
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 YCBV = Path("ycbv")
 
 

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from bench.diagnosis import named
-from bench.failing_scenes import broken_scene
-from bench.made_up_frames import Thing as Made
-from bench.made_up_frames import comes_right, frame_of, model, near, standing
+from tests.failing_scenes import broken_scene, named
+from tests.made_up_frames import Thing as Made
+from tests.made_up_frames import comes_right, frame_of, model, near, standing
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
@@ -27,6 +26,8 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
+
+pytestmark = pytest.mark.usefixtures("long_run")
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 FAILING = 2

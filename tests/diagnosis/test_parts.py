@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.made_up_frames import CAMERA, frame_of, level, model, moved, near, small_carton, standing
-from bench.made_up_frames import Thing as Made
+from tests.made_up_frames import CAMERA, frame_of, level, model, moved, near, small_carton, standing
+from tests.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.frame_ground_truth import FrameTruth, carrying_plane, registration

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.diagnosis import named
-from bench.failing_scenes import broken_scene
-from bench.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
+from tests.failing_scenes import broken_scene, named
+from tests.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
 from verefine_viz.diagnosis.case import company_of, solved_together
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.verify import first_difference
+
+pytestmark = pytest.mark.usefixtures("long_run")
 
 IDS = (0, 1)
 

@@ -80,6 +80,7 @@ def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(kept.hypotheses[0].T_cam_obj, instance.hypotheses[0].T_cam_obj, atol=1e-12)
 
 
+@pytest.mark.usefixtures("processes")
 def test_its_refiner_runs(tmp_path: Path) -> None:
     _, code = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20

@@ -26,6 +26,8 @@ from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

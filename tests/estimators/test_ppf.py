@@ -25,6 +25,8 @@ from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 ROOT = Path(__file__).resolve().parents[2]
 QUARTER_TURN = transform(axis_angle([0, 0, 1], -np.pi / 2), [0, 0, 0])
 """What ``np.rot90`` does to the scene: the image turns counter-clockwise, which is about −z as y points down."""

@@ -21,6 +21,8 @@ from verefine_viz.evaluation.ground_truth import ProblemTruth, Targets, Task, vi
 from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoSet:

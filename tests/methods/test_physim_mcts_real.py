@@ -21,6 +21,8 @@ from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 MCTS = MctsSettings(expansions=4)
 
 

@@ -171,6 +171,7 @@ def demo(name: str, frame: str = "0/0") -> Problem:
     return open_scene(SceneSettings(demo=name), HypothesesSettings(max_per_object=1)).problem(frame)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("frame", ["0/0", "0/1", "0/2"])
 def test_the_box_carries_can_and_duck(frame: str) -> None:
     graph = dependency_graph(demo("stack", frame), DEFAULT)
@@ -179,6 +180,7 @@ def test_the_box_carries_can_and_duck(frame: str) -> None:
     assert graph.order[0] == 0
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_bowl_carries_what_is_in_it() -> None:
     # The block's lower end is below the middle of the bowl: heights as a whole do not tell.
     graph = dependency_graph(demo("bowl"), DEFAULT)
@@ -186,6 +188,7 @@ def test_a_bowl_carries_what_is_in_it() -> None:
     assert graph.clusters == ((0, 1),)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("frame", ["0/0", "0/1", "0/2"])
 def test_nothing_in_the_clutter_carries_anything(frame: str) -> None:
     graph = dependency_graph(demo("clutter", frame), DEFAULT)

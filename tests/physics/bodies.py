@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import trimesh
 
@@ -35,6 +37,15 @@ def ball(radius_m: float = 0.02) -> ObjectModel:
 
 def ring(height_m: float = 0.05) -> ObjectModel:
     return model(trimesh.creation.annulus(0.04, 0.06, height_m, sections=24), name="ring")
+
+
+def angle() -> ObjectModel:
+    """An L of 10 × 10 cm, the hollow thing that is taken apart soonest."""
+    outline = 0.01 * np.array([[0, 0], [10, 0], [10, 3], [3, 3], [3, 10], [0, 10]])
+    vertices = np.vstack([np.c_[outline, np.zeros(6)], np.c_[outline, np.full(6, 0.05)]])
+    upper = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]) + 6
+    sides = [side for i, j in pairwise([*range(6), 0]) for side in ([i, j, j + 6], [i, j + 6, i + 6])]
+    return model(trimesh.Trimesh(vertices, [*(upper - 6)[:, ::-1], *upper, *sides], process=False), name="angle")
 
 
 def soup(n_triangles: int) -> ObjectModel:

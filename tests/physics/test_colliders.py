@@ -42,6 +42,7 @@ def test_centre_and_principal_axes_follow_the_mesh(angle: float, shift: float):
     assert np.linalg.det(solid.T_obj_com[:3, :3]) == pytest.approx(1)
 
 
+@pytest.mark.usefixtures("processes")
 def test_ring_is_hollow_when_decomposed_and_full_as_a_hull():
     hull, hollow = build(ring(), "hull"), build(ring(), "decomposition")
     center = np.zeros((1, 3))
@@ -94,6 +95,7 @@ def test_mesh_without_volume_is_refused_by_name(case: str, tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("processes")
 def test_kept_collider_is_the_built_one_and_is_not_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     first = collider(ring(), "decomposition", tmp_path)
     monkeypatch.setattr("verefine_viz.physics.colliders.build", lambda *_: pytest.fail("built again"))
@@ -101,6 +103,7 @@ def test_kept_collider_is_the_built_one_and_is_not_built_again(tmp_path: Path, m
     assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]
 
 
+@pytest.mark.usefixtures("processes")
 def test_hull_and_decomposition_are_kept_apart(tmp_path: Path):
     assert len(collider(ring(), "hull", tmp_path).parts) == 1
     assert len(collider(ring(), "decomposition", tmp_path).parts) > 1

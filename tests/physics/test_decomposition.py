@@ -23,6 +23,8 @@ from verefine_viz.physics.decomposition import decomposed
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.recording.verify import first_difference
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:

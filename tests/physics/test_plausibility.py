@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, model, placed, ring, standing, table
+from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, angle, ball, box, model, placed, ring, standing, table
 from tests.progress import ending_after
 from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
@@ -146,6 +146,7 @@ def test_ball_in_a_ring_stands_inside(judge, cache: Path):
     assert judge(standing(ball(), xy=(0.025, 0)), around).penetration_mm == pytest.approx(5, abs=0.5)
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_closed_hollow_mesh_need_not_be_taken_apart_to_know_its_centre_of_mass(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,8 +158,9 @@ def test_a_closed_hollow_mesh_need_not_be_taken_apart_to_know_its_centre_of_mass
     np.testing.assert_array_equal(build(ring(), "hull").com_obj, expected)
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_mesh_with_a_hole_is_taken_apart_unless_nobody_waits(tmp_path: Path) -> None:
-    mesh = trimesh.Trimesh(ring().vertices, ring().faces[1:], process=False)
+    mesh = trimesh.Trimesh(angle().vertices, angle().faces[1:], process=False)
     thing = standing(model(mesh))
     with pytest.raises(Cancelled):
         plausibility(thing, (), table(), cache=tmp_path, progress=ending_after(3))

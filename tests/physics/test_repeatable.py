@@ -23,6 +23,8 @@ from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.physics.world import MAX_BODIES
 from verefine_viz.recording.verify import first_difference
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 CUP = model(
     trimesh.util.concatenate(
         [

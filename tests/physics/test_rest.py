@@ -41,6 +41,7 @@ def test_what_never_rests_ends_at_the_limit(simulator: BulletSimulator):
     assert len(path.contacts) == 70
 
 
+@pytest.mark.usefixtures("processes")
 def test_ball_rests_in_the_ring(simulator: BulletSimulator):
     path = settle_to_rest(simulator, placed(ball(), (0, 0, 0.1)), (standing(ring(), instance_id=1),), table())
     assert (T_WORLD_CAM @ path.T_cam_obj)[2, 3] == pytest.approx(0.02, abs=5e-4)

@@ -100,6 +100,7 @@ def test_nothing_ends_below_the_plane(simulator: BulletSimulator):
         assert heights(BRICK, path.T_cam_obj).min() > -5e-4
 
 
+@pytest.mark.usefixtures("processes")
 def test_ball_falls_into_a_ring_that_is_hollow_and_onto_its_hull(simulator: BulletSimulator, cache: Path):
     around = standing(ring(), instance_id=1)
     start = placed(ball(), (0, 0, 0.075))

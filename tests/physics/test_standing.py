@@ -46,6 +46,7 @@ def test_a_box_on_an_edge_would_tip(simulator: BulletSimulator, deg: float, n_st
     assert path.tipping.overhang_m == pytest.approx(by_hand_m, abs=1e-3)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("n_steps", [1, 3, 20, 60])
 @EVERY_THING
 def test_what_stands_does_not_tip(simulator: BulletSimulator, thing: ObjectModel, n_steps: int) -> None:

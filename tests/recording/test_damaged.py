@@ -27,6 +27,8 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import journal_path, part_path
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 SHORT = session(maps=False, iterations=2)
 NAN_POSE = np.full((4, 4), np.nan).tolist()
 

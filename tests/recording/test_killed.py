@@ -17,6 +17,8 @@ from verefine_viz.recording.recording_file import chunks_of, journal_path, part_
 from verefine_viz.recording.replay import completed
 from verefine_viz.recording.verify import first_difference
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

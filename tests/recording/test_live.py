@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import psutil
+import pytest
 
 from tests.fakes import box_problem
 from tests.recording.runs import n_drawn, new_run, session
@@ -10,6 +11,8 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import part_path
 from verefine_viz.recording.rerun_viewer import free_port
+
+pytestmark = pytest.mark.usefixtures("processes")
 
 
 def test_live_viewers_are_served_on_loopback_only(tmp_path: Path) -> None:

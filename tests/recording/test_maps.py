@@ -112,6 +112,7 @@ def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
     return (folder / f"{iterations}.rrd").stat().st_size, run.length
 
 
+@pytest.mark.usefixtures("long_run")
 @pytest.mark.parametrize(("maps", "most"), [(True, 60 * KB), (False, 2 * KB)])
 def test_an_iteration_is_small(tmp_path: Path, maps: bool, most: int) -> None:
     few, many = sizes(tmp_path, maps, 4), sizes(tmp_path, maps, 14)

@@ -18,6 +18,8 @@ from verefine_viz.recording.verify import first_difference
 from verefine_viz.session import comparison
 from verefine_viz.session.comparison import aligned, trace_of
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
 
 

@@ -17,6 +17,8 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import part_path
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 def error_of(path: Path) -> str:
     with pytest.raises(InputError) as caught:

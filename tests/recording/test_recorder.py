@@ -19,6 +19,8 @@ from verefine_viz.recording.recording_file import journal_path, part_path
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.files import load_session
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @pytest.mark.parametrize("name", METHOD_NAMES)
 def test_every_bit_of_every_iteration_comes_back(tmp_path: Path, name: str) -> None:

@@ -36,6 +36,7 @@ def test_what_was_sent_is_in_the_file_after_a_flush(tmp_path: Path) -> None:
     assert values_in(path) == [0.0, 1.0, 2.0]
 
 
+@pytest.mark.usefixtures("processes")
 def test_what_it_says_last_is_that_it_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "a.rrd"
     file = RecordingFile(path)

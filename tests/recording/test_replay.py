@@ -13,6 +13,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.recording.replay import open_viewer
 
 
+@pytest.mark.usefixtures("processes")
 def test_viewer_listens_on_loopback_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     recorded_run(tmp_path / "run.rrd")

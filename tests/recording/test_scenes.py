@@ -40,6 +40,7 @@ def graphed(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
     return replace(problem, dependencies=DependencyGraph(edges, clusters, clusters, "given"))
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_hypothesis_that_the_method_adds_is_one_of_the_recorded(tmp_path: Path) -> None:
     problem = clustered(box_problem(2, 2), (0, 1))
     s = session("physim_mcts", maps=False)
@@ -117,6 +118,7 @@ def views(path: Path) -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_scene_without_maps_records_every_objects_error(tmp_path: Path) -> None:
     run = recorded_run(tmp_path / "run.rrd", session(maps=False), box_problem(3, 2))
     recorded = read_recording(tmp_path / "run.rrd")

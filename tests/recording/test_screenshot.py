@@ -12,6 +12,7 @@ from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_viewer_shows_the_recording(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session())
     try:

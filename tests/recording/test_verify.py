@@ -27,6 +27,8 @@ from verefine_viz.recording.verify import Verification, run_again, verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 def again(recorded: Recorded) -> Run:
     return new_run(recorded.session, box_problem(3, 2))

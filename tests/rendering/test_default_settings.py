@@ -25,6 +25,8 @@ from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 DEFAULT = ScoreSettings()
 PIXELS = ["published", "observed", "classes"]
 

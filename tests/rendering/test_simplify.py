@@ -12,6 +12,8 @@ from tests.rendering.witness import model_of
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.rendering.simplify import deviation_m, scoring_mesh, simplified
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 def ball() -> ObjectModel:
     return model_of(trimesh.creation.icosphere(5, 0.05))

@@ -101,6 +101,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
     assert not {"recall", "forest"} & figures(html).keys()
 
 
+@pytest.mark.usefixtures("long_run")
 def test_a_large_sweep_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill_cards(monkeypatch)
     folder = sweep(tmp_path / "runs", ("rir", "sir", "pir"), 2, 1000, 4)

@@ -20,6 +20,7 @@ from verefine_viz.session.files import resolve
 NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve."
 
 
+@pytest.mark.usefixtures("long_run")
 def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill_cards(monkeypatch)
     errors = np.random.default_rng(0).gamma(1.0, 8.0, (1000, 6))
@@ -93,6 +94,7 @@ def test_no_failures_no_gallery(tmp_path: Path) -> None:
     assert "Nothing that could be solved came out wrong." in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("processes")
 def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> None:
     session = resolve({})
     instance = demo_problem("mug", session.scene, session.hypotheses).instances[0]

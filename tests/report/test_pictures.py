@@ -23,7 +23,7 @@ SESSION = resolve({})
 
 
 @pytest.fixture(scope="module")
-def target() -> Target:
+def target(processes: None) -> Target:
     return demo_problem("mug", SESSION.scene, SESSION.hypotheses).targets[0]
 
 

@@ -24,6 +24,8 @@ from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.write_bop import write_bop
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 def made(name: str, frame: str = "0/0", scene: dict | None = None, **hypotheses: object) -> Problem:
     settings = SceneSettings.model_validate({"demo": name, **(scene or {})})

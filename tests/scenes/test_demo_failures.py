@@ -19,6 +19,8 @@ from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 
 

@@ -112,6 +112,7 @@ def test_without_ground_truth_nobody_knows(made: Made) -> None:
     assert made.open().all_left_out(made.frame, "no depth") == ()
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_built_in_scene_knows_its_objects() -> None:
     source = open_scene(SceneSettings(), HypothesesSettings())
     (one,) = source.all_left_out("0/0", "a crash")

@@ -12,6 +12,8 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_names, demo_objects
 from verefine_viz.scenes.source import DemoSource, open_scene
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 
 def demo(**fields: object) -> SceneSettings:
     return SceneSettings.model_validate({"source": "demo", "demo": "clutter", **fields})

@@ -64,6 +64,7 @@ SPOILT: dict[str, tuple[Callable[[Made], None], str]] = {
 }
 
 
+@pytest.mark.usefixtures("long_run")
 @pytest.mark.parametrize("method", SCENE_METHODS)
 @pytest.mark.parametrize("case", SPOILT)
 def test_one_spoilt_object_is_said_and_the_two_others_are_solved(method: str, case: str, tmp_path: Path) -> None:
@@ -125,6 +126,7 @@ def test_an_object_without_initial_poses_has_no_answer_and_the_others_do(method:
     assert found[2] is not None
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_batch_says_what_the_page_would_say(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make(tmp_path / "data")
     _without_a_mask_file(made)

@@ -18,6 +18,8 @@ from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 MODES: dict[str, dict[str, Any]] = {
     "perturb": {},
     "pcs": {"pcs": {"bases": 5}},

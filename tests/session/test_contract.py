@@ -22,6 +22,8 @@ from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 PRESETS = ("recommended", "published")
 Runs = dict[tuple[str, str], Future[tuple[Iteration, ...]]]
 """The run of a method with a preset, once a worker has made it."""
@@ -52,7 +54,7 @@ def headless_run(name: str, preset: str) -> tuple[Iteration, ...]:
 
 
 @pytest.fixture(scope="module")
-def by_workers() -> Iterator[Runs]:
+def by_workers(processes: None) -> Iterator[Runs]:
     """Every method with both presets, shared out between two processes: each does other runs before than the other."""
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
         yield {case: pool.submit(headless_run, *case) for case in product(ALL_METHOD_NAMES, PRESETS)}

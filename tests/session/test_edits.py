@@ -89,6 +89,7 @@ def test_what_lies_behind_the_end_of_the_run_is_named_once() -> None:
     )
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_built_in_frame_says_all_of_it_headless() -> None:
     session = resolve(
         {

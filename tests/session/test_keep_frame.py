@@ -163,6 +163,7 @@ def _keep_three(folder: Path, mesh: Path) -> None:
         kept(folder, problem, [found(problem, mesh)])
 
 
+@pytest.mark.usefixtures("processes")
 def test_two_programs_keep_frames_in_turns(tmp_path: Path, mesh: Path) -> None:
     context = get_context("spawn")
     programs = [context.Process(target=_keep_three, args=(tmp_path / "kept", mesh)) for _ in range(2)]

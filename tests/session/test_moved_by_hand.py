@@ -47,6 +47,7 @@ def stepped(box: Toolbox, n: int) -> Run:
     return run
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("name", ["rir", "vf_breadth", "vf_depth", "physim_mcts"])
 def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp_path: Path) -> None:
     session = session_of(name)
@@ -80,6 +81,7 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, fork.length)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("arm", [0, 4])
 def test_in_the_mug_scene_a_pose_put_near_the_truth_wins(arm: int) -> None:
     run = stepped(Toolbox(load_session(SESSIONS / "mug.toml")), K)

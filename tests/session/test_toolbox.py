@@ -35,6 +35,7 @@ def test_what_does_not_change_is_shared() -> None:
     assert box.changed({"physics": {"steps": 5}}).simulator is not box.simulator
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_order_can_change_at_the_start_of_a_run_and_the_rest_is_kept() -> None:
     box = Toolbox(resolve({**RAW, "scene": {"demo": "stack"}, "physics": {"enabled": False}}))
     problem = box.problem("0/0")
@@ -53,6 +54,7 @@ def test_the_order_can_change_at_the_start_of_a_run_and_the_rest_is_kept() -> No
         box.restarted({"scene": {"seed": 3}})
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None:
     box = Toolbox(resolve(RAW))
     problem = box.problem(box.frames[0])
@@ -72,6 +74,7 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     assert first_difference(run.iterations, again.iterations) is not None
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_solid_that_is_not_as_it_was_asked_for_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     made_in_time = BulletSimulator.collider
     monkeypatch.setattr(
@@ -101,6 +104,7 @@ def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_o
         Toolbox(only_flat).problem(made.frame)
 
 
+@pytest.mark.usefixtures("processes")
 def test_physics_can_be_switched_off() -> None:
     box = Toolbox(resolve({**RAW, "physics": {"enabled": False}}))
     assert box.simulator is None

@@ -61,6 +61,7 @@ def test_rectangles_take_exactly_the_share_of_every_object_and_nothing_beside_th
     np.testing.assert_array_equal(again.observation.depth_m, after.depth_m)
 
 
+@pytest.mark.usefixtures("processes")
 def test_what_is_taken_from_the_top_lies_above_what_stays() -> None:
     scene = _scene()
     left = without_top(scene, 0.4)
@@ -99,6 +100,7 @@ def test_objects_without_ground_truth_are_left_out() -> None:
             np.testing.assert_array_equal(mine.T_cam_obj, same.T_cam_obj)
 
 
+@pytest.mark.usefixtures("processes")
 def test_what_is_left_of_a_cloud_has_as_many_points_as_before() -> None:
     scene = _scene()
     few = replace(scene, instances=tuple(replace(i, points_cam=i.points_cam[:150]) for i in scene.instances))

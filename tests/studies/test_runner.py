@@ -38,6 +38,7 @@ def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
     return [o.model_dump(exclude={"ms"}) for o in outcomes]
 
 
+@pytest.mark.usefixtures("processes")
 def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path: Path) -> None:
     alone = _run(tmp_path / "a.jsonl")
     assert _facts(_run(tmp_path / "b.jsonl", workers=2)) == _facts(alone)
@@ -49,6 +50,7 @@ def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path
     assert len(kept) == len(lines)
 
 
+@pytest.mark.usefixtures("processes")
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_path: Path) -> None:
     workers: list[BaseProcess] = []
 
@@ -120,6 +122,7 @@ def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, mon
     assert str(path) not in [file.path for file in psutil.Process().open_files()]
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = tmp_path / "duck.toml"
     session.write_text('[scene]\ndemo = "duck"\nmodel_points = 200\n[mcts]\nexpansions = 2\n')

@@ -30,7 +30,7 @@ SESSION = Session(title="test", method=MethodSettings(iterations=2))
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app(tmp_path: Path, processes: None) -> Iterator[App]:
     running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
     running.wait_until_idle()
     yield running
@@ -107,6 +107,7 @@ def test_links_carry_commands_and_nothing_else(app: App) -> None:
         until(app, lambda: cursor(app) == 3)
 
 
+@pytest.mark.usefixtures("processes")
 def test_settings_show_a_refiner_that_only_another_program_has(tmp_path: Path) -> None:
     session = Session(method=MethodSettings(refiner="nudge", iterations=1))
     running = App(session, port=0, make_tools=FakeTools, folder=tmp_path).start()
@@ -189,6 +190,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return heard
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path, said: list[str]) -> None:
     app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
     try:
@@ -203,6 +205,7 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path,
         app.stop()
 
 
+@pytest.mark.usefixtures("processes")
 def test_after_installing_a_step_is_tried_before_the_page_is_ready(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -218,6 +221,7 @@ def test_after_installing_a_step_is_tried_before_the_page_is_ready(
         app.stop()
 
 
+@pytest.mark.usefixtures("processes")
 def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path, said: list[str]) -> None:
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
@@ -319,6 +323,7 @@ def test_a_session_cannot_be_written_elsewhere(app: App, tmp_path: Path, name: s
     assert list(tmp_path.rglob("*.toml")) == []
 
 
+@pytest.mark.usefixtures("processes")
 def test_hostile_names_are_shown_as_text(tmp_path: Path) -> None:
     evil = "<img src=x onerror=alert(1)>\"'&"
 
@@ -353,6 +358,7 @@ def messages(app: App) -> list[Any]:
     return list(buffer.message_from_id.values())
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_session_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
     class Broken(FakeTools):
         def problem(self, frame: str) -> Problem:
@@ -366,6 +372,7 @@ def test_a_session_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
         running.stop()
 
 
+@pytest.mark.usefixtures("processes")
 def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
     class Empty(FakeTools):
         frames = ()

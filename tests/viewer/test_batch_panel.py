@@ -133,6 +133,7 @@ def test_pages_lead_on_while_there_are_more(page: int, n: int, said: str) -> Non
     assert ("TurnPage" in html) == bool(said)
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
     batch = gallery(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()

@@ -42,7 +42,7 @@ class Slow(FakeTools):
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app(tmp_path: Path, processes: None) -> Iterator[App]:
     class Tools(Slow):
         reading = threading.Event()
 
@@ -258,6 +258,7 @@ def test_the_program_ends_though_something_takes_for_ever(app: App) -> None:
     assert not app._worker.is_alive()
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_program_ends_though_its_session_takes_for_ever_to_open(tmp_path: Path) -> None:
     class Tools(Slow):
         reading = threading.Event()

@@ -11,7 +11,7 @@ from verefine_viz.viewer.web.server import Server
 
 
 @pytest.fixture
-def chart() -> Iterator[Chart]:
+def chart(processes: None) -> Iterator[Chart]:
     server = Server(port=0)
     yield Chart(server.gui, 100, server.gui.add_folder("curves"))
     server.stop()

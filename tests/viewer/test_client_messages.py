@@ -67,7 +67,7 @@ class Widgets:
 
 
 @pytest.fixture
-def widgets() -> Iterator[Widgets]:
+def widgets(processes: None) -> Iterator[Widgets]:
     made = Widgets()
     yield made
     made.server.stop()

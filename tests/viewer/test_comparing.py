@@ -159,6 +159,7 @@ def test_the_log_repeats_the_comparison_bit_for_bit(moves: list[tuple[c.Command,
     first.view()
 
 
+@pytest.mark.usefixtures("processes")
 def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_path: Path) -> None:
     app = App(SESSION, None, port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:

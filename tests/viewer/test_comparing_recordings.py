@@ -14,6 +14,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.drawing.comparison_tables import summary
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:
     path = record(tmp_path / "rir.rrd", SESSION)

@@ -27,6 +27,7 @@ from verefine_viz.viewer.text.findings import findings
 SESSION = Session(method=MethodSettings(iterations=2))
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(("focal", "noted"), [(1.0, 0), (0.9, 1)])
 def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, noted: int) -> None:
     folder = written(tmp_path / "clutter", [scene()], focal)
@@ -44,6 +45,7 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
         assert one.on_top
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(("depth", "noted"), [(1.0, 0), (0.8, 1)])
 def test_without_ground_truth_initial_poses_show_a_wrong_depth_scale_before_the_run_and_after(
     tmp_path: Path, depth: float, noted: int

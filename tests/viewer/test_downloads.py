@@ -33,7 +33,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> Sent:
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app(tmp_path: Path, processes: None) -> Iterator[App]:
     app = App(Session(title="test"), port=0, make_tools=FakeTools, folder=tmp_path).start()
     app.wait_until_idle()
     yield app

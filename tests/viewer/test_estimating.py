@@ -121,6 +121,7 @@ def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> N
     assert "Other objects and frames keep theirs, but their runs start again." in d.message
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_built_in_scene_opens_without_what_was_estimated_elsewhere(session: Session) -> None:
     d = Debugger(session, None, Toolbox, demos=("mug",)).carry_out([ESTIMATE, c.OpenDemo("mug")])
     assert d.workspace.session.scene.demo == "mug"
@@ -134,6 +135,7 @@ def test_an_object_that_is_not_there_is_refused_and_nothing_changes(session: Ses
     assert len(d.workspace.work.branches) == 1
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_button_asks_for_the_object_in_focus(session: Session, tmp_path: Path) -> None:
     app = App(session, port=0, make_tools=Toolbox, folder=tmp_path).start()
     try:

@@ -100,6 +100,7 @@ def test_the_list_of_sessions_says_which_file_was_opened_or_saved_last(debugger:
     assert said() == CHOOSE
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_open_file_can_be_chosen_again_from_the_list(tmp_path: Path) -> None:
     app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
@@ -226,6 +227,7 @@ def test_a_file_that_is_no_session_is_kept(debugger: Debugger, tmp_path: Path) -
     assert (tmp_path / "notes.toml").read_text() == "dear diary"
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_page_offers_to_replace_it_until_something_else_is_done(tmp_path: Path) -> None:
     save_session(OTHER, tmp_path / "theirs.toml")
     app = App(Session(), port=0, make_tools=FakeTools, folder=tmp_path).start()
@@ -241,6 +243,7 @@ def test_the_page_offers_to_replace_it_until_something_else_is_done(tmp_path: Pa
     assert load_session(tmp_path / "theirs.toml") == OTHER
 
 
+@pytest.mark.usefixtures("processes")
 def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_path: Path) -> None:
     app = App(Session(), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
@@ -265,6 +268,7 @@ def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_p
         app.stop()
 
 
+@pytest.mark.usefixtures("processes")
 def test_what_was_written_before_a_refusal_is_told_to_be_so(tmp_path: Path) -> None:
     app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.viewer.client import until
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
@@ -11,6 +13,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_name_in_focus_is_the_largest(tmp_path: Path) -> None:
     app = App(Session(method=MethodSettings(iterations=1)), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:

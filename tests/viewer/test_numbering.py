@@ -42,5 +42,6 @@ def test_after_going_back_forking_comparing_and_restarting(name: str, tools: typ
     check(d.carry_out([c.Restart(), c.Step(), c.OpenFrame("0/1"), END]))
 
 
+@pytest.mark.usefixtures("processes")
 def test_of_a_recording(tmp_path: Path) -> None:
     check(page().carry_out([c.OpenRecording(str(record(tmp_path / "rir.rrd", SESSION)))]))

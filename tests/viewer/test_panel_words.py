@@ -106,6 +106,7 @@ def test_of_many_changes_the_first_are_named() -> None:
     assert "K 5 → 1, c 0.7 → 0, Physics on → off and 1 more." in said
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_sentence_follows_what_is_typed(tmp_path: Path) -> None:
     app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:

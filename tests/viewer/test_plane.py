@@ -18,6 +18,8 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.plausibility import plane_doubt
 
+pytestmark = pytest.mark.usefixtures("long_run")
+
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 
 

@@ -22,7 +22,7 @@ SESSION = Session(title="boxes", method=MethodSettings(iterations=2))
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app(tmp_path: Path, processes: None) -> Iterator[App]:
     running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
     running.wait_until_idle()
     running.send(c.EditPose())

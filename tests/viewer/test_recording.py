@@ -18,6 +18,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 SESSION = Session(
     title="box",
     scene=SceneSettings(demo="failure_simulation_topples"),

@@ -258,7 +258,7 @@ def test_names_from_data_cannot_break_the_page() -> None:
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[App]:
+def app(tmp_path: Path, processes: None) -> Iterator[App]:
     running = App(SESSION, port=0, make_tools=ThreeBoxes, folder=tmp_path).start()
     running.wait_until_idle()
     yield running

@@ -83,7 +83,7 @@ class Evil(FakeTools):
 
 
 @pytest.fixture
-def evil(tmp_path: Path) -> Iterator[App]:
+def evil(tmp_path: Path, processes: None) -> Iterator[App]:
     app = App(Session(title=EVIL), port=0, make_tools=Evil, folder=tmp_path).start()
     yield app
     app.stop()

@@ -26,7 +26,7 @@ from verefine_viz.viewer.web.server import Server
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
+def server(processes: None) -> Iterator[Server]:
     instance = Server(port=0)
     yield instance
     instance.stop()
@@ -102,6 +102,7 @@ def test_listens_on_loopback_only(server: Server) -> None:
     assert server.url == f"http://127.0.0.1:{server.get_port()}"
 
 
+@pytest.mark.usefixtures("processes")
 def test_taken_port_is_one_clear_line() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
@@ -114,6 +115,7 @@ def test_taken_port_is_one_clear_line() -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["203.0.113.7", "no such host", "not-a-host.invalid"])
 def test_host_that_cannot_be_bound_is_one_clear_line(host: str) -> None:
     with pytest.raises(UnavailableError, match=r"cannot be bound .* usually 127.0.0.1") as error:
@@ -127,6 +129,7 @@ def test_impossible_port_is_one_clear_line(port: int) -> None:
         Server(port=port)
 
 
+@pytest.mark.usefixtures("processes")
 def test_stop_frees_the_port_and_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     first = Server(port=0)
     port = first.get_port()
@@ -162,6 +165,7 @@ def test_another_program_s_page_on_this_machine_is_refused(server: Server, origi
     assert b"--allow-origin" in (refusal.value.response.body or b"")
 
 
+@pytest.mark.usefixtures("processes")
 def test_what_is_allowed_may_open_a_websocket_and_is_an_address_of_the_page() -> None:
     server = Server(port=0, allowed_origins=["http://localhost:3000", "https://Viz.Example/"])
     try:
@@ -221,6 +225,7 @@ class Elsewhere(Admission):
         return super().admits(port, [f"127.0.0.1:{port}"], origins) or origins == [f"http://{hosts[0]}"]
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(("part", "other"), [("_served_our_way", unguarded), ("Admission", Elsewhere)])
 def test_a_server_that_answers_other_sites_pages_does_not_serve(
     part: str, other: object, monkeypatch: pytest.MonkeyPatch
@@ -236,6 +241,7 @@ def test_a_server_that_answers_other_sites_pages_does_not_serve(
     Server(port=port).stop()  # The port is free again.
 
 
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "::1"])
 def test_the_address_of_a_server_reaches_it(host: str) -> None:
     try:

@@ -81,6 +81,7 @@ def near(image: np.ndarray, name: str) -> int:
     return int((abs(image - np.array(STAGE_COLORS[name])).sum(axis=2) < 120).sum())
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     target = demo_problem("mug", SESSION.scene, SESSION.hypotheses).targets[0]
     truth = target.instance.T_cam_obj_gt

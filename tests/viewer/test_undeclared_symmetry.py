@@ -7,8 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from bench.diagnosis import named
-from bench.failing_scenes import broken_scene
+from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
@@ -18,6 +17,8 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.sentences import truth
+
+pytestmark = pytest.mark.usefixtures("long_run")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.made_up_frames import (
+from tests.made_up_frames import (
     Broken,
     Depth,
     Thing,
@@ -33,7 +33,8 @@ from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
 from verefine_viz.scenes.demo_layout import LAYOUT_FRAME, Viewpoint
 
@@ -301,3 +302,11 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
 def broken_scene(cause: Cause, seed: int) -> Broken:
     """The ``seed``-th scene in which ``cause`` is what is broken."""
     return GENERATORS[cause](np.random.default_rng((list(GENERATORS).index(cause), seed)))
+
+
+def named(broken: Broken) -> Diagnosis | None:
+    """What the diagnosis says of the instance that is meant; None where it did not fail."""
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    found = diagnose(run, broken.toolbox)
+    return next((d for d in found if d.instance_id == broken.instance_id), None)
