@@ -9,7 +9,7 @@ from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.test_group_page import sweep
 from verefine_viz.batch.index import run_folders
-from verefine_viz.report.command import write_group_report, write_report
+from verefine_viz.report.build_report import write_group_report, write_report
 
 
 def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:

@@ -197,7 +197,7 @@ def now_table(v: ComparisonSnapshot) -> str:
     what = "kept" if v.which == "kept" else "best so far"
     head = [
         (what.partition(" ")[0], f"the {what} pose of {v.focus} is drawn and measured here; ■ = no more of it comes"),
-        ("it.", "iteration that made this pose; 0 = a initial pose"),
+        ("it.", "iteration that made this pose; 0 = an initial pose"),
         ("hyp.", "hypothesis that it belongs to"), ("stage", "what it was in that iteration"),
         ("score", f"of the {what} pose, by the settings of its own run"),
         ("rot.", "rotation error"), ("mm", "translation error"), ("ADD(-S)", "error of the pose that is drawn [mm]"),

@@ -10,8 +10,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import RGB
+from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MoveInOrder
 from verefine_viz.viewer.drawing.markup import carries, text

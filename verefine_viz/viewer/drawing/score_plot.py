@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from verefine_viz.batch.misled import misled
+from verefine_viz.batch.ranking_auc import misled
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.commands import OpenPoint
 from verefine_viz.viewer.drawing.markup import carries, text

@@ -7,8 +7,8 @@ from typing import Any
 
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.evaluation.turning import turning_on
-from verefine_viz.physics.standing import PLANE_ID
+from verefine_viz.evaluation.pose_errors import turning_on
+from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import NONE, Row, cut, number, swatch, table, text, with_hints
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import viser
 
-from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.core.problem import DependencyGraph, Edge
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.commands import CutDependency, ResetOrder
 from verefine_viz.viewer.drawing.dependency_picture import TELLING, Node, full, picture

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.words import DATA_FIRST, DECLARE, cause_title
+from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -45,7 +45,7 @@ def _why_here(view: Snapshot, entry: Entry) -> str:
     if view.cursor != at or view.progress.running or entry.row.status != "ok":
         return ""
     if at == 0:
-        return "No iteration made it much worse, and its answer is a initial pose: look before iteration 1."
+        return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
     if entry.row.worst_iteration is None:
         return f"No iteration made it much worse; iteration {at} made the answer."
     before, after = view.poses.get("current"), view.poses.get("accepted")

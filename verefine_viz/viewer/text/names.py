@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.evaluation.answers import CORRECT
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import method_of
 
 if TYPE_CHECKING:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
-from verefine_viz.core.listing import first_of
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import method_of
-from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
+from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
 from verefine_viz.viewer.text.names import method_name
 
@@ -131,7 +131,7 @@ def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> Plaus
 
 
 def is_placeholder(o: ObjectState) -> bool:
-    """Whether an object stands at a initial pose that no iteration has touched."""
+    """Whether an object stands at an initial pose that no iteration has touched."""
     return o.phase == "waiting" and o.n_iterations == 0
 
 

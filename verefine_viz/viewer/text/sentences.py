@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.turning import turning_on
+from verefine_viz.core.text_format import first_of
+from verefine_viz.evaluation.pose_errors import turning_on
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.breakpoints import UNITS
@@ -111,13 +111,13 @@ def truth(view: Snapshot) -> str:
 
 
 def never_refined(view: Snapshot) -> str:
-    """That the best pose is a initial pose although iterations worked on the object; "" where it is none."""
+    """That the best pose is an initial pose although iterations worked on the object; "" where it is none."""
     answer = view.scene.object(view.target.instance.instance_id).answer if view.is_answer else None
     best = answer or (view.state.best if view.state is not None else None)
     shown_to_its_end = view.cursor - view.is_partial
     if best is None or best.stage != "initial" or not any(i.index <= shown_to_its_end for i in view.own_iterations):
         return ""
-    return " It is a initial pose: no iteration has improved upon it."
+    return " It is an initial pose: no iteration has improved upon it."
 
 
 def remaining(seconds: float | None) -> str:
@@ -134,7 +134,7 @@ def the_answer(view: Snapshot) -> str:
     answer = view.scene.object(view.target.instance.instance_id).answer
     if answer is None:
         return "no answer"
-    own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
+    own = f"of iteration {answer.iteration}" if answer.iteration else "an initial pose"
     if len(view.scene.objects) > 1:
         return f"the answer; {view.scene.object(view.target.instance.instance_id).label}: {own}"
     return f"the answer, {own}"
@@ -148,7 +148,7 @@ def beside_answer(view: Snapshot) -> str:
     last = f"iteration {view.shown.index}, the last one on it"
     if answer.iteration == view.shown.index:
         return f"The answer is of {last}. "
-    own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
+    own = f"of iteration {answer.iteration}" if answer.iteration else "an initial pose"
     return f"The answer is {own}; shown here is {last}. "
 
 
