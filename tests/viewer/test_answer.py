@@ -20,14 +20,14 @@ from verefine_viz.methods.physim_mcts import make_physim_mcts
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import carries
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.panels.run import of_the_end
-from verefine_viz.viewer.panels.timeline import strip
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.panels.run_panel import of_the_end
+from verefine_viz.viewer.panels.timeline_panel import strip
 from verefine_viz.viewer.snapshot.build import FIRST
 from verefine_viz.viewer.snapshot.partial_iteration import OF_ITERATION
 from verefine_viz.viewer.snapshot.snapshot import visit
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.pose_words import compared
 
 TWO, END = c.OpenFrame("0/2"), c.RunUntil("end")
 

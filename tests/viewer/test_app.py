@@ -24,7 +24,7 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.layout import KEYS
+from verefine_viz.viewer.panels.page_layout import KEYS
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 

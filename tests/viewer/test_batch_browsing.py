@@ -17,7 +17,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing import score_plot
+from verefine_viz.viewer.drawing import score_error_plot as score_plot
 from verefine_viz.viewer.snapshot.score_plot import plot_of
 from verefine_viz.viewer.state.gallery import ALL, RIGHT, WRONG, Gallery, read_gallery
 from verefine_viz.viewer.text.findings import batch_words, findings

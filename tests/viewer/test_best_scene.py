@@ -7,10 +7,10 @@ from tests.viewer.test_read_changes import Clustered
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.tables import errors_table, score_table
-from verefine_viz.viewer.panels.score import maps_html
+from verefine_viz.viewer.drawing.pose_tables import errors_table, score_table
+from verefine_viz.viewer.panels.score_panel import maps_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.pose_words import compared
 
 
 def after(*commands: c.Command, name: str) -> Snapshot:

@@ -10,10 +10,10 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.tables import score_table
-from verefine_viz.viewer.panels.score import maps_html
+from verefine_viz.viewer.drawing.pose_tables import score_table
+from verefine_viz.viewer.panels.score_panel import maps_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.pose_words import compared
 
 
 def scored(score: float, depth: float, normal: float, counts: tuple[int, int, int, int, int]) -> PoseScore:

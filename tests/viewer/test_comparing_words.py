@@ -26,7 +26,7 @@ from verefine_viz.viewer.drawing.comparison_tables import (
     summary,
 )
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 
 

@@ -24,7 +24,7 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.session import opened
+from verefine_viz.viewer.panels.session_panel import opened
 
 
 def debugger(session: Session | None = None) -> Debugger:

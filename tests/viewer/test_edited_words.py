@@ -17,8 +17,8 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.plausibility import drawn_stage, plausibility_html
-from verefine_viz.viewer.text.poses import compared, edited_score
+from verefine_viz.viewer.drawing.plausibility_picture import drawn_stage, plausibility_html
+from verefine_viz.viewer.text.pose_words import compared, edited_score
 from verefine_viz.viewer.text.sentences import truth
 
 

@@ -17,7 +17,7 @@ from verefine_viz.viewer.drawing.bandit_tables import arms_table, what_n_counts
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.handlers.editing import Unconfirmed
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import shift_mm
+from verefine_viz.viewer.text.pose_words import shift_mm
 from verefine_viz.viewer.text.sentences import chosen
 
 

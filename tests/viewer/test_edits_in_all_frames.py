@@ -14,7 +14,7 @@ from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.panels.session import opened
+from verefine_viz.viewer.panels.session_panel import opened
 from verefine_viz.viewer.text.headline import headline
 
 

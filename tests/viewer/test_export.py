@@ -20,7 +20,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import carries
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.handlers.editing import Unconfirmed
-from verefine_viz.viewer.panels.session import CHOOSE, open_now, opened
+from verefine_viz.viewer.panels.session_panel import CHOOSE, open_now, opened
 
 OTHER = Session(title="other")
 FORK = c.Fork((("method.exploration", 0.4),), 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from verefine_viz.viewer.drawing.markup import cut, fitted
-from verefine_viz.viewer.text.names import shortened, told_apart
+from verefine_viz.viewer.text.display_names import shortened, told_apart
 
 TWINS = ("005_tomato_soup_can #1", "005_tomato_soup_can #12")
 

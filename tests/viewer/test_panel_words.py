@@ -16,9 +16,9 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.session import opened
-from verefine_viz.viewer.panels.view import ROWS, WITH_BOX
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.panels.session_panel import opened
+from verefine_viz.viewer.panels.view_panel import ROWS, WITH_BOX
+from verefine_viz.viewer.text.pose_words import compared
 from verefine_viz.viewer.text.scene import objects_words
 from verefine_viz.viewer.text.sentences import NAMES, breakpoint_words, chosen, physics, settings_words, view_words
 

@@ -7,10 +7,10 @@ import numpy as np
 from tests.viewer.two_runs import TWO, debugger
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arm_history
-from verefine_viz.viewer.drawing.tables import changes_table, event_lines
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.panels.run import of_the_end
-from verefine_viz.viewer.panels.timeline import strip, timeline_words
+from verefine_viz.viewer.drawing.pose_tables import changes_table, event_lines
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.panels.run_panel import of_the_end
+from verefine_viz.viewer.panels.timeline_panel import strip, timeline_words
 from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.sentences import beside_answer, chosen, physics
 

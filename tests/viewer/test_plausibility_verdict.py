@@ -18,11 +18,11 @@ from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.plausibility import LIGHTS, plausibility_html
-from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, plausibility_html
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.snapshot.build import deferred_physics
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.plausibility import plausibility_verdict
+from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict
 
 
 def sunk(into: int, depth_mm: float) -> Plausibility:

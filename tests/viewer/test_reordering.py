@@ -29,7 +29,7 @@ from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.dependency_picture import Node, picture, short
 from verefine_viz.viewer.handlers.reordering import entries, moved
-from verefine_viz.viewer.panels.dependencies import order_html, order_sentence
+from verefine_viz.viewer.panels.order_panel import order_html, order_sentence
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 

@@ -18,12 +18,12 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import text, with_hints
-from verefine_viz.viewer.drawing.plausibility import LIGHTS
-from verefine_viz.viewer.drawing.tables import event_lines
-from verefine_viz.viewer.panels.objects import legend, objects_html
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
+from verefine_viz.viewer.drawing.pose_tables import event_lines
+from verefine_viz.viewer.panels.objects_panel import legend, objects_html
 from verefine_viz.viewer.snapshot.snapshot import visit
+from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.names import TERMS
 from verefine_viz.viewer.text.scene import scene_sentence
 
 

@@ -19,11 +19,11 @@ from verefine_viz.diagnosis.words import DATA_FIRST
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
 from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.plausibility import (
+from verefine_viz.viewer.text.plausibility_verdict import (
     RAISED_M,
     height_above_plane_m,
     unsupported_stacking,

@@ -14,17 +14,17 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing import tables
+from verefine_viz.viewer.drawing import pose_tables as tables
 from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table, what_n_counts
 from verefine_viz.viewer.drawing.markup import text
-from verefine_viz.viewer.panels.bandit import pull_lines
-from verefine_viz.viewer.panels.physics import plane_warning
-from verefine_viz.viewer.panels.timeline import timeline_words
+from verefine_viz.viewer.panels.bandit_panel import pull_lines
+from verefine_viz.viewer.panels.physics_panel import plane_warning
+from verefine_viz.viewer.panels.timeline_panel import timeline_words
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text import sentences as words
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.pose_words import compared
 
 
 def debugger(**method: Any) -> Debugger:

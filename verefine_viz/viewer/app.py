@@ -19,8 +19,8 @@ from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.page import Page
-from verefine_viz.viewer.panels.layout import set_theme
+from verefine_viz.viewer.panels.page_layout import set_theme
+from verefine_viz.viewer.session_page import Page
 from verefine_viz.viewer.state.branch import Tools
 from verefine_viz.viewer.state.gallery import Gallery
 from verefine_viz.viewer.state.state import Unconfirmed

@@ -6,7 +6,7 @@ from time import monotonic
 
 from verefine_viz.session.compiling import COMPILING
 from verefine_viz.viewer.drawing.markup import block, text
-from verefine_viz.viewer.panels.run import RunPanel
+from verefine_viz.viewer.panels.run_panel import RunPanel
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.worker import RequestQueue
 

@@ -11,9 +11,9 @@ from verefine_viz.session.outcomes import Answer, Effort, Outcome, Winner, tally
 from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, swatch, table, text, warning
-from verefine_viz.viewer.drawing.tables import NOT_COMPARABLE
+from verefine_viz.viewer.drawing.pose_tables import NOT_COMPARABLE
 from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot, RunAtMoment
-from verefine_viz.viewer.text.names import TERMS
+from verefine_viz.viewer.text.display_names import TERMS
 
 # Scores of two runs side by side: what they tell where both score by the same settings, and where they do not.
 

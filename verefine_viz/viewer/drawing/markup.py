@@ -16,7 +16,7 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.text.names import arm_color, have_names, source_of, stem_and_number, told_apart
+from verefine_viz.viewer.text.display_names import arm_color, have_names, source_of, stem_and_number, told_apart
 
 
 def text(value: object) -> str:

@@ -18,7 +18,7 @@ from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.pose_nodes import coarse_mesh, display_mesh, edges, place
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.names import verdict_mark
+from verefine_viz.viewer.text.display_names import verdict_mark
 
 OPACITY: dict[Phase, float] = {
     "waiting": 0.16,
@@ -55,14 +55,14 @@ class ObjectNodes:
     """Made once per frame; afterwards poses, colours and visibility change."""
 
     def __init__(
-        self, server: viser.ViserServer, view: Snapshot, up_cam: Float, send: Callable[[Command], None]
+        self, server: viser.ViserServer, snapshot: Snapshot, up_cam: Float, send: Callable[[Command], None]
     ) -> None:
         self._scene, self._up_cam = server.scene, up_cam
         self._nodes: dict[int, _Nodes] = {}
         self._overlap: viser.PointCloudHandle | None = None
         self._overlap_shown: tuple[Any, ...] = ()
-        if len(view.scene.objects) > 1:
-            for o in view.scene.objects:
+        if len(snapshot.scene.objects) > 1:
+            for o in snapshot.scene.objects:
                 self._nodes[o.instance_id] = self._make(o.target, o.label, o.color, send)
 
     def _make(self, target: Target, label: str, color: RGB, send: Callable[[Command], None]) -> _Nodes:
@@ -81,17 +81,17 @@ class ObjectNodes:
         )
         return _Nodes(mesh, marker, text, target.model.points[::4])
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and looks at the cursor."""
-        drawn = "others" in view.options.layers
-        for o in view.scene.objects:
+        drawn = "others" in snapshot.options.layers
+        for o in snapshot.scene.objects:
             nodes = self._nodes.get(o.instance_id)
             if nodes is None:
                 continue
-            in_focus = o.instance_id == view.target.instance.instance_id
-            T_cam_obj = self._pose(view, o, in_focus)
+            in_focus = o.instance_id == snapshot.target.instance.instance_id
+            T_cam_obj = self._pose(snapshot, o, in_focus)
             nodes.marker.visible = nodes.label.visible = drawn and T_cam_obj is not None
-            nodes.mesh.visible = drawn and T_cam_obj is not None and (view.is_answer or not in_focus)
+            nodes.mesh.visible = drawn and T_cam_obj is not None and (snapshot.is_answer or not in_focus)
             if T_cam_obj is not None:
                 self._move(nodes, T_cam_obj)
                 self._dress(nodes, o)
@@ -100,10 +100,10 @@ class ObjectNodes:
                 nodes.label.text = f"{o.label} {mark}".strip()
                 nodes.label.font_screen_scale = LABEL_IN_FOCUS if in_focus else LABEL
 
-    def _pose(self, view: Snapshot, o: ObjectState, in_focus: bool) -> Float | None:
+    def _pose(self, snapshot: Snapshot, o: ObjectState, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""
-        if in_focus and not view.is_answer:
-            shown = view.poses.get("accepted") or view.poses.get("current") or view.poses.get("best")
+        if in_focus and not snapshot.is_answer:
+            shown = snapshot.poses.get("accepted") or snapshot.poses.get("current") or snapshot.poses.get("best")
             return shown.T_cam_obj if shown else o.T_cam_obj
         return o.T_cam_obj
 
@@ -126,9 +126,9 @@ class ObjectNodes:
             nodes.look = look
             nodes.mesh.opacity, nodes.mesh.color = look
 
-    def show_overlaps(self, view: Snapshot) -> None:
+    def show_overlaps(self, snapshot: Snapshot) -> None:
         """Red points where objects are partly in the same place."""
-        found = view.physics.overlaps if "overlaps" in view.options.layers else ()
+        found = snapshot.physics.overlaps if "overlaps" in snapshot.options.layers else ()
         if len(found) == len(self._overlap_shown) and all(
             a is b for a, b in zip(found, self._overlap_shown, strict=True)
         ):
@@ -140,7 +140,7 @@ class ObjectNodes:
         if points:
             together = np.concatenate(points).astype(np.float32)
             colors = np.tile(np.array(OVERLAP_COLOR, np.uint8), (len(together), 1))
-            size = float(np.median(together[:, 2])) / view.problem.observation.camera.fx * OVERLAP_PX
+            size = float(np.median(together[:, 2])) / snapshot.problem.observation.camera.fx * OVERLAP_PX
             self._overlap = self._scene.add_point_cloud(
                 names.OVERLAPS, together, colors, precision="float32", point_size=size, point_shape="circle",
                 point_shading="flat",
@@ -175,19 +175,19 @@ class ComparisonNodes:
         self._problem: Problem | None = None
         self._pairs: dict[int, _Pair] = {}
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and visibility; call it after the frame was drawn, which takes older nodes away."""
-        if view.problem is not self._problem:
-            self._pairs, self._problem = {}, view.problem
-        sides = view.comparison
+        if snapshot.problem is not self._problem:
+            self._pairs, self._problem = {}, snapshot.problem
+        sides = snapshot.comparison
         if sides is None:
             for pair in self._pairs.values():
                 pair.solid.visible = pair.outline.visible = False
             return
-        for instance in view.problem.instances:
+        for instance in snapshot.problem.instances:
             own = instance.instance_id
             if own not in self._pairs:
-                self._pairs[own] = self._make(view.problem, own)
+                self._pairs[own] = self._make(snapshot.problem, own)
             pair = self._pairs[own]
             T_a, T_b = sides.poses.get(own, (None, None))
             for node, T_cam_obj, side in ((pair.solid, T_a, "A"), (pair.outline, T_b, "B")):

@@ -21,7 +21,7 @@ from verefine_viz.viewer.commands import Command, SelectArm
 from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.names import arm_color
+from verefine_viz.viewer.text.display_names import arm_color
 
 OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "edited": 0.7}
 OUTLINED = ("accepted", "best", "ground truth")
@@ -89,18 +89,18 @@ class PoseNodes:
                 if event.instance_index is not None:
                     send(SelectArm(int(event.instance_index)))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and visibility of all stages, ghosts and the simulated path."""
-        layers = view.options.layers
+        layers = snapshot.options.layers
         for name, node in self._nodes.items():
-            pose = view.poses.get(name)
+            pose = snapshot.poses.get(name)
             if pose is not None:
                 place(node, pose.T_cam_obj)
             # The edited pose is drawn by the gizmo that moves it.
             node.visible = pose is not None and name in layers and name != "edited"
-        self._show_answer(view)
-        self._show_ghosts(view)
-        self._show_path(view)
+        self._show_answer(snapshot)
+        self._show_ghosts(snapshot)
+        self._show_path(snapshot)
 
     def hide(self) -> None:
         """Takes the object from the screen; another one is in focus."""
@@ -109,37 +109,37 @@ class PoseNodes:
         if self._ghosts is not None:
             self._ghosts.visible = False
 
-    def _show_answer(self, view: Snapshot) -> None:
+    def _show_answer(self, snapshot: Snapshot) -> None:
         """The answer of a finished run; among several objects it is drawn in their own colour, as the others are."""
-        best = view.poses.get("best")
-        alone = len(view.scene.objects) == 1
-        self._mover.visible = view.is_answer and alone and best is not None and "best" in view.options.layers
+        best = snapshot.poses.get("best")
+        alone = len(snapshot.scene.objects) == 1
+        self._mover.visible = snapshot.is_answer and alone and best is not None and "best" in snapshot.options.layers
         if self._mover.visible and best is not None:
             place(self._mover, best.T_cam_obj)
             self._mover.color = STAGE_COLORS["best"]
 
-    def _show_ghosts(self, view: Snapshot) -> None:
-        if self._ghosts is None or view.state is None:
+    def _show_ghosts(self, snapshot: Snapshot) -> None:
+        if self._ghosts is None or snapshot.state is None:
             return
-        Ts = [arm.current.T_cam_obj for arm in view.state.arms]
-        Ts += [h.T_cam_obj for h in view.target.instance.hypotheses[len(Ts) :]]
+        Ts = [arm.current.T_cam_obj for arm in snapshot.state.arms]
+        Ts += [h.T_cam_obj for h in snapshot.target.instance.hypotheses[len(Ts) :]]
         self._ghosts.batched_positions = np.array([T[:3, 3] for T in Ts], np.float32)
         self._ghosts.batched_wxyzs = np.array([quat_wxyz(T[:3, :3]) for T in Ts], np.float32)
         opacity = np.full(len(Ts), 1.0, np.float32)
-        opacity[view.arm] = 2.0 if view.options.arm is not None else 1.0
+        opacity[snapshot.arm] = 2.0 if snapshot.options.arm is not None else 1.0
         self._ghosts.batched_opacities = opacity
-        self._ghosts.visible = "hypotheses" in view.options.layers
+        self._ghosts.visible = "hypotheses" in snapshot.options.layers
 
-    def _show_path(self, view: Snapshot) -> None:
-        path = view.shown.path if view.shown else None
-        k = view.options.path_pose
+    def _show_path(self, snapshot: Snapshot) -> None:
+        path = snapshot.shown.path if snapshot.shown else None
+        k = snapshot.options.path_pose
         if path is not None and k is not None:
             place(self._path, path.Ts_cam_obj[min(k, len(path.Ts_cam_obj) - 1)])
         self._path.visible = path is not None and k is not None
 
-    def animation(self, view: Snapshot) -> Iterator[None]:
+    def animation(self, snapshot: Snapshot) -> Iterator[None]:
         """The way of the iteration at the cursor, one picture per turn; ends as :meth:`show` has it."""
-        iteration = view.shown
+        iteration = snapshot.shown
         if iteration is None:
             return
         visible = {name: node.visible for name, node in self._nodes.items()}
@@ -156,11 +156,11 @@ class PoseNodes:
         for name, was in visible.items():
             self._nodes[name].visible = was
         self._mover.visible = False
-        self._show_answer(view)
+        self._show_answer(snapshot)
 
-    def path_animation(self, view: Snapshot) -> Iterator[int]:
+    def path_animation(self, snapshot: Snapshot) -> Iterator[int]:
         """The simulated path pose by pose; gives the index of the pose that is shown."""
-        path = view.shown.path if view.shown else None
+        path = snapshot.shown.path if snapshot.shown else None
         if path is None:
             return
         self._path.visible = True

@@ -15,8 +15,8 @@ from verefine_viz.evaluation.errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.timeline_marks import FALL
-from verefine_viz.viewer.text.names import TERMS, arm_name, method_name, refiner_name
-from verefine_viz.viewer.text.poses import errors_in_words, movement, shift_mm, starts, turn
+from verefine_viz.viewer.text.display_names import TERMS, arm_name, method_name, refiner_name
+from verefine_viz.viewer.text.pose_words import errors_in_words, movement, shift_mm, starts, turn
 from verefine_viz.viewer.text.scene import found_by, pass_closed, place_in_run, scene_outcome, tree_sentence
 
 # By how much the answer won, and whether the runner-up was the better pose.
@@ -31,30 +31,30 @@ WORTH_MM = 1.0
 """A runner-up that is nearer to ground truth by less is as good."""
 
 
-def score_margin(view: Snapshot, best: Best) -> str:
+def score_margin(snapshot: Snapshot, best: Best) -> str:
     """As in: , 0.003 ahead of hypothesis 2, which is 4.1 mm nearer to ground truth.
 
     The latter where ground truth is known, of a lead below ``NEAR_TIE``, measured as ADD(-S) of the two poses. Empty
     where no other hypothesis could have been the answer.
     """
-    if view.state is None or not method_of(view.session.method.name).answers_best_of_all:
+    if snapshot.state is None or not method_of(snapshot.session.method.name).answers_best_of_all:
         return ""
     highest = {
-        j: max(arm.entries, key=lambda e: e.score.score) for j, arm in enumerate(view.state.arms) if j != best.arm
+        j: max(arm.entries, key=lambda e: e.score.score) for j, arm in enumerate(snapshot.state.arms) if j != best.arm
     }
     if not highest:
         return ""
     rival = max(highest, key=lambda j: highest[j].score.score)
     lead = best.score.score - highest[rival].score.score
-    nearer = _nearer(view, best.T_cam_obj, highest[rival].T_cam_obj) if lead < NEAR_TIE else ""
+    nearer = _nearer(snapshot, best.T_cam_obj, highest[rival].T_cam_obj) if lead < NEAR_TIE else ""
     if lead < NO_LEAD:
         return f", level with hypothesis {rival + 1}{nearer}"
     return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}{nearer}"
 
 
-def _nearer(view: Snapshot, T_best: Float, T_rival: Float) -> str:
+def _nearer(snapshot: Snapshot, T_best: Float, T_rival: Float) -> str:
     """As in: , which is 4.1 mm nearer to ground truth. Empty where it is not, or that is unknown."""
-    T_gt, model = view.target.instance.T_cam_obj_gt, view.target.model
+    T_gt, model = snapshot.target.instance.T_cam_obj_gt, snapshot.target.model
     if T_gt is None:
         return ""
     gain_mm = add_s_mm(model, T_best, T_gt) - add_s_mm(model, T_rival, T_gt)
@@ -67,16 +67,16 @@ MOST = 3
 """Moved poses that are named."""
 
 
-def moved_by_hand(view: Snapshot) -> str:
+def moved_by_hand(snapshot: Snapshot) -> str:
     """Which hypotheses the open run moves, when and how far, and which poses the session moves in other frames.
 
     As in: Hypothesis 4 was moved by hand before iteration 1, 12.0 mm and 20.0° from its initial pose. "" where none is.
     """
-    edits = view.edits
-    said = [_one(view, edit) for edit in edits[:MOST]]
+    edits = snapshot.edits
+    said = [_one(snapshot, edit) for edit in edits[:MOST]]
     if len(edits) > MOST:
         said.append(f"{len(edits) - MOST} more are moved by hand.")
-    elsewhere = [edit for edit in view.session.edits if edit not in edits and edit.frame != view.frame]
+    elsewhere = [edit for edit in snapshot.session.edits if edit not in edits and edit.frame != snapshot.frame]
     return " ".join((*said, *([_elsewhere(elsewhere)] if elsewhere else [])))
 
 
@@ -92,9 +92,9 @@ def _elsewhere(edits: Sequence[Edit]) -> str:
     return f"The session moves {what}{more} by hand, which this frame does not have; the frame that has it does so."
 
 
-def _one(view: Snapshot, edit: Edit) -> str:
-    o = view.scene.object(edit.instance)
-    who = f"Hypothesis {edit.hypothesis + 1}" + (f" of {o.label}" if len(view.scene.objects) > 1 else "")
+def _one(snapshot: Snapshot, edit: Edit) -> str:
+    o = snapshot.scene.object(edit.instance)
+    who = f"Hypothesis {edit.hypothesis + 1}" + (f" of {o.label}" if len(snapshot.scene.objects) > 1 else "")
     when = "was moved by hand before iteration 1"
     if edit.after_iteration:
         when = f"will be moved by hand after iteration {edit.after_iteration}"
@@ -117,38 +117,40 @@ HINTS = TERMS | {
 """What the headline's words mean."""
 
 
-def headline(view: Snapshot) -> str:
+def headline(snapshot: Snapshot) -> str:
     """What happened at the cursor, in one or two sentences."""
-    if view.cursor == 0:
-        return _ready(view)
-    if view.is_answer:
-        return _outcome(view)
-    if view.shown is None:
-        return f"{view.name} has had no iteration yet."
+    if snapshot.cursor == 0:
+        return _ready(snapshot)
+    if snapshot.is_answer:
+        return _outcome(snapshot)
+    if snapshot.shown is None:
+        return f"{snapshot.name} has had no iteration yet."
     # At the end of a run the last iteration is asked for by its last stage.
-    whole = view.progress.done == view.progress.total and view.options.stage == view.shown.stages[-1].name
-    if view.options.stage is not None and view.is_current and not whole:
-        return _stage_sentence(view, view.shown)
-    if view.shown.tree is not None:
-        said = tree_sentence(view.problem, view.shown, view.shown.tree)
+    whole = (
+        snapshot.progress.done == snapshot.progress.total and snapshot.options.stage == snapshot.shown.stages[-1].name
+    )
+    if snapshot.options.stage is not None and snapshot.is_current and not whole:
+        return _stage_sentence(snapshot, snapshot.shown)
+    if snapshot.shown.tree is not None:
+        said = tree_sentence(snapshot.problem, snapshot.shown, snapshot.shown.tree)
     else:
-        said = _iteration_sentence(view, view.shown)
-    if view.scene.closes_pass is not None and view.is_current:
-        said += f" {pass_closed(view.scene.closes_pass)}"
-    if not view.is_current:
-        said = f"(Latest of {view.name}, the cursor is at iteration {view.cursor}.) {said}"
+        said = _iteration_sentence(snapshot, snapshot.shown)
+    if snapshot.scene.closes_pass is not None and snapshot.is_current:
+        said += f" {pass_closed(snapshot.scene.closes_pass)}"
+    if not snapshot.is_current:
+        said = f"(Latest of {snapshot.name}, the cursor is at iteration {snapshot.cursor}.) {said}"
     return said
 
 
-def _ready(view: Snapshot) -> str:
-    if view.state is None:
+def _ready(snapshot: Snapshot) -> str:
+    if snapshot.state is None:
         return (
-            f"{view.name} has no hypothesis, so there is nothing to refine: "
+            f"{snapshot.name} has no hypothesis, so there is nothing to refine: "
             "name a results file that holds it, or choose another object."
         )
-    n_objects = len(view.scene.objects)
-    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "") + starts(view)
-    moved = moved_by_hand(view)
+    n_objects = len(snapshot.scene.objects)
+    start = "Ready, before iteration 1. " + (f"{n_objects} objects. " if n_objects > 1 else "") + starts(snapshot)
+    moved = moved_by_hand(snapshot)
     return f"{start} {moved}{' ' * bool(moved)}Press Step (N) for one iteration, Run (Space) for all."
 
 
@@ -165,14 +167,14 @@ def chosen_because(iteration: Iteration, n_arms: int) -> str:
     return f"{who} ({choice.reason.partition(': ')[2] or choice.reason})"
 
 
-def _iteration_sentence(view: Snapshot, iteration: Iteration) -> str:
-    place = place_in_run(view.scene, iteration)
+def _iteration_sentence(snapshot: Snapshot, iteration: Iteration) -> str:
+    place = place_in_run(snapshot.scene, iteration)
     place = f"{place}, " if place else ""
-    head = f"Iteration {iteration.index}, {place}{view.name}, {chosen_because(iteration, view.n_arms)}."
+    head = f"Iteration {iteration.index}, {place}{snapshot.name}, {chosen_because(iteration, snapshot.n_arms)}."
     parts = []
     for before, stage in pairwise(iteration.stages):
         if stage.name != "mixed":
-            parts.append(_what_it_did(view, iteration, before, stage))
+            parts.append(_what_it_did(snapshot, iteration, before, stage))
     body = "; ".join(parts)
     accepted = iteration.accepted
     end = f"{accepted.capitalize()} accepted" if accepted != "current" else "Neither was better: current pose accepted"
@@ -180,7 +182,7 @@ def _iteration_sentence(view: Snapshot, iteration: Iteration) -> str:
     if before is not None and _fell(iteration):
         end += f", although it scores less than before ({before.score:.{_digits(iteration)}f})"
     if _is_unverified(iteration):
-        end += f": {method_name(view.session.method.name)} accepts it {UNVERIFIED}"
+        end += f": {method_name(snapshot.session.method.name)} accepts it {UNVERIFIED}"
     return f"{head} {body[:1].upper()}{body[1:]}. {end}."
 
 
@@ -190,15 +192,15 @@ def _is_unverified(iteration: Iteration) -> bool:
     return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)
 
 
-def _what_it_did(view: Snapshot, iteration: Iteration, before: Stage, stage: Stage) -> str:
-    points = view.target.model.points
-    who = {"simulated": "simulation", "refined": "then " + refiner_name(view.session.method.refiner)}.get(
+def _what_it_did(snapshot: Snapshot, iteration: Iteration, before: Stage, stage: Stage) -> str:
+    points = snapshot.target.model.points
+    who = {"simulated": "simulation", "refined": "then " + refiner_name(snapshot.session.method.refiner)}.get(
         stage.name, f"the {stage.name} stage"
     )
     if stage.name == "simulated" and iteration.path is None:
         return "there was no simulation"
     if stage.name == "refined" and before.name == "current":
-        who = refiner_name(view.session.method.refiner)
+        who = refiner_name(snapshot.session.method.refiner)
     done = movement(before.T_cam_obj, stage.T_cam_obj, points)
     scored = f" and scored {stage.score.score:.{_digits(iteration)}f}" if stage.score is not None else ""
     return f"{who} {done}{scored}" if " and " not in done else f"{who} {done.replace(' and ', ', ')}{scored}"
@@ -217,38 +219,38 @@ def _digits(iteration: Iteration) -> int:
     return telling_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
 
 
-def _stage_sentence(view: Snapshot, iteration: Iteration) -> str:
+def _stage_sentence(snapshot: Snapshot, iteration: Iteration) -> str:
     names = [s.name for s in iteration.stages]
-    k = names.index(view.options.stage) if view.options.stage in names else len(names) - 1
+    k = names.index(snapshot.options.stage) if snapshot.options.stage in names else len(names) - 1
     stage = iteration.stages[k]
-    head = f"Iteration {iteration.index}, {view.name}, stage {k + 1} of {len(names)}: {stage.name}."
+    head = f"Iteration {iteration.index}, {snapshot.name}, stage {k + 1} of {len(names)}: {stage.name}."
     if k == 0:
         scored = f", which scores {stage.score.score:.{_digits(iteration)}f}" if stage.score else ""
-        who = chosen_because(iteration, view.n_arms)
+        who = chosen_because(iteration, snapshot.n_arms)
         return f"{head} {who[:1].upper()}{who[1:]} goes on from its current pose{scored}."
     if stage.name == "mixed":
         return f"{head} The simulated rotation with the translation from before: where the refiner starts."
-    did = _what_it_did(view, iteration, iteration.stages[k - 1], stage).removeprefix("then ")
+    did = _what_it_did(snapshot, iteration, iteration.stages[k - 1], stage).removeprefix("then ")
     return f"{head} {did[:1].upper()}{did[1:]}."
 
 
-def _outcome(view: Snapshot) -> str:
-    if len(view.scene.objects) == 1:
-        return f"Run finished: {_answer(view)}"
-    said = scene_outcome(view.scene) + found_by(view)
-    if view.options.focus is None:
+def _outcome(snapshot: Snapshot) -> str:
+    if len(snapshot.scene.objects) == 1:
+        return f"Run finished: {_answer(snapshot)}"
+    said = scene_outcome(snapshot.scene) + found_by(snapshot)
+    if snapshot.options.focus is None:
         return said
-    return f"{said} {view.name[:1].upper()}{view.name[1:]}: {_answer(view)}"
+    return f"{said} {snapshot.name[:1].upper()}{snapshot.name[1:]}: {_answer(snapshot)}"
 
 
-def _answer(view: Snapshot) -> str:
+def _answer(snapshot: Snapshot) -> str:
     """The answer of the object in focus."""
-    if view.state is None:
+    if snapshot.state is None:
         return "no hypothesis, so no pose."
-    best = view.scene.object(view.target.instance.instance_id).answer
+    best = snapshot.scene.object(snapshot.target.instance.instance_id).answer
     assert best is not None
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
-    shown = view.poses["best"]
-    said = f"{shown.label} {best.score.score:.2f}, {arm_name(view.target, best.arm)}, {where}{score_margin(view, best)}"
+    shown = snapshot.poses["best"]
+    said = f"{shown.label} {best.score.score:.2f}, {arm_name(snapshot.target, best.arm)}, {where}{score_margin(snapshot, best)}"
     errors = shown.errors
     return f"{said}; {errors_in_words(errors)}." if errors else f"{said}."

@@ -9,7 +9,7 @@ from verefine_viz.core.records import Iteration, TreeStep
 from verefine_viz.viewer.snapshot.scene_state import ClosedPass, SceneState, labels_of
 from verefine_viz.viewer.snapshot.search_tree import tree_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.names import is_correct
+from verefine_viz.viewer.text.display_names import is_correct
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -27,17 +27,17 @@ def scene_outcome(scene: SceneState) -> str:
     return f"{said}."
 
 
-def found_by(view: Snapshot) -> str:
+def found_by(snapshot: Snapshot) -> str:
     """Which iteration found a finished search's answer; empty where objects were solved one by one."""
-    if view.scene.n_clusters > 1 or not view.iterations:
+    if snapshot.scene.n_clusters > 1 or not snapshot.iterations:
         return ""
-    tree = tree_of(view.iterations)
+    tree = tree_of(snapshot.iterations)
     if tree is not None:
         return (
             f" The cheapest complete scene leaves {tree.incumbent_px:,.0f} px unexplained; iteration "
             f"{tree.incumbent_iteration} found it."
         )
-    latest = view.scene.latest_pass
+    latest = snapshot.scene.latest_pass
     if latest is None:
         return ""
     where = f"found by pass {latest.best_pass}" if latest.best_pass else "the initial poses"
@@ -96,16 +96,16 @@ def overlap_sentence(found: Any, scene: SceneState) -> str:
     return f"{names.get(found.first, 'object')} sinks {found.depth_mm:.0f} mm into {names.get(found.second, 'object')}"
 
 
-def scene_sentence(view: Snapshot) -> str:
+def scene_sentence(snapshot: Snapshot) -> str:
     """What the numbers of the whole scene mean."""
-    a, b = view.a, view.b
-    n = len(view.scene.objects)
+    a, b = snapshot.a, snapshot.b
+    n = len(snapshot.scene.objects)
     if a is None or b is None or a.pose.score is None or b.pose.score is None:
         return f"The whole scene of {n} objects."
     one, other = a.pose.score.score, b.pose.score.score
-    if view.is_answer:
+    if snapshot.is_answer:
         return f"Frame score: {other:.3f} with all {n} objects at their answers, {one:.3f} at their initial poses."
-    latest = view.scene.closes_pass
+    latest = snapshot.scene.closes_pass
     stand = f"as pass {latest.number} left them" if latest else "as they stand now"
     return f"Frame score: {other:.3f} with all {n} objects at their answers so far, {one:.3f} {stand}."
 
@@ -113,10 +113,10 @@ def scene_sentence(view: Snapshot) -> str:
 # The sentence above the list of objects: how far each of them is.
 
 
-def objects_words(view: Snapshot) -> str:
+def objects_words(snapshot: Snapshot) -> str:
     """As in: cereal is worked on, 2 are done, 3 wait."""
-    objects = view.scene.objects
-    if view.is_answer:
+    objects = snapshot.scene.objects
+    if snapshot.is_answer:
         known = [is_correct(o.errors) for o in objects if o.errors is not None]
         if known:
             return f"{sum(known)} of {len(objects)} answers are within 10 % of the diameter."

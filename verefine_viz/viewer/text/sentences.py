@@ -17,62 +17,64 @@ from verefine_viz.session.files import AT_ITS_START, changed, resolve
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.branch import current_values, nested
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.names import is_correct
-from verefine_viz.viewer.text.poses import edited_error, errors_in_words, movement, truth_score, turn
+from verefine_viz.viewer.text.display_names import is_correct
+from verefine_viz.viewer.text.pose_words import edited_error, errors_in_words, movement, truth_score, turn
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 
-def chosen(view: Snapshot) -> str:
+def chosen(snapshot: Snapshot) -> str:
     """Why the bandit took this hypothesis."""
-    if view.state is None:
+    if snapshot.state is None:
         return "There is no hypothesis to choose from."
-    shown = view.shown
+    shown = snapshot.shown
     if shown is None:
-        if view.state.by_hand:
-            return f"Nothing was chosen yet. Hypothesis {view.state.by_hand[0] + 1} was moved by hand: it comes first."
-        return _to_choose(view)
+        if snapshot.state.by_hand:
+            return (
+                f"Nothing was chosen yet. Hypothesis {snapshot.state.by_hand[0] + 1} was moved by hand: it comes first."
+            )
+        return _to_choose(snapshot)
     if shown.choice is None:
         works = f"it works on hypothesis {shown.arm + 1}"
-        return f"{beside_answer(view)}{view.session.method.name} does not choose between hypotheses: {works}."
-    return f"{beside_answer(view)}Iteration {shown.index} took {shown.choice.reason}."
+        return f"{beside_answer(snapshot)}{snapshot.session.method.name} does not choose between hypotheses: {works}."
+    return f"{beside_answer(snapshot)}Iteration {shown.index} took {shown.choice.reason}."
 
 
-def _to_choose(view: Snapshot) -> str:
+def _to_choose(snapshot: Snapshot) -> str:
     """What will be chosen first, where that is known."""
-    name = view.session.method.name
+    name = snapshot.session.method.name
     if method_of(name).has_tree:
         return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
     if not method_of(name).chooses:
         return f"{name} does not choose between hypotheses."
     if not method_of(name).has_ucb:
         return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
-    first = next_choice(Ucb(view.exploration), view.state)
+    first = next_choice(Ucb(snapshot.exploration), snapshot.state)
     return f"Nothing was chosen yet, and each initial pose counts as a play. First comes {first.reason}."
 
 
-def physics(view: Snapshot) -> str:
+def physics(snapshot: Snapshot) -> str:
     """What the simulation did and what the refiner made of it."""
-    shown = view.shown
-    if view.target.observation.support is None:
-        note = view.target.observation.support_note or "no support plane was found"
+    shown = snapshot.shown
+    if snapshot.target.observation.support is None:
+        note = snapshot.target.observation.support_note or "no support plane was found"
         return f"Physics is off for this frame: {note}"
-    if not view.session.physics.enabled:
+    if not snapshot.session.physics.enabled:
         return "Physics is switched off in the settings: nothing was simulated."
     if shown is None:
         return "No simulation yet: step once (N)."
-    if not is_revealed(view, "simulated") and shown.stage("simulated") is not None:
+    if not is_revealed(snapshot, "simulated") and shown.stage("simulated") is not None:
         return f"Iteration {shown.index} is about to be simulated: press Stage (M)."
     simulated = shown.stage("simulated")
-    refined = shown.stage("refined") if is_revealed(view, "refined") else None
+    refined = shown.stage("refined") if is_revealed(snapshot, "refined") else None
     if simulated is None or shown.path is None:
-        return f"{view.session.method.name} did not simulate in iteration {shown.index}."
-    points = view.target.model.points
+        return f"{snapshot.session.method.name} did not simulate in iteration {shown.index}."
+    points = snapshot.target.model.points
     steps = len(shown.path.Ts_cam_obj) - 1
-    several = len(view.scene.objects) > 1
-    label = view.scene.object(view.target.instance.instance_id).label
-    said = (f"{label}: " if several else "") + beside_answer(view)
+    several = len(snapshot.scene.objects) > 1
+    label = snapshot.scene.object(snapshot.target.instance.instance_id).label
+    said = (f"{label}: " if several else "") + beside_answer(snapshot)
     said += f"In {steps} steps the simulation {movement(shown.stages[0].T_cam_obj, simulated.T_cam_obj, points)}"
     n = len(shown.path.contacts[-1].depths_m) if shown.path.contacts else 0
     said += f", ending with {n} contact{'s' if n != 1 else ''}."
@@ -86,36 +88,34 @@ def physics(view: Snapshot) -> str:
     return said
 
 
-def truth(view: Snapshot) -> str:
+def truth(snapshot: Snapshot) -> str:
     """How far off the object is, and whether the score knows."""
-    if view.truth is None:
+    if snapshot.truth is None:
         return "This frame has no ground truth for the object, so there are no errors to show."
-    best = view.poses.get("best")
-    if best is None or best.errors is None or best.score is None or view.truth.score is None:
-        return f"{view.name} has no pose to measure."
-    by_hand = edited_error(view)
+    best = snapshot.poses.get("best")
+    if best is None or best.errors is None or best.score is None or snapshot.truth.score is None:
+        return f"{snapshot.name} has no pose to measure."
+    by_hand = edited_error(snapshot)
     if by_hand:
         return f"{by_hand} The best pose so far is off by {best.errors.add_s_mm:.1f} mm."
     verdict = "correct" if is_correct(best.errors) else "wrong"
     what = "answer" if best.is_of_best_scene else "best pose"
-    way = turning_on(view.target, best.T_cam_obj)
+    way = turning_on(snapshot.target, best.T_cam_obj)
     said = (
         f"The {what} so far is {errors_in_words(best.errors, way)}; ADD(-S) {best.errors.add_s_mm:.1f} mm is "
         f"{best.errors.relative:.0%} of the diameter: {verdict} by the usual 10 %."
     )
-    if view.state is not None and view.state.best.arm != view.arm:
-        said += (
-            f" Initial is where hypothesis {view.arm + 1} began; the {what} is of hypothesis {view.state.best.arm + 1}."
-        )
-    return f"{said}{never_refined(view)} {truth_score(view)}"
+    if snapshot.state is not None and snapshot.state.best.arm != snapshot.arm:
+        said += f" Initial is where hypothesis {snapshot.arm + 1} began; the {what} is of hypothesis {snapshot.state.best.arm + 1}."
+    return f"{said}{never_refined(snapshot)} {truth_score(snapshot)}"
 
 
-def never_refined(view: Snapshot) -> str:
+def never_refined(snapshot: Snapshot) -> str:
     """That the best pose is a initial pose although iterations worked on the object; "" where it is none."""
-    answer = view.scene.object(view.target.instance.instance_id).answer if view.is_answer else None
-    best = answer or (view.state.best if view.state is not None else None)
-    shown_to_its_end = view.cursor - view.is_partial
-    if best is None or best.stage != "initial" or not any(i.index <= shown_to_its_end for i in view.own_iterations):
+    answer = snapshot.scene.object(snapshot.target.instance.instance_id).answer if snapshot.is_answer else None
+    best = answer or (snapshot.state.best if snapshot.state is not None else None)
+    shown_to_its_end = snapshot.cursor - snapshot.is_partial
+    if best is None or best.stage != "initial" or not any(i.index <= shown_to_its_end for i in snapshot.own_iterations):
         return ""
     return " It is a initial pose: no iteration has improved upon it."
 
@@ -127,26 +127,26 @@ def remaining(seconds: float | None) -> str:
     return f"about {seconds:.0f} s left" if seconds < 90 else f"about {seconds / 60:.0f} min left"
 
 
-def the_answer(view: Snapshot) -> str:
+def the_answer(snapshot: Snapshot) -> str:
     """As in: the answer, of iteration 16. Plain text; the objects of a frame are each of another."""
-    if view.is_whole_scene:
+    if snapshot.is_whole_scene:
         return "the answer"
-    answer = view.scene.object(view.target.instance.instance_id).answer
+    answer = snapshot.scene.object(snapshot.target.instance.instance_id).answer
     if answer is None:
         return "no answer"
     own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
-    if len(view.scene.objects) > 1:
-        return f"the answer; {view.scene.object(view.target.instance.instance_id).label}: {own}"
+    if len(snapshot.scene.objects) > 1:
+        return f"the answer; {snapshot.scene.object(snapshot.target.instance.instance_id).label}: {own}"
     return f"the answer, {own}"
 
 
-def beside_answer(view: Snapshot) -> str:
+def beside_answer(snapshot: Snapshot) -> str:
     """Where the answer is shown: of which iteration the numbers are that belong to one; empty elsewhere."""
-    answer = view.scene.object(view.target.instance.instance_id).answer
-    if not view.is_answer or view.shown is None or answer is None:
+    answer = snapshot.scene.object(snapshot.target.instance.instance_id).answer
+    if not snapshot.is_answer or snapshot.shown is None or answer is None:
         return ""
-    last = f"iteration {view.shown.index}, the last one on it"
-    if answer.iteration == view.shown.index:
+    last = f"iteration {snapshot.shown.index}, the last one on it"
+    if answer.iteration == snapshot.shown.index:
         return f"The answer is of {last}. "
     own = f"of iteration {answer.iteration}" if answer.iteration else "a initial pose"
     return f"The answer is {own}; shown here is {last}. "
@@ -158,41 +158,41 @@ LABELS = {"camera image": "photo", "ground truth": "truth"}
 """Layers that the panel calls otherwise."""
 
 
-def view_words(view: Snapshot, switches: Iterable[str]) -> str:
+def view_words(snapshot: Snapshot, switches: Iterable[str]) -> str:
     """As in: Drawn of mug: current, truth. On, but not made here: simulated. Off: best.
 
     Args:
-        view: what is on the screen.
+        snapshot: what is on the screen.
         switches: the layers that can be switched, in the order to name them.
     """
-    layers, names = view.options.layers, tuple(switches)
-    if view.comparison is not None:
+    layers, names = snapshot.options.layers, tuple(switches)
+    if snapshot.comparison is not None:
         drawn = "Drawn: the poses of A, solid, and of B, as an outline."
     else:
-        poses = [name for name in STAGES if name in layers and name in view.poses]
-        drawn = f"Drawn of {view.name}: {_listed(poses) or 'no pose'}{_others(view)}."
-    waiting = [name for name in names if name in STAGES and name in layers and name not in view.poses]
+        poses = [name for name in STAGES if name in layers and name in snapshot.poses]
+        drawn = f"Drawn of {snapshot.name}: {_listed(poses) or 'no pose'}{_others(snapshot)}."
+    waiting = [name for name in names if name in STAGES and name in layers and name not in snapshot.poses]
     off = [name for name in names if name not in layers]
     return " ".join(
         (
             drawn,
-            *([f"On, but not made here: {_listed(waiting)}."] if waiting and view.comparison is None else []),
+            *([f"On, but not made here: {_listed(waiting)}."] if waiting and snapshot.comparison is None else []),
             f"Off: {_listed(off)}." if off else "Nothing is off.",
-            *_cloud(view),
+            *_cloud(snapshot),
         )
     )
 
 
-def _others(view: Snapshot) -> str:
-    n = sum(o.T_cam_obj is not None for o in view.scene.objects) - 1
-    return f"; {n} other object{'s' if n > 1 else ''}" if n > 0 and "others" in view.options.layers else ""
+def _others(snapshot: Snapshot) -> str:
+    n = sum(o.T_cam_obj is not None for o in snapshot.scene.objects) - 1
+    return f"; {n} other object{'s' if n > 1 else ''}" if n > 0 and "others" in snapshot.options.layers else ""
 
 
-def _cloud(view: Snapshot) -> list[str]:
-    if "cloud" not in view.options.layers or view.options.cloud == "colour":
+def _cloud(snapshot: Snapshot) -> list[str]:
+    if "cloud" not in snapshot.options.layers or snapshot.options.cloud == "colour":
         return []
-    of = view.b.pose.label if view.b is not None else "B"
-    meant = "observed − rendered depth" if view.options.cloud == "residual" else "class of each pixel"
+    of = snapshot.b.pose.label if snapshot.b is not None else "B"
+    meant = "observed − rendered depth" if snapshot.options.cloud == "residual" else "class of each pixel"
     return [f"Cloud: {meant} for {of}."]
 
 

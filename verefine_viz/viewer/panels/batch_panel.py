@@ -14,7 +14,7 @@ from verefine_viz.diagnosis.words import cause_title
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import BatchFilter, Command
 from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, warning
-from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
 from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot

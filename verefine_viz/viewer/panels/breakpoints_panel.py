@@ -75,13 +75,13 @@ class BreakpointsPanel:
         rows += "".join(beside_the_box(number, ROW_PX, NUMBER_FROM_PX) for number in self.numbers.values())
         gui.add_html(f"<style>{rows}</style>")
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Boxes and numbers as the breakpoints are set."""
-        self._words.show(sentence(breakpoint_words(view.session.breakpoints)))
+        self._words.show(sentence(breakpoint_words(snapshot.session.breakpoints)))
         for name, box in self.boxes.items():
-            box.value = getattr(view.session.breakpoints, name) not in (None, False)
+            box.value = getattr(snapshot.session.breakpoints, name) not in (None, False)
         for name, threshold in THRESHOLDS.items():
-            held = number_of(view.session.breakpoints, name)
+            held = number_of(snapshot.session.breakpoints, name)
             value = threshold.at_first if held is None else held
             if value != self._seen.get(name):
                 self._seen[name] = value

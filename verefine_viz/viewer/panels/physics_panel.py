@@ -10,13 +10,13 @@ import viser
 from verefine_viz.core.arrays import Float
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence, warning
-from verefine_viz.viewer.drawing.plausibility import plausibility_html
-from verefine_viz.viewer.drawing.tables import changes_table, contacts_table
+from verefine_viz.viewer.drawing.plausibility_picture import plausibility_html
+from verefine_viz.viewer.drawing.pose_tables import changes_table, contacts_table
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
-from verefine_viz.viewer.text.plausibility import plane_doubt
-from verefine_viz.viewer.text.poses import edited_score
+from verefine_viz.viewer.text.plausibility_verdict import plane_doubt
+from verefine_viz.viewer.text.pose_words import edited_score
 from verefine_viz.viewer.text.sentences import physics
 from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 
@@ -49,9 +49,9 @@ class PoseNumbers:
         self._from: Float | None = None
         self._to: Float | None = None
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The edited pose; nothing where none is."""
-        options = view.options
+        options = snapshot.options
         for widget in (self.axes, self.shift, self.turn):
             widget.visible = options.edited is not None
         self._from, self._to = options.T_cam_obj_edited_from, options.T_cam_obj_edited
@@ -113,27 +113,27 @@ class PhysicsPanel:
         self.play.on_click(by_person(lambda v: send(c.PlayPath() if v == "Play" else c.ScrubPath(None))))
         self._contacts = Block(gui)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The iteration that is shown; tables only where there is something to tell."""
-        self.go_on.visible = view.options.edited is not None
+        self.go_on.visible = snapshot.options.edited is not None
         self.edit.visible = not self.go_on.visible
         # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
-        self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
-        if view.has_plausibility:
-            self._standing.show(plausibility_html(view))
-        self._changes.show(changes_table(view))
-        path = view.shown.path if view.shown and is_revealed(view, "simulated") else None
+        self._words.show(sentence(edited_score(snapshot) or physics(snapshot)) + plane_warning(snapshot))
+        if snapshot.has_plausibility:
+            self._standing.show(plausibility_html(snapshot))
+        self._changes.show(changes_table(snapshot))
+        path = snapshot.shown.path if snapshot.shown and is_revealed(snapshot, "simulated") else None
         self.path.visible = self.play.visible = path is not None
         if path is not None:
             self.path.max = len(path.Ts_cam_obj) - 1
-            pose = view.options.path_pose
+            pose = snapshot.options.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
-        self._contacts.show(contacts_table(view) if path is not None else "")
-        self.numbers.show(view)
+        self._contacts.show(contacts_table(snapshot) if path is not None else "")
+        self.numbers.show(snapshot)
 
 
-def plane_warning(view: Snapshot) -> str:
+def plane_warning(snapshot: Snapshot) -> str:
     """A box where the plane that everything rests on is doubtful."""
-    support = view.target.observation.support
+    support = snapshot.target.observation.support
     said = plane_doubt(support) if support is not None else ""
     return warning(said) if said else ""

@@ -10,7 +10,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import hinted, link, note, sentence, swatch, text, warning
-from verefine_viz.viewer.drawing.tables import branches_table, event_lines
+from verefine_viz.viewer.drawing.pose_tables import branches_table, event_lines
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.findings import Finding, findings
@@ -73,54 +73,54 @@ class RunPanel:
         self._progress.visible = share is not None
         self._progress.value = 100.0 * (share or 0.0)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Everything in place."""
-        found = findings(view)
-        said = hinted(headline(view), HINTS) + event_lines(view) + of_the_end(view)
-        self._words.show(on_top(view, found) + said)
-        p = view.progress
+        found = findings(snapshot)
+        said = hinted(headline(snapshot), HINTS) + event_lines(snapshot) + of_the_end(snapshot)
+        self._words.show(on_top(snapshot, found) + said)
+        p = snapshot.progress
         self._progress.visible = p.running
         self._progress.value = 100.0 * p.done / max(p.total, 1)
         below = "".join(_box(f) for f in found if not f.on_top)
         if p.running:
             below = f'<p class="dim">{p.done} of {p.total} iterations, {text(remaining(p.remaining_s))}</p>' + below
         self._below.show(below)
-        _options(self.frame, view.frames, view.frame)
-        self.frame.visible = len(view.frames) > 1
-        _options(self.demo, view.demos, view.session.scene.demo)
-        self.demo.visible = view.session.scene.source == "demo" and bool(view.demos)
-        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in view.notes)
-        self._branches.show(branches_table(view) + notes)
+        _options(self.frame, snapshot.frames, snapshot.frame)
+        self.frame.visible = len(snapshot.frames) > 1
+        _options(self.demo, snapshot.demos, snapshot.session.scene.demo)
+        self.demo.visible = snapshot.session.scene.source == "demo" and bool(snapshot.demos)
+        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in snapshot.notes)
+        self._branches.show(branches_table(snapshot) + notes)
 
 
-def on_top(view: Snapshot, found: Sequence[Finding]) -> str:
+def on_top(snapshot: Snapshot, found: Sequence[Finding]) -> str:
     """What stands above the words about the iteration. Of several boxes one is whole, to leave room for those words."""
     said, boxes = "", [f for f in found if f.on_top]
-    if view.message:
-        extra = link(*view.offer) if view.offer else ""
-        said = warning(view.message, extra) if view.refused else note(view.message)
+    if snapshot.message:
+        extra = link(*snapshot.offer) if snapshot.offer else ""
+        said = warning(snapshot.message, extra) if snapshot.refused else note(snapshot.message)
     whole = None if said or not boxes else boxes[-1]
     return f'{said}<div class="top">{"".join(_box(f, folded=f is not whole) for f in boxes)}</div>'
 
 
-def of_the_end(view: Snapshot) -> str:
+def of_the_end(snapshot: Snapshot) -> str:
     """What is shown at the end of a finished run, and the way to what it is not."""
-    last = view.iterations[-1] if view.iterations else None
-    if last is None or not view.at_end:
+    last = snapshot.iterations[-1] if snapshot.iterations else None
+    if last is None or not snapshot.at_end:
         return ""
-    if not view.is_answer:
+    if not snapshot.is_answer:
         return f'<p class="dim">Shown: the last iteration. {link("show the answer", c.SeekEnd())}</p>'
     drawn = (
         f"{swatch(STAGE_COLORS['best'])}solid in 3D"
-        if len(view.scene.objects) == 1
+        if len(snapshot.scene.objects) == 1
         else "every object where it ends up"
     )
-    answer = view.scene.objects[0].answer
+    answer = snapshot.scene.objects[0].answer
     shown = f'<span class="term" title="{text(ANSWER)}">the answer</span>'
-    if len(view.scene.objects) == 1 and answer is not None and answer.iteration:
-        made = view.at(answer.iteration)
-        shown += f" of {link(f'iteration {made.index}', visit(view, made))}"
-    return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(view, last))}</p>'
+    if len(snapshot.scene.objects) == 1 and answer is not None and answer.iteration:
+        made = snapshot.at(answer.iteration)
+        shown += f" of {link(f'iteration {made.index}', visit(snapshot, made))}"
+    return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(snapshot, last))}</p>'
 
 
 def _box(finding: Finding, folded: bool = False) -> str:

@@ -6,7 +6,7 @@ from verefine_viz.batch.misled import misled
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.commands import OpenPoint
 from verefine_viz.viewer.drawing.markup import carries, text
-from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
 from verefine_viz.viewer.snapshot.score_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, ScorePlot, x_of
 from verefine_viz.viewer.state.gallery import Entry
 

@@ -23,7 +23,7 @@ from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, by_pers
 from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
-from verefine_viz.viewer.text.names import TERMS
+from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.web.viser_internals import compact
 
 MOVES: dict[str, s.Command] = {
@@ -74,10 +74,10 @@ class ComparePanel:
         self._settings = Block(gui)
         self.choice = ChoiceOfB(gui, send)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The comparison, or how to begin one."""
-        v = view.comparison
-        self.choice.show(view)
+        v = snapshot.comparison
+        self.choice.show(snapshot)
         for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
             handle.visible = v is not None
         self._progress.visible = v is not None and v.running
@@ -88,7 +88,7 @@ class ComparePanel:
             return
         b = v.effort_b
         self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
-        self._words.show(hinted(summary(v), TERMS) + legend(v) + computing(v, view.progress.running))
+        self._words.show(hinted(summary(v), TERMS) + legend(v) + computing(v, snapshot.progress.running))
         self.slider.max = max(len(v.timeline), 1)
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{scores_note(v)}{now_table(v)}')
@@ -178,17 +178,17 @@ class ChoiceOfB:
         values = {name: field.value for name, field in self.fields.items()}
         return tuple((name, v) for name, v in values.items() if v != self._known.get(name))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Drafts are kept until the settings of A change."""
         names = tuple(n for n in self.fields if n != "preset")
-        values = {**current_values(view.session, names), "preset": AS_A}
+        values = {**current_values(snapshot.session, names), "preset": AS_A}
         if values != self._known:
             self._known = values
             for name, field in self.fields.items():
                 field.value = values[name]
-        labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(view.branches)))
+        labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(snapshot.branches)))
         if labels != self._branches:
             self._branches = labels
             self.branch.options = labels
-        self.branch.visible = len(view.branches) > 1
-        self.branch.value = labels[view.comparison.index_b + 1] if view.comparison is not None else ""
+        self.branch.visible = len(snapshot.branches) > 1
+        self.branch.value = labels[snapshot.comparison.index_b + 1] if snapshot.comparison is not None else ""

@@ -12,7 +12,7 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.methods.registry import method_of
 from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
-from verefine_viz.viewer.text.names import method_name
+from verefine_viz.viewer.text.display_names import method_name
 
 if TYPE_CHECKING:
     from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -35,15 +35,15 @@ class UnsupportedStacking:
     """As in: "stands on cereal", "stands 70 mm above the table"."""
 
 
-def unsupported_stacking(view: Snapshot) -> tuple[UnsupportedStacking, ...]:
+def unsupported_stacking(snapshot: Snapshot) -> tuple[UnsupportedStacking, ...]:
     """What stands on what, by the dependency graph or else by ground truth, where the method does not know of it.
 
     Nothing while the data are in doubt: how high objects stand above the table is measured in them.
     """
-    method = method_of(view.session.method.name)
-    if method.knows_others or not method.simulates or not view.session.physics.enabled or view.data_doubts:
+    method = method_of(snapshot.session.method.name)
+    if method.knows_others or not method.simulates or not snapshot.session.physics.enabled or snapshot.data_doubts:
         return ()
-    return _unsupported_stacking(view.problem)
+    return _unsupported_stacking(snapshot.problem)
 
 
 @lru_cache(maxsize=4)
@@ -74,25 +74,25 @@ def height_above_plane_m(target: Target) -> float | None:
     return float((target.model.vertices @ (T_world_obj[:3, :3].T @ up)).min() + T_world_obj[:3, 3] @ up)
 
 
-def unsupported_stacking_warning(view: Snapshot) -> str:
+def unsupported_stacking_warning(snapshot: Snapshot) -> str:
     """That what stands on other objects will sink through them; empty where nothing does."""
-    found, labels = unsupported_stacking(view), labels_of(view.problem)
+    found, labels = unsupported_stacking(snapshot), labels_of(snapshot.problem)
     if not found:
         return ""
     said = first_of([f"{labels[one.instance_id]} {one.where}" for one in found], MOST_NAMED, "; ")
     they = "it sinks" if len(found) == 1 else "they sink"
     return (
-        f"{method_name(view.session.method.name)} settles every object on the table alone, as if the others were not "
+        f"{method_name(snapshot.session.method.name)} settles every object on the table alone, as if the others were not "
         f"there: {said}, so {they} in the simulation. VF_b and VF_d place what carries first."
     )
 
 
-def unsupported_stacking_hint(view: Snapshot, instance_id: int) -> str:
+def unsupported_stacking_hint(snapshot: Snapshot, instance_id: int) -> str:
     """The same about one object; empty where it stands on the plane."""
-    one = next((one for one in unsupported_stacking(view) if one.instance_id == instance_id), None)
+    one = next((one for one in unsupported_stacking(snapshot) if one.instance_id == instance_id), None)
     if one is None:
         return ""
-    return f"{one.where}; {method_name(view.session.method.name)} settles it on the table alone, so it sinks"
+    return f"{one.where}; {method_name(snapshot.session.method.name)} settles it on the table alone, so it sinks"
 
 
 Light = Literal["green", "amber", "red", "grey"]
@@ -158,6 +158,6 @@ def plane_doubt(support: Support) -> str:
 def share_hint() -> str:
     """What the share of the background on the plane means."""
     return (
-        "The rest is what else is in view: walls, things without a model. A doubtful plane holds less than "
+        "The rest is what else is in snapshot: walls, things without a model. A doubtful plane holds less than "
         f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."
     )

@@ -57,21 +57,21 @@ class SessionPanel:
 
         self._kept = Block(gui)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """What is open, and what was written."""
-        self._words.show(sentence(opened(view)))
-        self._listed = view.sessions
+        self._words.show(sentence(opened(snapshot)))
+        self._listed = snapshot.sessions
         # A browser sends nothing where the entry is chosen that the list shows, so that is never a session itself.
-        options = (open_now(view), *view.sessions)
+        options = (open_now(snapshot), *snapshot.sessions)
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = options[0]
-        self._kept.show("".join(written(kept, view.refused) for kept in view.written))
+        self._kept.show("".join(written(kept, snapshot.refused) for kept in snapshot.written))
 
 
-def open_now(view: Snapshot) -> str:
+def open_now(snapshot: Snapshot) -> str:
     """What the list of sessions shows: the file that was read or written last, as in: mug.toml is open."""
-    return CHOOSE if view.session_file is None else f"{view.session_file.name} is open"
+    return CHOOSE if snapshot.session_file is None else f"{snapshot.session_file.name} is open"
 
 
 def written(kept: WrittenFile, before: bool = False) -> str:
@@ -80,22 +80,24 @@ def written(kept: WrittenFile, before: bool = False) -> str:
     return f"<p>Written{' before' if before else ''}: <code>{text(kept.path)}</code>{note}</p>"
 
 
-def opened(view: Snapshot) -> str:
+def opened(snapshot: Snapshot) -> str:
     """What is open, and what happens on the way that no other panel shows."""
-    title = view.session.title or "untitled"
-    built_in = f", built-in scene “{view.session.scene.demo}”" if view.session.scene.source == "demo" else ""
-    file = f", from {view.session_path}" if view.session_path else f"{built_in}, not from a file"
-    file = f", read from the recording {view.recording}" if view.recording else file
+    title = snapshot.session.title or "untitled"
+    built_in = f", built-in scene “{snapshot.session.scene.demo}”" if snapshot.session.scene.source == "demo" else ""
+    file = f", from {snapshot.session_path}" if snapshot.session_path else f"{built_in}, not from a file"
+    file = f", read from the recording {snapshot.recording}" if snapshot.recording else file
     # One of the two is as it was typed.
-    if view.session_file and (view.session_path is None or view.session_file != view.session_path.resolve()):
-        file += f", written to {view.session_file}"
-    moved = len(view.edits)
-    n, n_frames = len(view.problem.instances), len(view.frames)
+    if snapshot.session_file and (
+        snapshot.session_path is None or snapshot.session_file != snapshot.session_path.resolve()
+    ):
+        file += f", written to {snapshot.session_file}"
+    moved = len(snapshot.edits)
+    n, n_frames = len(snapshot.problem.instances), len(snapshot.frames)
     among = f", one of {n_frames}," if n_frames > 1 else ""
-    said = f"Session “{title}”{file}: frame {view.frame}{among} with {n} object{'s' if n != 1 else ''}."
+    said = f"Session “{title}”{file}: frame {snapshot.frame}{among} with {n} object{'s' if n != 1 else ''}."
     if moved:
         said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
-    for change in view.session.changes:
+    for change in snapshot.session.changes:
         values = (f"{section}.{key} = {v}" for section, keys in change.settings.items() for key, v in keys.items())
         said += f" After iteration {change.after_iteration}: {', '.join(values)}."
     return said

@@ -13,8 +13,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import NONE, Row, cut, number, swatch, table, text, with_hints
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.names import TERMS, arm_color, source_of
-from verefine_viz.viewer.text.poses import score_digits, shift_mm, turn
+from verefine_viz.viewer.text.display_names import TERMS, arm_color, source_of
+from verefine_viz.viewer.text.pose_words import score_digits, shift_mm, turn
 
 # The tables of a score: its parts pose by pose, and what one pixel adds to it.
 
@@ -92,30 +92,30 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
 NOT_COMPARABLE = "not comparable"
 
 
-def last_of_old_scale(view: Snapshot) -> int | None:
+def last_of_old_scale(snapshot: Snapshot) -> int | None:
     """The last iteration up to the cursor that was scored by other settings than those at the cursor."""
-    return max((k for k in _ends(view) if k < view.cursor), default=None)
+    return max((k for k in _ends(snapshot) if k < snapshot.cursor), default=None)
 
 
-def other_scale_note(view: Snapshot) -> str:
+def other_scale_note(snapshot: Snapshot) -> str:
     """A line above numbers of both scales; empty where there is one."""
-    said = _said(view)
+    said = _said(snapshot)
     return f'<p class="legend dim">{text(said)}</p>' if said else ""
 
 
-def other_scale_sign(view: Snapshot) -> str:
+def other_scale_sign(snapshot: Snapshot) -> str:
     """The same where there is room for a sign only."""
-    said = _said(view)
+    said = _said(snapshot)
     return f'<span title="{text(said)}" style="cursor:help">⚠</span>' if said else ""
 
 
-def one_scale_note(view: Snapshot) -> str:
+def one_scale_note(snapshot: Snapshot) -> str:
     """A line above numbers that are all of one scale, where the iterations up to the cursor, or the next, have two."""
-    k = max((k for k in _ends(view) if k <= view.cursor), default=None)
+    k = max((k for k in _ends(snapshot) if k <= snapshot.cursor), default=None)
     if k is None:
         return ""
     # At the end of a finished run its answer is judged, by the last settings.
-    is_later = view.cursor > k or view.at_end
+    is_later = snapshot.cursor > k or snapshot.at_end
     said = f"{_changed(k)} All here are by the {'later' if is_later else 'earlier'} settings."
     return f'<p class="legend dim">{text(said)}</p>'
 
@@ -132,14 +132,14 @@ def other_branches_note(branches: Sequence[BranchSummary]) -> str:
     return f'<p class="legend dim">{said}</p>' if any(b.has_other_scale for b in branches) else ""
 
 
-def _ends(view: Snapshot) -> list[int]:
+def _ends(snapshot: Snapshot) -> list[int]:
     """The iterations after which settings of the score changed."""
-    ends = (c.after_iteration for c in view.session.changes if "score" in c.settings)
+    ends = (c.after_iteration for c in snapshot.session.changes if "score" in c.settings)
     return [k for k in ends if k > 0]
 
 
-def _said(view: Snapshot) -> str:
-    k = last_of_old_scale(view)
+def _said(snapshot: Snapshot) -> str:
+    k = last_of_old_scale(snapshot)
     return "" if k is None else _changed(k)
 
 
@@ -147,15 +147,15 @@ def _changed(k: int) -> str:
     return f"The score's settings changed after iteration {k}: scores up to there are {NOT_COMPARABLE} with later ones."
 
 
-def changes_table(view: Snapshot) -> str:
+def changes_table(snapshot: Snapshot) -> str:
     """What each stage did to the pose before it."""
-    shown = view.shown
+    shown = snapshot.shown
     if shown is None:
         return ""
-    points = view.target.model.points
+    points = snapshot.target.model.points
     rows = []
     for before, stage in zip(shown.stages, shown.stages[1:]):  # noqa: B905
-        if not is_revealed(view, stage.name):
+        if not is_revealed(snapshot, stage.name):
             break
         angle, axis = turn(before.T_cam_obj, stage.T_cam_obj)
         cells = [
@@ -174,16 +174,16 @@ def changes_table(view: Snapshot) -> str:
     return table(head, rows) if rows else ""
 
 
-def contacts_table(view: Snapshot, most: int = 8) -> str:
+def contacts_table(snapshot: Snapshot, most: int = 8) -> str:
     """The contacts at the pose of the simulated path that is shown."""
-    path = view.shown.path if view.shown else None
+    path = snapshot.shown.path if snapshot.shown else None
     if path is None or not path.contacts:
         return ""
-    k = view.options.path_pose if view.options.path_pose is not None else len(path.contacts)
+    k = snapshot.options.path_pose if snapshot.options.path_pose is not None else len(path.contacts)
     if k == 0:
         return '<p class="dim">Pose 0 is the start: contacts are known from step 1 on.</p>'
     contacts = path.contacts[min(k, len(path.contacts)) - 1]
-    names = {i.instance_id: view.problem.models[i.obj_id].name for i in view.problem.instances}
+    names = {i.instance_id: snapshot.problem.models[i.obj_id].name for i in snapshot.problem.instances}
     order = sorted(range(len(contacts.depths_m)), key=lambda i: -float(contacts.forces_n[i]))
     rows = [
         Row(
@@ -205,15 +205,15 @@ def contacts_table(view: Snapshot, most: int = 8) -> str:
     return title + (table(head, rows) if rows else "")
 
 
-def errors_table(view: Snapshot) -> str:
+def errors_table(snapshot: Snapshot) -> str:
     """Errors of every stage at the cursor; click a row to see it beside the best."""
     rows = []
     for name in STAGES:
-        pose = view.poses.get(name)
+        pose = snapshot.poses.get(name)
         if pose is None or pose.errors is None:
             continue
         e = pose.errors
-        is_truth, way = name == "ground truth", turning_on(view.target, pose.T_cam_obj)
+        is_truth, way = name == "ground truth", turning_on(snapshot.target, pose.T_cam_obj)
         cells = [
             f"{swatch(STAGE_COLORS[name])}{'truth' if is_truth else pose.label}",
             NONE if is_truth else _angle(e.rotation_deg),
@@ -224,7 +224,7 @@ def errors_table(view: Snapshot) -> str:
             NONE if is_truth else f"{e.relative:.0%}",
             number(pose.score.score if pose.score else None, 3),
         ]
-        rows.append(Row(cells, c.Compare(b=name), marked=name == view.options.b))
+        rows.append(Row(cells, c.Compare(b=name), marked=name == snapshot.options.b))
     head = [
         ("stage", "click a row to compare it with stage A"),
         ("rot.", "angle to the nearest of the poses that look the same"),
@@ -243,13 +243,13 @@ def _angle(degrees: float) -> str:
     return f"{degrees:.1f}°" if degrees < 9.95 else f"{degrees:.0f}°"
 
 
-def starts_table(view: Snapshot) -> str:
+def starts_table(snapshot: Snapshot) -> str:
     """Errors of the initial poses."""
     rows = []
-    for j, (h, e) in enumerate(zip(view.target.instance.hypotheses, view.initial_errors, strict=True)):
+    for j, (h, e) in enumerate(zip(snapshot.target.instance.hypotheses, snapshot.initial_errors, strict=True)):
         if e is None:
             return ""
-        score = view.state.initial[j].score if view.state is not None else None
+        score = snapshot.state.initial[j].score if snapshot.state is not None else None
         cells = [
             f"{swatch(arm_color(j))}{j + 1}", cut(source_of(h)), f"{e.rotation_deg:.1f}°",
             f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
@@ -262,14 +262,14 @@ def starts_table(view: Snapshot) -> str:
     return "<p><b>Initial poses</b></p>" + table(head, rows)
 
 
-def branches_table(view: Snapshot) -> str:
+def branches_table(snapshot: Snapshot) -> str:
     """The runs on this frame, and how the object in focus fared in each."""
-    if len(view.branches) < 2:
+    if len(snapshot.branches) < 2:
         return ""
-    ids = [i.instance_id for i in view.problem.instances]
-    k = ids.index(view.target.instance.instance_id)
+    ids = [i.instance_id for i in snapshot.problem.instances]
+    k = ids.index(snapshot.target.instance.instance_id)
     rows = []
-    for i, branch in enumerate(view.branches):
+    for i, branch in enumerate(snapshot.branches):
         best, errors = branch.best[k], branch.errors[k]
         cells = [
             cut(branch.name, 170),
@@ -277,17 +277,17 @@ def branches_table(view: Snapshot) -> str:
             number(best.score.score if best else None, 3) + other_branch_sign(branch),
             number(errors.add_s_mm if errors else None, 1),
         ]
-        rows.append(Row(cells, c.ShowBranch(i), marked=i == view.branch))
+        rows.append(Row(cells, c.ShowBranch(i), marked=i == snapshot.branch))
     head = [
         ("branch", "click a row to switch to it"), ("made", "iterations"), ("best", "best score of this object"),
         ("ADD(-S)", "error of that pose [mm]"),
     ]  # fmt: skip
-    return table(head, rows) + other_branches_note(view.branches)
+    return table(head, rows) + other_branches_note(snapshot.branches)
 
 
-def event_lines(view: Snapshot) -> str:
+def event_lines(snapshot: Snapshot) -> str:
     """The marks of the iteration that is shown; none where the answer is."""
-    if view.is_answer:
+    if snapshot.is_answer:
         return ""
-    own = [m for m in view.marks if view.shown is not None and m.iteration == view.shown.index]
+    own = [m for m in snapshot.marks if snapshot.shown is not None and m.iteration == snapshot.shown.index]
     return "".join(f"<p>{swatch(m.color)}{with_hints(m.text, TERMS)}</p>" for m in own)

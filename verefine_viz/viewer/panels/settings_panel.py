@@ -13,7 +13,7 @@ from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.widgets import Block, Send, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
-from verefine_viz.viewer.text.names import shortened
+from verefine_viz.viewer.text.display_names import shortened
 from verefine_viz.viewer.text.sentences import settings_words, waiting
 from verefine_viz.viewer.web.viser_internals import compact, side_by_side, unlabelled
 
@@ -82,7 +82,7 @@ class SettingsPanel:
         self._labels = {name: handle.label for name, handle in self._fields.items()}
         for handle in self._fields.values():
             handle.on_update(by_person(lambda _: self._tell()))
-        self._view: Snapshot | None = None
+        self._snapshot: Snapshot | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
 
@@ -98,9 +98,9 @@ class SettingsPanel:
 
         self.apply.on_click(by_person(apply))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The settings that hold at the end of this branch; drafts are kept until those change."""
-        values = dict(current_values(view.session, tuple(self._fields)))
+        values = dict(current_values(snapshot.session, tuple(self._fields)))
         if values != self._known:
             self._known = values
             for name, handle in self._fields.items():
@@ -108,20 +108,20 @@ class SettingsPanel:
                 if isinstance(handle, viser.GuiDropdownHandle) and values[name] not in handle.options:
                     handle.options = (*handle.options, values[name])
                 handle.value = values[name]
-        self._view = view
+        self._snapshot = snapshot
         self._tell()
-        self._focus = view.target.instance.instance_id
+        self._focus = snapshot.target.instance.instance_id
         self._label_estimate()
-        self._fields["method.discount"].visible = method_of(view.session.method.name).has_passes
-        self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
-        self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
-        self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
-        self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
+        self._fields["method.discount"].visible = method_of(snapshot.session.method.name).has_passes
+        self._fields["tricp.trim"].visible = snapshot.session.method.refiner == "trimmed_icp"
+        self._fields["icp.max_iterations"].visible = snapshot.session.method.refiner == "icp"
+        self._fields["dependency.rule"].visible = len(snapshot.problem.instances) > 1
+        self._fields["hypotheses.seed"].visible = snapshot.session.hypotheses.source == "perturb"
 
     @property
     def waiting(self) -> tuple[str, ...]:
         """What was typed and waits for Restart or Fork, in words."""
-        return () if self._view is None else waiting(self._view.session, self._labels, self._typed)
+        return () if self._snapshot is None else waiting(self._snapshot.session, self._labels, self._typed)
 
     @property
     def _typed(self) -> dict[str, Any]:
@@ -129,12 +129,12 @@ class SettingsPanel:
 
     def _label_estimate(self) -> None:
         """What the button does with the object in focus."""
-        if self._view is not None:
+        if self._snapshot is not None:
             does = "Restore" if ESTIMATORS[self.estimator.value] == "session" else "Estimate"
-            self.estimate.label = f"{does} {shortened(self._view.name, NAME_PX)} here"
+            self.estimate.label = f"{does} {shortened(self._snapshot.name, NAME_PX)} here"
 
     def _tell(self) -> None:
         """What holds, and what was typed since."""
-        if self._view is not None:
-            said = settings_words(self._view.session, self._labels, self._typed, self._view.cursor)
+        if self._snapshot is not None:
+            said = settings_words(self._snapshot.session, self._labels, self._typed, self._snapshot.cursor)
             self._words.show(sentence(said))

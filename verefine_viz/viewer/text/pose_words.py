@@ -16,7 +16,7 @@ from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 from verefine_viz.evaluation.turning import Turning, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
-from verefine_viz.viewer.text.names import is_correct, method_name
+from verefine_viz.viewer.text.display_names import is_correct, method_name
 
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
@@ -70,41 +70,45 @@ def errors_in_words(errors: PoseErrors | None, way: Turning | None = None) -> st
 # The pose that a person moves by hand, in words: each panel says of it what it judges.
 
 
-def edited_score(view: Snapshot) -> str:
+def edited_score(snapshot: Snapshot) -> str:
     """What the edited pose scores, and the pose that it is compared with; "" where none is edited.
 
     As in: Hypothesis 1 by hand scores 0.753 and is 2.2° and 4.1 mm from ground truth; the accepted pose (of
     hypothesis 2) has 0.755.
     """
-    edited, kept = view.poses.get("edited"), view.poses.get("accepted") or view.poses.get("current")
+    edited, kept = snapshot.poses.get("edited"), snapshot.poses.get("accepted") or snapshot.poses.get("current")
     if edited is None or edited.score is None:
         return ""
-    said = f"Hypothesis {view.arm + 1} by hand scores {edited.score.score:.3f}"
+    said = f"Hypothesis {snapshot.arm + 1} by hand scores {edited.score.score:.3f}"
     if edited.errors is not None:
-        said += f" and is {errors_in_words(edited.errors, turning_on(view.target, edited.T_cam_obj))}"
+        said += f" and is {errors_in_words(edited.errors, turning_on(snapshot.target, edited.T_cam_obj))}"
     if kept is None or kept.score is None:
         return f"{said}."
-    of = f" (of hypothesis {view.shown.arm + 1})" if view.shown is not None and view.shown.arm != view.arm else ""
+    of = (
+        f" (of hypothesis {snapshot.shown.arm + 1})"
+        if snapshot.shown is not None and snapshot.shown.arm != snapshot.arm
+        else ""
+    )
     return f"{said}; the {kept.name} pose{of} has {kept.score.score:.3f}."
 
 
-def edited_error(view: Snapshot) -> str:
+def edited_error(snapshot: Snapshot) -> str:
     """How far off the edited pose is; "" where none is edited, or that is unknown."""
-    edited = view.poses.get("edited")
+    edited = snapshot.poses.get("edited")
     if edited is None or edited.errors is None:
         return ""
     found, said = edited.errors, "correct" if is_correct(edited.errors) else "wrong"
-    way = turning_on(view.target, edited.T_cam_obj)
+    way = turning_on(snapshot.target, edited.T_cam_obj)
     return (
-        f"The edited pose (hypothesis {view.arm + 1}) is {errors_in_words(found, way)}; ADD(-S) "
+        f"The edited pose (hypothesis {snapshot.arm + 1}) is {errors_in_words(found, way)}; ADD(-S) "
         f"{found.add_s_mm:.1f} mm is {found.relative:.0%} of the diameter: {said} by the usual 10 %."
     )
 
 
-def edited_beside(view: Snapshot) -> str:
+def edited_beside(snapshot: Snapshot) -> str:
     """That neither stage that is compared is the edited pose; "" where one of them is, or none is edited."""
-    edited = view.poses.get("edited")
-    if edited is None or edited.score is None or "edited" in (view.options.a, view.options.b):
+    edited = snapshot.poses.get("edited")
+    if edited is None or edited.score is None or "edited" in (snapshot.options.a, snapshot.options.b):
         return ""
     return f" The pose that you edit scores {edited.score.score:.3f}; choose “edited” as A or B to compare it."
 
@@ -120,15 +124,15 @@ def prefers(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> bool:
     return wrong is not None and right is not None and wrong.score >= right.score
 
 
-def preferred_wrong(view: Snapshot, wrong: PoseScore, right: PoseScore) -> str:
+def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> str:
     """That the answer, which is wrong, scores more than the truth, because of what, and what to do."""
-    best = view.poses["best"]
+    best = snapshot.poses["best"]
     assert best.errors is not None
     how = f" ({best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off)"
-    return preferred(view.name, best.errors.relative, wrong, right, how) + _what_to_do(best)
+    return preferred(snapshot.name, best.errors.relative, wrong, right, how) + _what_to_do(best)
 
 
-def truth_score(view: Snapshot) -> str:
+def truth_score(snapshot: Snapshot) -> str:
     """How the best pose so far and the true pose score, for where errors are shown; "" where that is not known.
 
     Of an answer that only a turn makes wrong, which the model should have declared, that is said instead.
@@ -136,11 +140,11 @@ def truth_score(view: Snapshot) -> str:
     As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer; if
     5.5 mm is too much, look at the depth there and at the score's settings.
     """
-    best, truth = view.poses.get("best"), view.truth
+    best, truth = snapshot.poses.get("best"), snapshot.truth
     if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
         return ""
-    if view.undeclared is not None:
-        return view.undeclared.in_words(view.name)  # A score cannot tell such a pose from the true one.
+    if snapshot.undeclared is not None:
+        return snapshot.undeclared.in_words(snapshot.name)  # A score cannot tell such a pose from the true one.
     own, true = told_apart(best.score.score, truth.score.score, 3)
     if not prefers(best, truth):
         return f"The true pose scores more: {true} against {own}."
@@ -172,22 +176,24 @@ def _what_to_do(best: EvaluatedPose) -> str:
 _SAME = 1e-6
 
 
-def compared(view: Snapshot) -> str:
+def compared(snapshot: Snapshot) -> str:
     """Why the two stages that are compared differ in score; of which object, where there are several."""
-    a, b = view.a, view.b
-    label = view.scene.object(view.target.instance.instance_id).label
+    a, b = snapshot.a, snapshot.b
+    label = snapshot.scene.object(snapshot.target.instance.instance_id).label
     if a is None or b is None:
         return f"{label} has no pose to judge; give it a hypothesis."
     pairs = [
-        (wanted, side.pose) for wanted, side in ((view.options.a, a), (view.options.b, b)) if side.pose.name != wanted
+        (wanted, side.pose)
+        for wanted, side in ((snapshot.options.a, a), (snapshot.options.b, b))
+        if side.pose.name != wanted
     ]
     missing = [name for name, _ in pairs]
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
-    lead = f"{label}: " if len(view.scene.objects) > 1 else ""
+    lead = f"{label}: " if len(snapshot.scene.objects) > 1 else ""
     # An iteration that is shown to its end will not make it any more.
-    yet = "" if view.shown is not None and not view.is_partial else " yet"
+    yet = "" if snapshot.shown is not None and not snapshot.is_partial else " yet"
     lead += f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}. " if missing else ""
-    return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(view)
+    return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(snapshot)
 
 
 def score_digits(scores: Sequence[PoseScore | None]) -> int:
@@ -234,25 +240,25 @@ def _pixels(one: PoseScore, other: PoseScore) -> str:
 # What an object starts from, before the first iteration: which hypothesis scores best, and which is nearest.
 
 
-def starts(view: Snapshot) -> str:
+def starts(snapshot: Snapshot) -> str:
     """The hypotheses of the object in focus, which has some, at the cursor before iteration 1.
 
     As in: mug has 5 hypotheses; hypothesis 3 scores best with 0.15, hypothesis 4 is nearest, 12.0° and 3.1 mm from the
     truth.
     """
-    best, arms, n = view.state.best, view.state.arms, view.n_arms
-    errors = start_errors(view)
+    best, arms, n = snapshot.state.best, snapshot.state.arms, snapshot.n_arms
+    errors = start_errors(snapshot)
     known = [(e.add_s_mm, j) for j, e in enumerate(errors) if e is not None]
     nearest = min(known)[1] if known else None
     off = errors_in_words(errors[nearest]) if nearest is not None else ""
     who, score = f"hypothesis {best.arm + 1}", f"{best.score.score:.2f}"
     if n == 1:
-        return f"{view.name} has 1 hypothesis, which scores {score}{f'; it is {off}' if off else ''}."
-    said = f"{view.name} has {n} hypotheses; "
+        return f"{snapshot.name} has 1 hypothesis, which scores {score}{f'; it is {off}' if off else ''}."
+    said = f"{snapshot.name} has {n} hypotheses; "
     # The pose that a hypothesis was moved away from may still be the best one.
     left = _moved_first(arms[best.arm]) is not None and best.stage != "edited"
     if len(arms) < n:
-        said += f"{method_name(view.session.method.name)} works on {who} alone, which scores {score}"
+        said += f"{method_name(snapshot.session.method.name)} works on {who} alone, which scores {score}"
     else:
         said += f"{'the initial pose of ' * left}{who} scores best with {score}"
     if nearest is None:
@@ -262,14 +268,14 @@ def starts(view: Snapshot) -> str:
     return f"{said}, hypothesis {nearest + 1} is nearest, {off}."
 
 
-def start_errors(view: Snapshot) -> list[PoseErrors | None]:
+def start_errors(snapshot: Snapshot) -> list[PoseErrors | None]:
     """Of each hypothesis of the object in focus where it started: its initial pose, or where it was edited to."""
-    T_gt, errors = view.target.instance.T_cam_obj_gt, list(view.initial_errors)
-    if T_gt is not None and view.state is not None:
-        for j, arm in enumerate(view.state.arms):
+    T_gt, errors = snapshot.target.instance.T_cam_obj_gt, list(snapshot.initial_errors)
+    if T_gt is not None and snapshot.state is not None:
+        for j, arm in enumerate(snapshot.state.arms):
             moved = _moved_first(arm)
             if moved is not None:
-                errors[j] = pose_errors(view.target.model, moved.T_cam_obj, T_gt)
+                errors[j] = pose_errors(snapshot.target.model, moved.T_cam_obj, T_gt)
     return errors
 
 

@@ -14,7 +14,7 @@ from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
 from verefine_viz.viewer.panels.widgets import Block, Send
 from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.names import method_name
+from verefine_viz.viewer.text.display_names import method_name
 
 RULES = {
     "recommended": "It follows from what touches, hides and carries what.",
@@ -29,28 +29,28 @@ class DependenciesPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._block = Block(gui, "order")
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The graph of the frame; it does not change during a run."""
-        self._block.show(order_html(view))
+        self._block.show(order_html(snapshot))
 
 
-def order_html(view: Snapshot) -> str:
+def order_html(snapshot: Snapshot) -> str:
     """The whole content of the panel."""
-    graph, names = view.problem.dependencies, labels_of(view.problem)
+    graph, names = snapshot.problem.dependencies, labels_of(snapshot.problem)
     if len(names) < 2:
         return sentence("There is one object in this frame, and nothing to order.")
     if graph is None:
         return sentence("How the objects depend on each other was not looked at.")
-    focus = None if view.is_whole_scene else view.target.instance.instance_id
+    focus = None if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     nodes = {
         i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
-        for k, i in enumerate(view.problem.instances)
+        for k, i in enumerate(snapshot.problem.instances)
     }
     return "".join(
         (
-            sentence(f"{order_sentence(graph, names, view.session.method.name)} {RULES[graph.source]}"),
+            sentence(f"{order_sentence(graph, names, snapshot.session.method.name)} {RULES[graph.source]}"),
             picture(graph, nodes),
-            _actions(view, graph),
+            _actions(snapshot, graph),
             *(_pair(edges, names) for edges in pairs(graph)),
             *(warning(f"{note[:1].upper()}{note[1:]}.") for note in graph.notes),
         )
@@ -94,7 +94,7 @@ def _carries_all(graph: DependencyGraph, base: int, rest: list[int]) -> bool:
     return set(rest) <= direct
 
 
-def _actions(view: Snapshot, graph: DependencyGraph) -> str:
+def _actions(snapshot: Snapshot, graph: DependencyGraph) -> str:
     hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
     back = ""
     if graph.source == "given":

@@ -11,20 +11,20 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.command_json import from_json
-from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
-from verefine_viz.viewer.panels.batch import BatchPanel
-from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
-from verefine_viz.viewer.panels.compare import ComparePanel
-from verefine_viz.viewer.panels.dependencies import DependenciesPanel
-from verefine_viz.viewer.panels.errors import ErrorsPanel, ScoreErrorPanel
-from verefine_viz.viewer.panels.objects import ObjectsPanel, height_px
-from verefine_viz.viewer.panels.physics import PhysicsPanel
-from verefine_viz.viewer.panels.run import RunPanel
-from verefine_viz.viewer.panels.score import MapsPanel, ScorePanel
-from verefine_viz.viewer.panels.session import SessionPanel
-from verefine_viz.viewer.panels.settings import SettingsPanel
-from verefine_viz.viewer.panels.timeline import TimelinePanel
-from verefine_viz.viewer.panels.view import ViewPanel
+from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
+from verefine_viz.viewer.panels.batch_panel import BatchPanel
+from verefine_viz.viewer.panels.breakpoints_panel import BreakpointsPanel
+from verefine_viz.viewer.panels.compare_panel import ComparePanel
+from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
+from verefine_viz.viewer.panels.order_panel import DependenciesPanel
+from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
+from verefine_viz.viewer.panels.run_panel import RunPanel
+from verefine_viz.viewer.panels.score_panel import MapsPanel, ScorePanel
+from verefine_viz.viewer.panels.session_panel import SessionPanel
+from verefine_viz.viewer.panels.settings_panel import SettingsPanel
+from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
+from verefine_viz.viewer.panels.view_panel import ViewPanel
 from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
@@ -175,46 +175,46 @@ class Layout:
 
         self.link.on_update(by_person(received))
 
-    def show(self, view: Snapshot, hand_is_ahead: bool = False) -> None:
+    def show(self, snapshot: Snapshot, hand_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
-        self.run.show(view)
-        self.settings.show(view)
-        self.breakpoints.show(view)
-        self._show_objects(view)
-        self.timeline.show(view, hand_is_ahead)
-        self.score.show(view)
-        self.bandit.show(view)
-        self.physics.show(view)
-        self.errors.show(view)
-        self.compare.show(view)
-        self.dependencies.show(view)
-        self.session.show(view)
-        self.layers.show(view)
+        self.run.show(snapshot)
+        self.settings.show(snapshot)
+        self.breakpoints.show(snapshot)
+        self._show_objects(snapshot)
+        self.timeline.show(snapshot, hand_is_ahead)
+        self.score.show(snapshot)
+        self.bandit.show(snapshot)
+        self.physics.show(snapshot)
+        self.errors.show(snapshot)
+        self.compare.show(snapshot)
+        self.dependencies.show(snapshot)
+        self.session.show(snapshot)
+        self.layers.show(snapshot)
         if self.batch is not None and self.score_error is not None:
-            self.batch.show(view)
-            self.score_error.show(view)
-        self.curves.show(view)
-        self.maps.show(view)
+            self.batch.show(snapshot)
+            self.score_error.show(snapshot)
+        self.curves.show(snapshot)
+        self.maps.show(snapshot)
 
-    def show_deep(self, view: Snapshot) -> None:
+    def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
-        self.run.show(view)
-        self.maps.show(view)
-        self.score.show(view)
-        self.physics.show(view)
+        self.run.show(snapshot)
+        self.maps.show(snapshot)
+        self.score.show(snapshot)
+        self.physics.show(snapshot)
 
-    def show_physics(self, view: Snapshot) -> None:
+    def show_physics(self, snapshot: Snapshot) -> None:
         """The panels about physics of the whole scene, and the one that may have shown what takes long."""
-        self.run.show(view)
-        self._show_objects(view)
-        self.physics.show(view)
+        self.run.show(snapshot)
+        self._show_objects(snapshot)
+        self.physics.show(snapshot)
 
-    def _show_objects(self, view: Snapshot) -> None:
+    def _show_objects(self, snapshot: Snapshot) -> None:
         """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
-        n = len(view.scene.objects)
+        n = len(snapshot.scene.objects)
         if n != self._n_objects:
             self._n_objects = n
             self._objects_panel.visible = n > 1
             self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
         if n > 1:
-            self.objects.show(view)
+            self.objects.show(snapshot)

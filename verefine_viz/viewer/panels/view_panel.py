@@ -42,12 +42,12 @@ class ViewPanel:
         rules += [side_by_side(self.boxes[a], self.boxes[b], ROW_PX, RIGHT_FROM_PX, LABEL_PX) for a, b in ROWS]
         gui.add_html(f"<style>{''.join(rules)}</style>")
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Boxes as the view options have them."""
-        self._words.show(sentence(view_words(view, WITH_BOX)))
-        self.cloud.value = view.options.cloud
+        self._words.show(sentence(view_words(snapshot, WITH_BOX)))
+        self.cloud.value = snapshot.options.cloud
         for name, box in self.boxes.items():
-            box.value = name in view.options.layers
+            box.value = name in snapshot.options.layers
 
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:

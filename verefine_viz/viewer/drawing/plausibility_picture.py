@@ -13,7 +13,7 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.plausibility import plausibility_verdict, share_hint
+from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict, share_hint
 
 LIGHTS: dict[str, RGB] = {
     "green": (40, 180, 80),
@@ -31,20 +31,20 @@ LIGHT_MEANING = {
 _SIZE = 92
 
 
-def plausibility_html(view: Snapshot) -> str:
+def plausibility_html(snapshot: Snapshot) -> str:
     """Plausibility before the simulation, of the kept and of the edited pose; empty where it is not known."""
-    support = view.target.observation.support
-    if not view.plausible or support is None:
+    support = snapshot.target.observation.support
+    if not snapshot.plausible or support is None:
         return ""
-    o = view.scene.object(view.target.instance.instance_id)
-    said = {name: plausibility_verdict(p, o, view.scene) for name, p in view.plausible.items()}
+    o = snapshot.scene.object(snapshot.target.instance.instance_id)
+    said = {name: plausibility_verdict(p, o, snapshot.scene) for name, p in snapshot.plausible.items()}
     lights = "".join(
         f'<p style="border-left:9px solid rgb{LIGHTS[p.light]};padding-left:6px">{text(_WHEN[name])}: '
         f"{text(p.sentence)}</p>"
         for name, p in said.items()
         if name == "edited" or "edited" not in said  # Who moves a pose needs its numbers in sight.
     )
-    found = list(view.plausible.values())
+    found = list(snapshot.plausible.values())
     rows = "".join(
         f'<tr title="{text(tip)}"><td>{name}</td>{"".join(f"<td>{text(say(p))}</td>" for p in found)}</tr>'
         for name, tip, say in _FACTS
@@ -57,7 +57,7 @@ def plausibility_html(view: Snapshot) -> str:
         for name, p in said.items()
     )
     table = f"<table><tr><th></th>{head}</tr>{rows}</table>"
-    return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(view)}</div>{note}'
+    return f'{lights}<div style="display:flex;gap:8px">{table}{_drawing(snapshot)}</div>{note}'
 
 
 _WHEN = {"current": "Before", "accepted": "Accepted", "best": "Answer", "edited": "Edited"}
@@ -83,24 +83,24 @@ def _overlap(found: Any) -> str:
     return f"{found.penetration_mm:.1f} {'table' if found.penetrates == PLANE_ID else 'object'}"
 
 
-def drawn_stage(view: Snapshot) -> str | None:
+def drawn_stage(snapshot: Snapshot) -> str | None:
     """The stage whose support is drawn: edited, or else kept, unless the pose before the simulation could not stand."""
-    if "edited" in view.plausible:
+    if "edited" in snapshot.plausible:
         return "edited"
-    before = view.plausible.get("current")
-    if before is not None and (not before.is_stable or "accepted" not in view.plausible):
+    before = snapshot.plausible.get("current")
+    if before is not None and (not before.is_stable or "accepted" not in snapshot.plausible):
         return "current"
-    return next((name for name in ("accepted", "best") if name in view.plausible), None)
+    return next((name for name in ("accepted", "best") if name in snapshot.plausible), None)
 
 
-def _drawing(view: Snapshot) -> str:
+def _drawing(snapshot: Snapshot) -> str:
     """Object, support polygon and centre of mass from above, as an SVG."""
-    support, name = view.target.observation.support, drawn_stage(view)
+    support, name = snapshot.target.observation.support, drawn_stage(snapshot)
     assert support is not None
     if name is None:
         return ""
-    found, T_cam_obj = view.plausible[name], view.poses[name].T_cam_obj
-    seen = apply(support.T_world_cam @ T_cam_obj, view.target.model.points[::8])[:, :2]
+    found, T_cam_obj = snapshot.plausible[name], snapshot.poses[name].T_cam_obj
+    seen = apply(support.T_world_cam @ T_cam_obj, snapshot.target.model.points[::8])[:, :2]
     polygon = apply(support.T_world_cam, found.polygon_cam)[:, :2]
     centre = apply(support.T_world_cam, found.com_on_plane_cam[None])[0, :2]
     everything = np.concatenate([seen, polygon, centre[None]])
@@ -114,7 +114,9 @@ def _drawing(view: Snapshot) -> str:
     dots = "".join(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="1"/>' for x, y in place(seen))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in place(polygon)) if len(polygon) else ""
     x, y = place(centre)[0]
-    color = LIGHTS[plausibility_verdict(found, view.scene.object(view.target.instance.instance_id), view.scene).light]
+    color = LIGHTS[
+        plausibility_verdict(found, snapshot.scene.object(snapshot.target.instance.instance_id), snapshot.scene).light
+    ]
     title = f"{_WHEN[name].lower()}, from above: object (dots), support polygon, centre of mass (cross)"
     shrinks = f"flex:0 1 {_SIZE}px;min-width:44px;height:{_SIZE}px"
     return (
