@@ -76,11 +76,11 @@ class Page:
         )
         self._left = "picture" if not hurries else "maps" if with_maps else None
         self._snapshot = snapshot if hurries else self._debugger.view()
-        hand_is_ahead = self._requests.holds(c.Seek)
+        slider_is_ahead = self._requests.holds(c.Seek)
         with self._server.atomic():
             if hurries:
                 self._draw(self._snapshot)
-            self.layout.show(self._snapshot, hand_is_ahead)
+            self.layout.show(self._snapshot, slider_is_ahead)
         self._server.flush()
         self._shown_at = monotonic()
 

@@ -1,19 +1,21 @@
-"""The panels' tables, as HTML. Names that come from data are escaped by :mod:`markup`."""
+"""Tables about the poses of the object in focus: scores, changes, contacts, errors, branches. Names are escaped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.core.records import Stage
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.evaluation.turning import turning_on
 from verefine_viz.physics.standing import PLANE_ID
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import NONE, Row, cut, number, swatch, table, text, with_hints
+from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table, table_of, text
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.display_names import TERMS, arm_color, source_of
+from verefine_viz.viewer.text.display_names import arm_color, counted, source_of, verdict_mark
 from verefine_viz.viewer.text.pose_words import score_digits, shift_mm, turn
 
 # The tables of a score: its parts pose by pose, and what one pixel adds to it.
@@ -27,31 +29,42 @@ CLASS_MEANING = {
 }
 
 
-def score_table(poses: Sequence[EvaluatedPose | None], short: bool = False) -> str:
-    """The parts of the score of some poses, a column each; ``short``: the pixels as bars only."""
-    known = [p for p in poses if p is not None]
-    head = [("", ""), *((p.label, f"the {p.label} pose") for p in known)]
-    scores = [p.score for p in known]
+def score_table(a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", short: bool = False) -> str:
+    """The parts of the scores of two poses, and by how much they differ.
 
-    def row(label: str, tip: str, cells: Iterable[str], marked: bool = False) -> Row:
+    Args:
+        a: the first pose, None = there is none.
+        b: the second pose.
+        of: whose they are, as ready HTML.
+        short: with the pixels as bars only.
+    """
+    poses = [p for p in (a, b) if p is not None]
+    scores = [p.score for p in poses]
+    known = [s for s in scores if s is not None]
+
+    def row(label: str, tip: str, pick: Callable[[PoseScore], float], spec: str, marked: bool = False) -> Row:
+        cells = [NONE if s is None else f"{pick(s):{spec}}" for s in scores]
+        if len(known) == 2:
+            cells.append(f"{pick(known[1]) - pick(known[0]):+{spec}}".replace("-", "−"))
         return Row([f'<span title="{text(tip)}">{label}</span>', *cells], marked=marked)
 
-    def part(pick: Any, digits: int) -> list[str]:
-        return [NONE if s is None else f"{pick(s):.{digits}f}" for s in scores]
-
     rows = [
-        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2",
-            part(lambda s: s.score, score_digits(scores)), marked=True),
+        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2", lambda s: s.score,
+            f".{score_digits(scores)}f", marked=True),
         row("depth fit f_d", "mean over the counted pixels; 1 = same depth, 0 = off by τ or more",
-            part(lambda s: s.depth_fit, 3)),
-        row("normal fit f_n", "mean over the counted pixels; 1 = same direction", part(lambda s: s.normal_fit, 3)),
+            lambda s: s.depth_fit, ".3f"),
+        row("normal fit f_n", "mean over the counted pixels; 1 = same direction", lambda s: s.normal_fit, ".3f"),
     ]  # fmt: skip
     if not short:
-        rows.append(row("pixels N", "how many pixels count", part(lambda s: s.n_pixels, 0)))
-    for name in () if short else PIXEL_CLASSES:
-        cells = [NONE if s is None else f"{s.shares[name]:.1%}" for s in scores]
-        rows.append(row(f"{swatch(CLASS_COLORS[name])}{name}", CLASS_MEANING[name], cells))
-    return table(head, rows) + "".join(_shares_bar(p.label, p.score) for p in known if p.score)
+        rows.append(row("pixels N", "how many pixels count", lambda s: s.n_pixels, ".0f"))
+        for name in PIXEL_CLASSES:
+            label = f"{swatch(CLASS_COLORS[name])}{name}"
+            rows.append(row(label, CLASS_MEANING[name], lambda s, name=name: s.shares[name], ".1%"))
+    head = "".join(f'<th title="the {text(p.label)} pose">{text(p.label)}</th>' for p in poses)
+    head += '<th title="how much more the second has">B − A</th>' if len(known) == 2 else ""
+    body = "".join(r.html for r in rows)
+    bars = "".join(_shares_bar(p.label, p.score) for p in poses if p.score)
+    return f"<table><thead><tr><th>{of}</th>{head}</tr></thead><tbody>{body}</tbody></table>{bars}"
 
 
 def _shares_bar(name: str, score: PoseScore) -> str:
@@ -71,7 +84,7 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
         return ""
     first = sides[0][1]
 
-    def row(label: str, tip: str, pick: Any) -> Row:
+    def row(label: str, tip: str, pick: Callable[[Probe], str]) -> Row:
         return Row([f'<span title="{text(tip)}">{label}</span>', *(text(pick(p)) for _, p in sides)])
 
     rows = [
@@ -94,84 +107,69 @@ NOT_COMPARABLE = "not comparable"
 
 def last_of_old_scale(snapshot: Snapshot) -> int | None:
     """The last iteration up to the cursor that was scored by other settings than those at the cursor."""
-    return max((k for k in _ends(snapshot) if k < snapshot.cursor), default=None)
+    return max((k for k in _scale_ends(snapshot) if k < snapshot.cursor), default=None)
 
 
 def other_scale_note(snapshot: Snapshot) -> str:
     """A line above numbers of both scales; empty where there is one."""
-    said = _said(snapshot)
-    return f'<p class="legend dim">{text(said)}</p>' if said else ""
+    return small(_changed(last_of_old_scale(snapshot)))
 
 
 def other_scale_sign(snapshot: Snapshot) -> str:
     """The same where there is room for a sign only."""
-    said = _said(snapshot)
-    return f'<span title="{text(said)}" style="cursor:help">⚠</span>' if said else ""
+    return _sign(_changed(last_of_old_scale(snapshot)))
 
 
 def one_scale_note(snapshot: Snapshot) -> str:
     """A line above numbers that are all of one scale, where the iterations up to the cursor, or the next, have two."""
-    k = max((k for k in _ends(snapshot) if k <= snapshot.cursor), default=None)
+    k = max((k for k in _scale_ends(snapshot) if k <= snapshot.cursor), default=None)
     if k is None:
         return ""
-    # At the end of a finished run its answer is judged, by the last settings.
-    is_later = snapshot.cursor > k or snapshot.at_end
-    said = f"{_changed(k)} All here are by the {'later' if is_later else 'earlier'} settings."
-    return f'<p class="legend dim">{text(said)}</p>'
+    # The answer at the end of a finished run is scored by the last settings.
+    which = "later" if snapshot.cursor > k or snapshot.at_end else "earlier"
+    return small(f"{_changed(k)} All here are by the {which} settings.")
 
 
-def other_branch_sign(branch: BranchSummary) -> str:
-    """A sign behind a branch's score; empty where it is by the settings of the shown branch."""
-    said = f"by other score settings than the shown branch's: {NOT_COMPARABLE}"
-    return f' <span title="{said}" style="cursor:help">⚠</span>' if branch.has_other_scale else ""
-
-
-def other_branches_note(branches: Sequence[BranchSummary]) -> str:
-    """What that sign says, as a line; empty where no branch has it."""
-    said = f"⚠ scored by other settings than the shown branch: scores are {NOT_COMPARABLE}."
-    return f'<p class="legend dim">{said}</p>' if any(b.has_other_scale for b in branches) else ""
-
-
-def _ends(snapshot: Snapshot) -> list[int]:
+def _scale_ends(snapshot: Snapshot) -> list[int]:
     """The iterations after which settings of the score changed."""
     ends = (c.after_iteration for c in snapshot.session.changes if "score" in c.settings)
     return [k for k in ends if k > 0]
 
 
-def _said(snapshot: Snapshot) -> str:
-    k = last_of_old_scale(snapshot)
-    return "" if k is None else _changed(k)
-
-
-def _changed(k: int) -> str:
+def _changed(k: int | None) -> str:
+    if k is None:
+        return ""
     return f"The score's settings changed after iteration {k}: scores up to there are {NOT_COMPARABLE} with later ones."
+
+
+def _sign(why: str) -> str:
+    return f' <span title="{text(why)}" style="cursor:help">⚠</span>' if why else ""
+
+
+# What the iteration did.
 
 
 def changes_table(snapshot: Snapshot) -> str:
     """What each stage did to the pose before it."""
-    shown = snapshot.shown
-    if shown is None:
+    if snapshot.shown is None:
         return ""
-    points = snapshot.target.model.points
-    rows = []
-    for before, stage in zip(shown.stages, shown.stages[1:]):  # noqa: B905
-        if not is_revealed(snapshot, stage.name):
-            break
-        angle, axis = turn(before.T_cam_obj, stage.T_cam_obj)
-        cells = [
-            f"{swatch(STAGE_COLORS[stage.name])}{stage.name}",
-            f"{angle:.2f}°",
-            axis or NONE,
-            f"{shift_mm(before.T_cam_obj, stage.T_cam_obj, points):.2f}",
-            f"{stage.ms:.1f}",
-        ]
-        rows.append(Row(cells))
-    head = [
-        ("stage", "against the stage before"), ("turned", "angle between the two poses"),
-        ("axis", "in the object's frame"),
-        ("mm", "how far the object's middle moved"), ("ms", "time to compute it"),
-    ]  # fmt: skip
-    return table(head, rows) if rows else ""
+    stages = snapshot.shown.stages
+    n_shown = next((k for k, s in enumerate(stages) if k and not is_revealed(snapshot, s.name)), len(stages))
+
+    def turned(steps: tuple[Stage, Stage]) -> tuple[float, str]:
+        return turn(steps[0].T_cam_obj, steps[1].T_cam_obj)
+
+    def moved_mm(steps: tuple[Stage, Stage]) -> float:
+        return shift_mm(steps[0].T_cam_obj, steps[1].T_cam_obj, snapshot.target.model.points)
+
+    columns: list[Column] = [
+        ("stage", "against the stage before", lambda s: f"{swatch(STAGE_COLORS[s[1].name])}{s[1].name}"),
+        ("turned", "angle between the two poses", lambda s: f"{turned(s)[0]:.2f}°"),
+        ("axis", "in the object's frame", lambda s: turned(s)[1] or NONE),
+        ("mm", "how far the object's middle moved", lambda s: f"{moved_mm(s):.2f}"),
+        ("ms", "time to compute it", lambda s: f"{s[1].ms:.1f}"),
+    ]
+    return table_of(pairwise(stages[:n_shown]), columns) if n_shown > 1 else ""
 
 
 def contacts_table(snapshot: Snapshot, most: int = 8) -> str:
@@ -179,63 +177,56 @@ def contacts_table(snapshot: Snapshot, most: int = 8) -> str:
     path = snapshot.shown.path if snapshot.shown else None
     if path is None or not path.contacts:
         return ""
-    k = snapshot.options.path_pose if snapshot.options.path_pose is not None else len(path.contacts)
+    k = len(path.contacts) if snapshot.options.path_pose is None else snapshot.options.path_pose
     if k == 0:
         return '<p class="dim">Pose 0 is the start: contacts are known from step 1 on.</p>'
-    contacts = path.contacts[min(k, len(path.contacts)) - 1]
+    k = min(k, len(path.contacts))
+    contacts = path.contacts[k - 1]
     names = {i.instance_id: snapshot.problem.models[i.obj_id].name for i in snapshot.problem.instances}
+    names[PLANE_ID] = "table"
     order = sorted(range(len(contacts.depths_m)), key=lambda i: -float(contacts.forces_n[i]))
-    rows = [
-        Row(
-            [
-                "table" if contacts.others[i] == PLANE_ID else text(names.get(int(contacts.others[i]), "object")),
-                f"{contacts.depths_m[i] * 1000:.2f}",
-                f"{contacts.forces_n[i]:.1f}",
-            ]
-        )
-        for i in order[:most]
-    ]
-    n, total = len(order), float(contacts.forces_n.sum())
-    cut = f" ({most} of {n} shown)" if n > most else ""
-    title = f"<p>After step {min(k, len(path.contacts))}: {n} contact{'s' * (n != 1)}, {total:.1f} N in all{cut}.</p>"
-    head = [
-        ("with", ""), ("depth mm", "penetration; negative = a gap within Bullet's margin"),
-        ("force N", "normal force"),
+    columns: list[Column] = [
+        ("with", "", lambda i: text(names.get(int(contacts.others[i]), "object"))),
+        ("depth mm", "penetration; negative = a gap within Bullet's margin",
+         lambda i: f"{contacts.depths_m[i] * 1000:.2f}"),
+        ("force N", "normal force", lambda i: f"{contacts.forces_n[i]:.1f}"),
     ]  # fmt: skip
-    return title + (table(head, rows) if rows else "")
+    n, total_n = len(order), float(contacts.forces_n.sum())
+    part = f" ({most} of {n} shown)" if n > most else ""
+    title = f"<p>After step {k}: {counted(n, 'contact')}, {total_n:.1f} N in all{part}.</p>"
+    return title + (table_of(order[:most], columns) if order else "")
+
+
+# Errors against ground truth.
 
 
 def errors_table(snapshot: Snapshot) -> str:
     """Errors of every stage at the cursor; click a row to see it beside the best."""
-    rows = []
-    for name in STAGES:
-        pose = snapshot.poses.get(name)
-        if pose is None or pose.errors is None:
-            continue
-        e = pose.errors
-        is_truth, way = name == "ground truth", turning_on(snapshot.target, pose.T_cam_obj)
-        cells = [
-            f"{swatch(STAGE_COLORS[name])}{'truth' if is_truth else pose.label}",
-            NONE if is_truth else _angle(e.rotation_deg),
-            NONE if is_truth or way is None else _angle(way.tilt_deg),
-            NONE if is_truth or way is None else _angle(way.turn_deg),
-            NONE if is_truth else f"{e.translation_mm:.1f}",
-            NONE if is_truth else f"{e.add_s_mm:.1f}",
-            NONE if is_truth else f"{e.relative:.0%}",
-            number(pose.score.score if pose.score else None, 3),
-        ]
-        rows.append(Row(cells, c.Compare(b=name), marked=name == snapshot.options.b))
-    head = [
-        ("stage", "click a row to compare it with stage A"),
-        ("rot.", "angle to the nearest of the poses that look the same"),
-        ("tilt", "of that: how far the object leans against its support plane"),
-        ("turn", "of that: how far it is turned on its support plane, about the plane's normal"),
-        ("mm", "distance of the object's origin"),
-        ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric"),
-        ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct"),
-        ("score", "verification score"),
-    ]
-    return table(head, rows)
+    measured = [p for name in STAGES if (p := snapshot.poses.get(name)) is not None and p.errors is not None]
+
+    def of_estimate(say: Callable[[Any], str]) -> Callable[[EvaluatedPose], str]:
+        return lambda pose: NONE if pose.name == "ground truth" else say(pose)
+
+    def turning(pose: EvaluatedPose, part: str) -> str:
+        way = turning_on(snapshot.target, pose.T_cam_obj)
+        return NONE if way is None else _angle(getattr(way, part))
+
+    columns: list[Column] = [
+        ("stage", "click a row to compare it with stage A", lambda p: f"{swatch(STAGE_COLORS[p.name])}{p.label}"),
+        ("rot.", "angle to the nearest of the poses that look the same",
+         of_estimate(lambda p: _angle(p.errors.rotation_deg))),
+        ("tilt", "of that: how far the object leans against its support plane",
+         of_estimate(lambda p: turning(p, "tilt_deg"))),
+        ("turn", "of that: how far it is turned on its support plane, about the plane's normal",
+         of_estimate(lambda p: turning(p, "turn_deg"))),
+        ("mm", "distance of the object's origin", of_estimate(lambda p: f"{p.errors.translation_mm:.1f}")),
+        ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric",
+         of_estimate(lambda p: f"{p.errors.add_s_mm:.1f}")),
+        ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct: ✓",
+         of_estimate(lambda p: f"{p.errors.relative:.0%} {verdict_mark(p.errors)}")),
+        ("score", "verification score", lambda p: number(p.score.score if p.score else None, 3)),
+    ]  # fmt: skip
+    return table_of(measured, columns, lambda p: c.Compare(b=p.name), lambda p: p.name == snapshot.options.b)
 
 
 def _angle(degrees: float) -> str:
@@ -244,50 +235,53 @@ def _angle(degrees: float) -> str:
 
 
 def starts_table(snapshot: Snapshot) -> str:
-    """Errors of the initial poses."""
-    rows = []
-    for j, (h, e) in enumerate(zip(snapshot.target.instance.hypotheses, snapshot.initial_errors, strict=True)):
-        if e is None:
-            return ""
-        score = snapshot.state.initial[j].score if snapshot.state is not None else None
-        cells = [
-            f"{swatch(arm_color(j))}{j + 1}", cut(source_of(h)), f"{e.rotation_deg:.1f}°",
-            f"{e.translation_mm:.1f}", f"{e.add_s_mm:.1f}", number(score, 3),
-        ]  # fmt: skip
-        rows.append(Row(cells, c.SelectArm(j)))
-    head = [
-        ("arm", "hypothesis"), ("from", "where it comes from"), ("rot.", "rotation error"),
-        ("mm", "translation error"), ("ADD(-S)", "[mm]"), ("score", "of the initial pose"),
+    """Errors of the initial poses; empty where they are unknown."""
+    hypotheses, errors = snapshot.target.instance.hypotheses, [e for e in snapshot.initial_errors if e is not None]
+    if len(errors) < len(hypotheses):
+        return ""
+    columns: list[Column] = [
+        ("arm", "hypothesis", lambda j: f"{swatch(arm_color(j))}{j + 1}"),
+        ("from", "where it comes from", lambda j: cut(source_of(hypotheses[j]))),
+        ("rot.", "rotation error", lambda j: f"{errors[j].rotation_deg:.1f}°"),
+        ("mm", "translation error", lambda j: f"{errors[j].translation_mm:.1f}"),
+        ("ADD(-S)", "[mm]", lambda j: f"{errors[j].add_s_mm:.1f}"),
+        ("score", "of the initial pose",
+         lambda j: number(snapshot.state.initial[j].score if snapshot.state is not None else None, 3)),
     ]  # fmt: skip
-    return "<p><b>Initial poses</b></p>" + table(head, rows)
+    return "<p><b>Initial poses</b></p>" + table_of(range(len(hypotheses)), columns, c.SelectArm)
+
+
+# The runs on this frame.
+
+
+def other_branch_sign(branch: BranchSummary) -> str:
+    """A sign behind a branch's score; empty where it is by the settings of the shown branch."""
+    why = f"by other score settings than the shown branch's: {NOT_COMPARABLE}"
+    return _sign(why if branch.has_other_scale else "")
 
 
 def branches_table(snapshot: Snapshot) -> str:
     """The runs on this frame, and how the object in focus fared in each."""
-    if len(snapshot.branches) < 2:
+    branches = snapshot.branches
+    if len(branches) < 2:
         return ""
-    ids = [i.instance_id for i in snapshot.problem.instances]
-    k = ids.index(snapshot.target.instance.instance_id)
-    rows = []
-    for i, branch in enumerate(snapshot.branches):
-        best, errors = branch.best[k], branch.errors[k]
-        cells = [
-            cut(branch.name, 170),
-            f"{branch.length}/{branch.n_iterations}",
-            number(best.score.score if best else None, 3) + other_branch_sign(branch),
-            number(errors.add_s_mm if errors else None, 1),
-        ]
-        rows.append(Row(cells, c.ShowBranch(i), marked=i == snapshot.branch))
-    head = [
-        ("branch", "click a row to switch to it"), ("made", "iterations"), ("best", "best score of this object"),
-        ("ADD(-S)", "error of that pose [mm]"),
-    ]  # fmt: skip
-    return table(head, rows) + other_branches_note(snapshot.branches)
+    k = [i.instance_id for i in snapshot.problem.instances].index(snapshot.target.instance.instance_id)
 
+    def score(i: int) -> str:
+        best = branches[i].best[k]
+        return number(best.score.score if best else None, 3) + other_branch_sign(branches[i])
 
-def event_lines(snapshot: Snapshot) -> str:
-    """The marks of the iteration that is shown; none where the answer is."""
-    if snapshot.is_answer:
-        return ""
-    own = [m for m in snapshot.marks if snapshot.shown is not None and m.iteration == snapshot.shown.index]
-    return "".join(f"<p>{swatch(m.color)}{with_hints(m.text, TERMS)}</p>" for m in own)
+    def add_s(i: int) -> str:
+        errors = branches[i].errors[k]
+        return number(errors.add_s_mm if errors else None, 1)
+
+    columns: list[Column] = [
+        ("branch", "click a row to switch to it", lambda i: cut(branches[i].name, 170)),
+        ("made", "iterations", lambda i: f"{branches[i].length}/{branches[i].n_iterations}"),
+        ("best", "best score of this object", score),
+        ("ADD(-S)", "error of that pose [mm]", add_s),
+    ]
+    note = ""
+    if any(b.has_other_scale for b in branches):
+        note = small(f"⚠ scored by other settings than the shown branch: scores are {NOT_COMPARABLE}.")
+    return table_of(range(len(branches)), columns, c.ShowBranch, lambda i: i == snapshot.branch) + note

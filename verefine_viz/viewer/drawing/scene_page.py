@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from verefine_viz.core.palette import CLASS_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.viewer.assets import asset
-from verefine_viz.viewer.drawing.markup import arms_legend, swatch, text
+from verefine_viz.viewer.drawing.markup import arms_legend, filled, ready, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.display_names import method_name, verdict_mark
-from verefine_viz.viewer.text.sentences import HINTS
+from verefine_viz.viewer.text.display_names import STAGE_MEANINGS, counted, in_focus, method_name, verdict_mark
 
 ANSWER = "what the run hands on, solid"
 
@@ -31,8 +30,6 @@ def scene_page(page: str, snapshot: Snapshot) -> str:
 
 def legend(snapshot: Snapshot, name: str) -> str:
     """Which moment of which run it is, and what each colour means."""
-    from verefine_viz.viewer.drawing.templates import filled, ready  # The page starts without jinja2.
-
     has_ghosts = "hypotheses" in snapshot.options.layers and snapshot.n_arms
     return filled(
         "scene_legend.html",
@@ -43,7 +40,7 @@ def legend(snapshot: Snapshot, name: str) -> str:
         several=len(snapshot.scene.objects) > 1,
         mark=verdict_mark,
         side_colors=SIDE_COLORS,
-        focus=snapshot.scene.object(snapshot.target.instance.instance_id).label,
+        focus=in_focus(snapshot).label,
         poses=_poses(snapshot),
         hypotheses=ready(arms_legend(snapshot.target)) if has_ghosts else "",
         surroundings=ready("; ".join(_surroundings(snapshot))),
@@ -53,7 +50,7 @@ def legend(snapshot: Snapshot, name: str) -> str:
 def moment(snapshot: Snapshot) -> str:
     """As in: iteration 4 of 25."""
     if snapshot.is_answer:
-        return f"the answer after {snapshot.progress.done} iteration{'s' if snapshot.progress.done != 1 else ''}"
+        return f"the answer after {counted(snapshot.progress.done, 'iteration')}"
     if snapshot.cursor == 0:
         return "before iteration 1"
     part = f" up to its stage “{snapshot.options.stage}”" if snapshot.options.stage and snapshot.is_partial else ""
@@ -67,7 +64,7 @@ def _poses(snapshot: Snapshot) -> list[tuple[RGB, str, str, str]]:
         pose = snapshot.poses.get(name)
         if pose is not None and (name in snapshot.options.layers or name == "edited"):
             score = f"{pose.score.score:.2f}" if pose.score is not None else ""
-            meaning = HINTS[name].partition(" (")[0].partition(";")[0]
+            meaning = STAGE_MEANINGS[name].partition(" (")[0].partition(";")[0]
             drawn.append((color, pose.label, score, ANSWER if name == "best" and snapshot.is_answer else meaning))
     return drawn
 

@@ -2,146 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.records import Iteration
+from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table
 from verefine_viz.viewer.drawing.markup import cut, link, sentence, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import other_scale_sign
 from verefine_viz.viewer.drawing.search_tree import tree_html
-from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send
+from verefine_viz.viewer.panels.widgets import Block, Chart, Line
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
 from verefine_viz.viewer.snapshot.search_tree import Tree, tree_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.display_names import arm_color
-from verefine_viz.viewer.text.sentences import chosen
-
-# The curves of the whole scene: how well the objects fit together, pass by pass, and each object's own best.
-
-PASS, BEST_KNOWN, INCUMBENT = STAGE_COLORS["current"], STAGE_COLORS["simulated"], STAGE_COLORS["best"]
-
-LEGEND_CHARACTERS = 24
-"""The legend has no room for longer names; the list of objects has their colours."""
-
-
-def has_room(snapshot: Snapshot) -> bool:
-    """Whether the names of all objects fit into the legend."""
-    return sum(len(o.label) for o in snapshot.scene.objects) <= LEGEND_CHARACTERS
-
-
-def scene_x(snapshot: Snapshot) -> list[float]:
-    """Every iteration of the run, and the moment before the first."""
-    return [0.0, *(float(i.index) for i in snapshot.iterations)]
-
-
-def scene_score_lines(snapshot: Snapshot) -> list[Line]:
-    """Score of each pass, of the best known poses together and of the incumbent; each object's best score dashed."""
-    lines = [_object_line(snapshot, o, 1.2) for o in snapshot.scene.objects]
-    closed = {p.iteration: p.record for p in snapshot.scene.closed}
-    if closed:
-        first = next(iter(closed.values()))
-        for label, color, start, pick in (
-            ("pass", PASS, first.score.score, lambda r: r.score.score),
-            ("best known", BEST_KNOWN, first.best_known.score, lambda r: r.best_known.score),
-            ("incumbent", INCUMBENT, first.incumbent_score, lambda r: r.incumbent_score),
-        ):
-            values = [start]
-            for i in snapshot.iterations:
-                values.append(pick(closed[i.index]) if i.index in closed else values[-1])
-            lines.append(Line(label, color, values, width=3.0 if label == "incumbent" else 2.0))
-    return [line for line in lines if line.values]
-
-
-def _object_line(snapshot: Snapshot, o: ObjectState, width: float) -> Line:
-    own = [i for i in snapshot.iterations if i.instance_id == o.instance_id]
-    if o.answer is None or not own:
-        return Line(o.label, o.color, [])
-    now = own[0].best.score.score
-    values = [now]
-    for i in snapshot.iterations:
-        now = i.best.score.score if i.instance_id == o.instance_id else now
-        values.append(now)
-    return Line(o.label, o.color, values, width, in_legend=has_room(snapshot), dashed=True)
-
-
-def spent_lines(snapshot: Snapshot) -> list[Line]:
-    """Iterations spent on each object."""
-    lines = []
-    for o in snapshot.scene.objects:
-        values = [0.0]
-        for i in snapshot.iterations:
-            values.append(values[-1] + (i.instance_id == o.instance_id))
-        lines.append(Line(o.label, o.color, values, in_legend=has_room(snapshot)))
-    return lines
-
-
-def scene_error_lines(snapshot: Snapshot) -> list[Line]:
-    """ADD(-S) [mm] of each object's answer; none without ground truth."""
-    lines = []
-    for o in snapshot.scene.objects:
-        own = [i for i in snapshot.iterations if i.instance_id == o.instance_id]
-        first = snapshot.best_errors.get(own[0].index) if own else None
-        if first is None:
-            continue
-        now = first.add_s_mm
-        values = [now]
-        for i in snapshot.iterations:
-            found = snapshot.best_errors.get(i.index) if i.instance_id == o.instance_id else None
-            now = found.add_s_mm if found is not None else now
-            values.append(now)
-        lines.append(Line(o.label, o.color, values, in_legend=has_room(snapshot)))
-    return lines
-
-
-def cost_lines(tree: Tree) -> tuple[Sequence[float], list[Line]]:
-    """(x, lines): cost of each complete scene and of the incumbent [px]."""
-    x = [float(index) for index, _, _ in tree.costs]
-    return x, [
-        Line("this scene", PASS, [cost for _, cost, _ in tree.costs], width=1.2),
-        Line("incumbent", INCUMBENT, [cost for _, _, cost in tree.costs], width=3.0),
-    ]
+from verefine_viz.viewer.text.display_names import arm_color, in_focus
+from verefine_viz.viewer.text.headline import cheapest_scene
+from verefine_viz.viewer.text.pose_words import beside_answer
 
 
 class BanditPanel:
     """The table of arms, the history of one, and the what-if; for a tree search the tree."""
 
-    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         self._words = Block(gui)
         self._arms = Block(gui)
         self._history = Block(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """The numbers as they were when the bandit chose."""
-        cluster = None if snapshot.options.focus is None else snapshot.scene.object(snapshot.options.focus).cluster - 1
-        tree = tree_of(snapshot.iterations[: snapshot.cursor], cluster)
+        focus, objects = snapshot.options.focus, snapshot.scene.objects
+        tree = tree_of(
+            snapshot.iterations[: snapshot.cursor],
+            None if focus is None else snapshot.scene.object(focus).cluster - 1,
+        )
+        history = ""
         if tree is not None:
-            labels = {o.instance_id: o.label for o in snapshot.scene.objects}
-            colors = {o.instance_id: o.color for o in snapshot.scene.objects}
-            self._words.show(sentence(tree_words(tree, snapshot.scene.n_clusters)))
-            self._arms.show(tree_html(tree, labels, colors))
-            self._history.show("")
+            words = tree_words(tree, snapshot.scene.n_clusters)
+            arms = tree_html(tree, {o.instance_id: o.label for o in objects}, {o.instance_id: o.color for o in objects})
         elif snapshot.is_whole_scene:
-            self._words.show(sentence("What each object's hypotheses have got so far. Click a row for one object."))
-            self._arms.show(scene_arms_table(snapshot))
-            self._history.show("")
+            words, arms = "", scene_arms_table(snapshot)
         else:
-            self._words.show(sentence(chosen(snapshot)))
-            self._arms.show(arms_table(snapshot) + what_if(snapshot))
-            self._history.show(arm_history(snapshot))
+            words, arms = chosen(snapshot), arms_table(snapshot) + what_if(snapshot)
+            history = arm_history(snapshot)
+        self._words.show(sentence(words))
+        self._arms.show(arms)
+        self._history.show(history)
+
+
+def chosen(snapshot: Snapshot) -> str:
+    """Why the bandit took this hypothesis, or what will be chosen first."""
+    method, shown = method_of(snapshot.session.method.name), snapshot.shown
+    if snapshot.state is None:
+        return "There is no hypothesis to choose from."
+    if shown is not None and shown.choice is not None:
+        return f"{beside_answer(snapshot)}Iteration {shown.index} took {shown.choice.reason}."
+    if shown is not None:
+        works = f"it works on hypothesis {shown.arm + 1}"
+        return f"{beside_answer(snapshot)}{method.label} does not choose between hypotheses: {works}."
+    if snapshot.state.by_hand:
+        return f"Nothing was chosen yet. Hypothesis {snapshot.state.by_hand[0] + 1} was edited: it comes first."
+    if method.has_tree:
+        return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
+    if not method.chooses:
+        return f"{method.label} does not choose between hypotheses."
+    if not method.has_ucb:
+        return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
+    first = next_choice(Ucb(snapshot.exploration), snapshot.state)
+    return f"Nothing was chosen yet, and each initial pose counts as a play. First comes {first.reason}."
 
 
 def tree_words(tree: Tree, n_clusters: int) -> str:
     """How far the search is."""
-    said = f"The tree has {len(tree.nodes) - 1} nodes"
-    if n_clusters > 1:
-        said += f" (cluster {tree.cluster + 1} of {n_clusters})"
+    of = f" (cluster {tree.cluster + 1} of {n_clusters})" if n_clusters > 1 else ""
     return (
-        f"{said}. The cheapest complete scene leaves {tree.incumbent_px:,.0f} px unexplained; iteration "
-        f"{tree.incumbent_iteration} found it. Each node is visited where cost per visit minus bonus is lowest."
+        f"The tree has {len(tree.nodes) - 1} nodes{of}. {cheapest_scene(tree)} Each node is visited where cost per "
+        "visit minus bonus is lowest."
     )
 
 
@@ -159,25 +98,22 @@ def what_if(snapshot: Snapshot) -> str:
     return f"<p>What if {links} instead of {now:g}?</p>"
 
 
+# The curves over the iterations, of the object in focus or of the whole scene.
+
 MISSING = {
     "Score": "There is no score here.",
     "UCB": "There is no bandit here, or it chooses for one object at a time: click one in the list.",
     "Pulls": "Nothing was chosen here.",
     "Error": "There is no ground truth here.",
 }
-
-
 IN_ONE_ROW = 6
 """Names beside the caption; more get a row of their own below it."""
-BEST_PX = 5.0
-"""Width of the line of the best pose, which others are drawn over."""
-ACCEPTED_COLOR = (225, 225, 225)
 SCORES = ("Score", "UCB")
 """Curves of which the score is a part."""
 
 
 class CurvesPanel:
-    """Scores, UCB, pulls and errors over the iterations of the object in focus."""
+    """Scores, UCB, pulls and errors."""
 
     def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
         self._charts: dict[str, tuple[Block, Chart]] = {}
@@ -196,24 +132,23 @@ class CurvesPanel:
         # Iterations count over all objects; this one's curves begin where its turn did.
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
         scored = "score by arm" if len(snapshot.scene.objects) == 1 else "by arm"
-        self._draw("Score", x, score_lines(snapshot, n) if own else [], scored, snapshot)
+        chooses = method_of(snapshot.session.method.name).chooses
+        self._draw("Score", x, score_lines(snapshot, n), scored, snapshot)
         self._draw("UCB", x[1:], ucb_lines(snapshot, n), "mean + bonus by arm", snapshot)
-        counted = (
-            "chosen (n adds the start)" if method_of(snapshot.session.method.name).chooses else "iterations, by arm"
-        )
-        self._draw("Pulls", x, pull_lines(snapshot, n) if own else [], counted, snapshot)
-        self._draw("Error", x, error_lines(snapshot) if own else [], "ADD(-S) in mm", snapshot)
+        counted = "chosen (n adds the start)" if chooses else "iterations, by arm"
+        self._draw("Pulls", x, pull_lines(snapshot, n), counted, snapshot)
+        self._draw("Error", x, error_lines(snapshot), "ADD(-S) in mm", snapshot)
 
     def _show_scene(self, snapshot: Snapshot) -> None:
-        x, tree = scene_x(snapshot), tree_of(snapshot.iterations)
-        started = bool(snapshot.iterations)
+        x = [0.0, *(float(i.index) for i in snapshot.iterations)]
+        tree = tree_of(snapshot.iterations)
         if tree is not None:
             self._draw("Score", *cost_lines(tree), "unexplained pixels")
         else:
-            self._draw("Score", x, scene_score_lines(snapshot) if started else [], "scene score; dashed: objects")
+            self._draw("Score", x, scene_score_lines(snapshot), "scene score; dashed: objects")
         self._draw("UCB", x, [], "")
-        self._draw("Pulls", x, spent_lines(snapshot) if started else [], "iterations spent")
-        self._draw("Error", x, scene_error_lines(snapshot) if started else [], "ADD(-S) in mm")
+        self._draw("Pulls", x, spent_lines(snapshot), "iterations spent")
+        self._draw("Error", x, scene_error_lines(snapshot), "ADD(-S) in mm")
 
     def _draw(self, name: str, x: Sequence[float], lines: list[Line], caption: str, of: Snapshot | None = None) -> None:
         """Curves with their legend; ``of``: whose object in focus they are about, None = all objects."""
@@ -221,41 +156,62 @@ class CurvesPanel:
         if not lines:
             caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
         names = [f"<span>{swatch(line.color)}{text(line.label)}</span>" for line in lines if line.in_legend]
-        before = "" if of is None else f"<span>{whose(of)}</span>"
+        whose = "" if of is None else f"<span>{_whose(of)}</span>"
         sign = other_scale_sign(of) if of is not None and name in SCORES else ""
-        # Where there is no room for all the words say less: the curves need their names.
-        said = f'{before}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'
+        # The caption gives way to the curves' names where there is no room for all.
+        shown = f'{whose}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'
         many = " many" if len(names) > IN_ONE_ROW else ""
-        words.show(f'<div class="curves{many}">{said}<span class="who">{" ".join(names)}</span></div>')
+        words.show(f'<div class="curves{many}">{shown}<span class="who">{" ".join(names)}</span></div>')
         chart.show(x, lines)
 
 
-def whose(snapshot: Snapshot) -> str:
+def _whose(snapshot: Snapshot) -> str:
     """The object in focus before a caption; empty where there is one object only."""
     if len(snapshot.scene.objects) < 2:
         return ""
-    o = snapshot.scene.object(snapshot.target.instance.instance_id)
+    o = in_focus(snapshot)
     return f"{swatch(o.color)}{cut(o.label, 76)}: "
+
+
+def _carried(start: float, iterations: Sequence[Iteration], known: Mapping[int, float]) -> list[float]:
+    """A value before and after each iteration; one of which none is ``known`` leaves the curve where it was."""
+    values = [start]
+    for iteration in iterations:
+        values.append(known.get(iteration.index, values[-1]))
+    return values
+
+
+def _summed(iterations: Sequence[Iteration], counts: Callable[[Iteration], bool]) -> list[float]:
+    """How many iterations count, before and after each."""
+    values = [0.0]
+    for iteration in iterations:
+        values.append(values[-1] + counts(iteration))
+    return values
+
+
+# Of one object.
+
+BEST_PX = 5.0
+"""Width of the line of the best pose, which others are drawn over: the hypothesis that leads is seen in it."""
+ACCEPTED_COLOR = (225, 225, 225)
 
 
 def score_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
     """Score of each hypothesis's accepted pose, and of the best so far."""
-    best = max(snapshot.begun.arms[j].entries[0].score.score for j in range(n_arms)) if n_arms else 0.0
+    own = snapshot.own_iterations
+    if not own:
+        return []
+    first = [snapshot.begun.arms[j].entries[0].score.score for j in range(n_arms)]
     # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
-    of_scene = any(i.tree is not None or i.scene_pass is not None for i in snapshot.own_iterations)
-    name = "answer" if of_scene else "best"
-    # Below the others and wider, so that the hypothesis that leads is seen in it.
-    values = [best, *(i.best.score.score for i in snapshot.own_iterations)]
-    lines = [Line(name, STAGE_COLORS["best"], values, width=BEST_PX)]
-    for j in range(n_arms):
-        now = snapshot.begun.arms[j].entries[0].score.score
-        values = [now]
-        for i in snapshot.own_iterations:
-            if i.arm == j and i.accepted_stage.score is not None:
-                now = i.accepted_stage.score.score
-            values.append(now)
-        lines.append(Line(f"{j + 1}", arm_color(j), values))
-    return lines
+    of_scene = any(i.tree is not None or i.scene_pass is not None for i in own)
+    best = [max(first, default=0.0), *(i.best.score.score for i in own)]
+
+    def accepted(j: int) -> list[float]:
+        stages = {i.index: i.accepted_stage for i in own if i.arm == j}
+        return _carried(first[j], own, {k: s.score.score for k, s in stages.items() if s.score is not None})
+
+    lines = [Line("answer" if of_scene else "best", STAGE_COLORS["best"], best, width=BEST_PX)]
+    return lines + [Line(f"{j + 1}", arm_color(j), accepted(j)) for j in range(n_arms)]
 
 
 def ucb_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
@@ -268,21 +224,83 @@ def ucb_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
 
 def pull_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
     """How often each hypothesis was chosen, summed up."""
-    lines = []
-    for j in range(n_arms):
-        values = [0.0]
-        for i in snapshot.own_iterations:
-            values.append(values[-1] + (i.arm == j))
-        lines.append(Line(f"{j + 1}", arm_color(j), values))
-    return lines
+    own = snapshot.own_iterations
+    arms = range(n_arms) if own else ()
+    return [Line(f"{j + 1}", arm_color(j), _summed(own, lambda i, j=j: i.arm == j)) for j in arms]
 
 
 def error_lines(snapshot: Snapshot) -> list[Line]:
     """ADD(-S) [mm] of the accepted and of the best pose; none without ground truth."""
-    if any(kept is None or best is None for _, kept, best in snapshot.error_series) or not snapshot.error_series:
+    known = [(a, b) for _, a, b in snapshot.error_series if a is not None and b is not None]
+    if not known or len(known) < len(snapshot.error_series):
         return []
-    first = [e.add_s_mm for e in snapshot.initial_errors if e is not None]
-    start = first[snapshot.own_iterations[0].arm] if first else 0.0
-    accepted = [start, *(e.add_s_mm for _, e, _ in snapshot.error_series if e is not None)]
-    best = [start, *(e.add_s_mm for _, _, e in snapshot.error_series if e is not None)]
+    initial = [e.add_s_mm for e in snapshot.initial_errors if e is not None]
+    start = initial[snapshot.own_iterations[0].arm] if initial else 0.0
+    accepted, best = ([start, *(e.add_s_mm for e in errors)] for errors in zip(*known, strict=True))
     return [Line("best", STAGE_COLORS["best"], best, width=BEST_PX), Line("accepted", ACCEPTED_COLOR, accepted)]
+
+
+# Of the whole scene: how well the objects fit together, pass by pass, and each object's own best.
+
+PASS, BEST_KNOWN, INCUMBENT = STAGE_COLORS["current"], STAGE_COLORS["simulated"], STAGE_COLORS["best"]
+LEGEND_CHARACTERS = 24
+"""The legend has no room for longer names; the list of objects has their colours."""
+
+
+def _object_line(snapshot: Snapshot, o: ObjectState, values: list[float], dashed: bool = False) -> Line:
+    has_room = sum(len(p.label) for p in snapshot.scene.objects) <= LEGEND_CHARACTERS
+    return Line(o.label, o.color, values, 1.2 if dashed else 2.0, in_legend=has_room, dashed=dashed)
+
+
+def _best_line(snapshot: Snapshot, o: ObjectState, known: Mapping[int, float], dashed: bool = False) -> Line:
+    """What is ``known`` by iteration of one object's best pose, over the iterations of all."""
+    values = _carried(next(iter(known.values())), snapshot.iterations, known)
+    return _object_line(snapshot, o, values, dashed)
+
+
+def scene_score_lines(snapshot: Snapshot) -> list[Line]:
+    """Score of each pass, of the best known poses together and of the incumbent; each object's best score dashed."""
+    lines = []
+    for o in snapshot.scene.objects:
+        scores = {i.index: i.best.score.score for i in snapshot.iterations if i.instance_id == o.instance_id}
+        if o.answer is not None and scores:
+            lines.append(_best_line(snapshot, o, scores, dashed=True))
+    closed = {p.iteration: p.record for p in snapshot.scene.closed}
+    for label, color, width, pick in (
+        ("pass", PASS, 2.0, lambda record: record.score.score),
+        ("best known", BEST_KNOWN, 2.0, lambda record: record.best_known.score),
+        ("incumbent", INCUMBENT, 3.0, lambda record: record.incumbent_score),
+    ):
+        scores = {index: pick(record) for index, record in closed.items()}
+        if scores:
+            values = _carried(next(iter(scores.values())), snapshot.iterations, scores)
+            lines.append(Line(label, color, values, width))
+    return lines
+
+
+def spent_lines(snapshot: Snapshot) -> list[Line]:
+    """Iterations spent on each object."""
+    return [
+        _object_line(snapshot, o, _summed(snapshot.iterations, lambda i, o=o: i.instance_id == o.instance_id))
+        for o in (snapshot.scene.objects if snapshot.iterations else ())
+    ]
+
+
+def scene_error_lines(snapshot: Snapshot) -> list[Line]:
+    """ADD(-S) [mm] of each object's answer; none without ground truth."""
+    lines = []
+    for o in snapshot.scene.objects:
+        own = (i.index for i in snapshot.iterations if i.instance_id == o.instance_id)
+        known = {k: e.add_s_mm for k in own if (e := snapshot.best_errors.get(k)) is not None}
+        if known:
+            lines.append(_best_line(snapshot, o, known))
+    return lines
+
+
+def cost_lines(tree: Tree) -> tuple[Sequence[float], list[Line]]:
+    """(x, lines): cost of each complete scene and of the incumbent [px]."""
+    x = [float(index) for index, _, _ in tree.costs]
+    return x, [
+        Line("this scene", PASS, [cost for _, cost, _ in tree.costs], width=1.2),
+        Line("incumbent", INCUMBENT, [cost for _, _, cost in tree.costs], width=3.0),
+    ]

@@ -13,19 +13,18 @@ from verefine_viz.viewer import comparison_commands as s
 from verefine_viz.viewer.command_json import from_json
 from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch_panel import BatchPanel
-from verefine_viz.viewer.panels.breakpoints_panel import BreakpointsPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
-from verefine_viz.viewer.panels.order_panel import DependenciesPanel
+from verefine_viz.viewer.panels.order_panel import OrderPanel
 from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
 from verefine_viz.viewer.panels.run_panel import RunPanel
 from verefine_viz.viewer.panels.score_panel import MapsPanel, ScorePanel
 from verefine_viz.viewer.panels.session_panel import SessionPanel
 from verefine_viz.viewer.panels.settings_panel import SettingsPanel
 from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
-from verefine_viz.viewer.panels.view_panel import ViewPanel
-from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
+from verefine_viz.viewer.panels.view_panels import BreakpointsPanel, ViewPanel
+from verefine_viz.viewer.panels.widgets import Send, add_style, asked_by, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Gallery
 from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
@@ -65,7 +64,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Cancel what is being done", "escape", c.Cancel()),
     ("Restart", None, c.Restart()),
     ("Score the ground truth", None, c.ScoreGroundTruth()),
-    ("Edit the pose by hand", None, c.EditPose()),
+    ("Edit the pose", None, c.EditPose()),
     ("Continue from the edited pose", None, c.ForkFromPose()),
     ("Fork here", None, c.Fork()),
     ("Animate steps", None, c.Animate(True)),
@@ -99,9 +98,8 @@ class Layout:
         gui.add_html(small_window(RIGHT_PX))
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
-        gui.add_html(f"<style>{hidden(self.link)}</style>")
-        if batch is not None:  # One tab more, and still one row of them.
-            gui.add_html(f"<style>{NARROW_TABS}</style>")
+        # One tab more with a batch, and still one row of them.
+        add_style(gui, hidden(self.link), NARROW_TABS if batch is not None else "")
         main = gui.main_panel
         main.dock_right()
         main.set_width(RIGHT_PX)
@@ -113,13 +111,13 @@ class Layout:
         with tabs.add_tab("Score"):
             self.score = ScorePanel(gui, send)
         with tabs.add_tab("Bandit"):
-            self.bandit = BanditPanel(gui, send)
+            self.bandit = BanditPanel(gui)
         with tabs.add_tab("Physics"):
             self.physics = PhysicsPanel(gui, send)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
         with tabs.add_tab("Order"):
-            self.dependencies = DependenciesPanel(gui, send)
+            self.order = OrderPanel(gui)
         with tabs.add_tab("A/B"):
             self.compare = ComparePanel(gui, send)
         with tabs.add_tab("Session"):
@@ -131,7 +129,7 @@ class Layout:
         timeline.float(x=GAP_PX, y=-GAP_PX, width=MAPS_PX + GAP_PX + CURVES_PX, height=TIMELINE_PX)
         maps = gui.add_panel()
         with maps.add_tab("Score maps"):
-            self.maps = MapsPanel(gui, send)
+            self.maps = MapsPanel(gui)
         above = -(TIMELINE_PX + 2 * GAP_PX)
         maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
         curves = gui.add_panel()
@@ -151,7 +149,7 @@ class Layout:
         layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
         self._objects_panel = gui.add_panel(visible=False)
         with self._objects_panel.add_tab("Objects"):
-            self.objects = ObjectsPanel(gui, send)
+            self.objects = ObjectsPanel(gui)
         self._n_objects = 0
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
@@ -173,21 +171,21 @@ class Layout:
             except InputError as error:
                 _LOG.warning("a link was refused: %s", error)
 
-        self.link.on_update(by_person(received))
+        self.link.on_update(by_user(received))
 
-    def show(self, snapshot: Snapshot, hand_is_ahead: bool = False) -> None:
+    def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
         self.run.show(snapshot)
         self.settings.show(snapshot)
         self.breakpoints.show(snapshot)
         self._show_objects(snapshot)
-        self.timeline.show(snapshot, hand_is_ahead)
+        self.timeline.show(snapshot, slider_is_ahead)
         self.score.show(snapshot)
         self.bandit.show(snapshot)
         self.physics.show(snapshot)
         self.errors.show(snapshot)
         self.compare.show(snapshot)
-        self.dependencies.show(snapshot)
+        self.order.show(snapshot)
         self.session.show(snapshot)
         self.layers.show(snapshot)
         if self.batch is not None and self.score_error is not None:

@@ -1,4 +1,4 @@
-"""The Session panel: what is open, and how to keep it."""
+"""The Session panel: what is open, how to save and export it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import viser
 
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence, text
-from verefine_viz.viewer.panels.widgets import Block, Send, asked_by, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.workspace import WrittenFile
+from verefine_viz.viewer.text.display_names import counted
 
 EXPORTS: dict[str, c.Command] = {
     "Recording": c.Export("recording"),
@@ -19,8 +20,6 @@ EXPORTS: dict[str, c.Command] = {
     "Maps PNG": c.Export("maps"),
     "Command log": c.Export("commands"),
 }
-
-
 CHOOSE = "choose a session"
 """What the list shows where the open session is in no file."""
 
@@ -38,24 +37,16 @@ class SessionPanel:
         self._words = Block(gui)
         self.name = gui.add_text("Name", "my_session", hint="written to sessions/NAME.toml")
         self.save = gui.add_button("Save session", hint="settings, breakpoints, changes and edited poses")
-        self.save.on_click(by_person(lambda _: send(c.SaveSession(self.name.value, waiting=waiting()))))
+        self.save.on_click(by_user(lambda _: send(c.SaveSession(self.name.value, waiting=waiting()))))
         self._listed: tuple[str, ...] = ()
         self.at_hand = gui.add_dropdown("Open", [CHOOSE], hint="session files in sessions/; choose one to open it")
-        self.at_hand.on_update(by_person(lambda v: send(c.OpenSession(v)) if v in self._listed else None))
+        self.at_hand.on_update(by_user(lambda v: send(c.OpenSession(v)) if v in self._listed else None))
         self.path = gui.add_text("File", "", hint="path of a session file (.toml), or the name of one in the list")
         self.load = gui.add_button("Open session file")
-        self.load.on_click(by_person(lambda _: send(c.OpenSession(self.path.value))))
-        self.exports = gui.add_button_group(
-            "Export", list(EXPORTS),
-            hint="Downloaded by your browser too. Recording: for rerun. 3D scene: one HTML file that opens offline.",
-        )  # fmt: skip
-
-        @self.exports.on_click
-        def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
-            if event.client is not None:
-                send(asked_by(event.client_id, EXPORTS[event.target.value]))
-
-        self._kept = Block(gui)
+        self.load.on_click(by_user(lambda _: send(c.OpenSession(self.path.value))))
+        hint = "Downloaded by your browser too. Recording: for rerun. 3D scene: one HTML file that opens offline."
+        self.exports = add_buttons(gui, "Export", EXPORTS, send, hint)
+        self._written = Block(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """What is open, and what was written."""
@@ -66,7 +57,7 @@ class SessionPanel:
         if tuple(self.at_hand.options) != options:
             self.at_hand.options = options
         self.at_hand.value = options[0]
-        self._kept.show("".join(written(kept, snapshot.refused) for kept in snapshot.written))
+        self._written.show("".join(written(file, snapshot.refused) for file in snapshot.written))
 
 
 def open_now(snapshot: Snapshot) -> str:
@@ -74,30 +65,30 @@ def open_now(snapshot: Snapshot) -> str:
     return CHOOSE if snapshot.session_file is None else f"{snapshot.session_file.name} is open"
 
 
-def written(kept: WrittenFile, before: bool = False) -> str:
+def written(file: WrittenFile, before: bool = False) -> str:
     """Where a file is, and what else became of it; ``before``: something was refused since, which may be another."""
-    note = f'; <span class="dim">{text(kept.note)}</span>' if kept.note else ""
-    return f"<p>Written{' before' if before else ''}: <code>{text(kept.path)}</code>{note}</p>"
+    note = f'; <span class="dim">{text(file.note)}</span>' if file.note else ""
+    return f"<p>Written{' before' if before else ''}: <code>{text(file.path)}</code>{note}</p>"
 
 
 def opened(snapshot: Snapshot) -> str:
     """What is open, and what happens on the way that no other panel shows."""
-    title = snapshot.session.title or "untitled"
-    built_in = f", built-in scene “{snapshot.session.scene.demo}”" if snapshot.session.scene.source == "demo" else ""
-    file = f", from {snapshot.session_path}" if snapshot.session_path else f"{built_in}, not from a file"
-    file = f", read from the recording {snapshot.recording}" if snapshot.recording else file
-    # One of the two is as it was typed.
-    if snapshot.session_file and (
-        snapshot.session_path is None or snapshot.session_file != snapshot.session_path.resolve()
-    ):
-        file += f", written to {snapshot.session_file}"
-    moved = len(snapshot.edits)
-    n, n_frames = len(snapshot.problem.instances), len(snapshot.frames)
-    among = f", one of {n_frames}," if n_frames > 1 else ""
-    said = f"Session “{title}”{file}: frame {snapshot.frame}{among} with {n} object{'s' if n != 1 else ''}."
-    if moved:
-        said += f" {moved} pose{'s' if moved != 1 else ''} moved by hand."
-    for change in snapshot.session.changes:
+    session, path, file = snapshot.session, snapshot.session_path, snapshot.session_file
+    if snapshot.recording:
+        origin = f", read from the recording {snapshot.recording}"
+    elif path:
+        origin = f", from {path}"
+    else:
+        built_in = f", built-in scene “{session.scene.demo}”" if session.scene.source == "demo" else ""
+        origin = f"{built_in}, not from a file"
+    if file and (path is None or file != path.resolve()):  # One of the two is as it was typed.
+        origin += f", written to {file}"
+    among = f", one of {len(snapshot.frames)}," if len(snapshot.frames) > 1 else ""
+    objects = counted(len(snapshot.problem.instances), "object")
+    words = f"Session “{session.title or 'untitled'}”{origin}: frame {snapshot.frame}{among} with {objects}."
+    if snapshot.edits:
+        words += f" {counted(len(snapshot.edits), 'edited pose')}."
+    for change in session.changes:
         values = (f"{section}.{key} = {v}" for section, keys in change.settings.items() for key, v in keys.items())
-        said += f" After iteration {change.after_iteration}: {', '.join(values)}."
-    return said
+        words += f" After iteration {change.after_iteration}: {', '.join(values)}."
+    return words

@@ -10,12 +10,11 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import arms_legend, carries, link, text
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, Mark
-from verefine_viz.viewer.text.display_names import arm_color, shortened
-from verefine_viz.viewer.text.scene import place_in_run
-from verefine_viz.viewer.text.sentences import the_answer
+from verefine_viz.viewer.text.display_names import arm_color, counted, in_focus, shortened
+from verefine_viz.viewer.text.headline import place_in_run
 from verefine_viz.viewer.web.viser_internals import compact
 
 # The sentence above the timeline: where the cursor is, what was worked on there, and where trouble is marked.
@@ -35,35 +34,42 @@ def timeline_words(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
 
 def _what(snapshot: Snapshot) -> str:
     if snapshot.is_answer:
-        return the_answer(snapshot)
+        return _the_answer(snapshot)
     if snapshot.cursor == 0:
         return "the start" if snapshot.progress.done else "nothing has run yet"
     if snapshot.is_current and snapshot.shown is not None:
         place, stage = place_in_run(snapshot.scene, snapshot.shown), snapshot.options.stage
-        said = f"{snapshot.name}, hypothesis {snapshot.shown.arm + 1} of {snapshot.n_arms}"
-        return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
+        who = f"{snapshot.name}, hypothesis {snapshot.shown.arm + 1} of {snapshot.n_arms}"
+        return ", ".join(filter(None, (place, who, f"up to the {stage} pose" if stage else "")))
     if snapshot.cursor > len(snapshot.iterations):
         return "shown stage by stage"
     worked_on = snapshot.at(snapshot.cursor)
     return f"it worked on {snapshot.scene.object(worked_on.instance_id).label}, hypothesis {worked_on.arm + 1}"
 
 
+def _the_answer(snapshot: Snapshot) -> str:
+    """As in: the answer, of iteration 16. The objects of a frame are each of another."""
+    o = in_focus(snapshot)
+    if snapshot.is_whole_scene:
+        return "the answer"
+    if o.answer is None:
+        return "no answer"
+    origin = f"of iteration {o.answer.iteration}" if o.answer.iteration else "an initial pose"
+    return f"the answer; {o.label}: {origin}" if len(snapshot.scene.objects) > 1 else f"the answer, {origin}"
+
+
 def _red(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
     """How many iterations are marked red, and the way to the nearest one."""
     red = sorted({mark.iteration for mark in marks if mark.is_red})
-    if not snapshot.progress.done:
-        return ""
     if not red:
-        return " No red marks."
-    said = f" {len(red)} red mark{'s' if len(red) > 1 else ''}"
+        return " No red marks." if snapshot.progress.done else ""
+    words = f" {counted(len(red), 'red mark')}{', one here' if snapshot.cursor in red else ''}"
     after, before = [k for k in red if k > snapshot.cursor], [k for k in red if k < snapshot.cursor]
-    if snapshot.cursor in red:
-        said += ", one here"
     if not after and not before:
-        return f"{said}."
-    which, k = ("next", after[0]) if after else ("one before", before[-1])
-    which = f"the {which} at" if len(red) > 1 else "at"
-    return f"{said}, {which} {link(str(k), visit(snapshot, snapshot.at(k)), 'go there')}."
+        return f"{words}."
+    which, k = ("the next at", after[0]) if after else ("the one before at", before[-1])
+    nearest = link(str(k), visit(snapshot, snapshot.at(k)), "go there")
+    return f"{words}, {which if len(red) > 1 else 'at'} {nearest}."
 
 
 _WIDTH, _HEIGHT = 860, 43
@@ -80,14 +86,14 @@ class TimelinePanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._line = Block(gui, "line tight")
         self.slider = gui.add_slider("Iteration", 0, 1, 1, 0, hint="0 = before the first; Home, End, PageUp, PageDown")
-        self.slider.on_update(by_person(lambda v: send(c.Seek(int(v)))))
-        gui.add_html(f"<style>{compact(self.slider, ROW_PX)}</style>")
+        self.slider.on_update(by_user(lambda v: send(c.Seek(int(v)))))
+        add_style(gui, compact(self.slider, ROW_PX))
 
-    def show(self, snapshot: Snapshot, hand_is_ahead: bool = False) -> None:
-        """Draws the strip; leaves the slider alone while a hand moves it further."""
+    def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
+        """Draws the strip; leaves the slider alone while the user moves it further."""
         self._line.show(strip(snapshot))
         self.slider.max = max(snapshot.progress.total, 1)
-        if not hand_is_ahead:
+        if not slider_is_ahead:
             self.slider.value = min(snapshot.cursor, int(self.slider.max))
 
 
@@ -115,31 +121,30 @@ def strip(snapshot: Snapshot) -> str:
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
     head = f'<div class="head">{timeline_words(snapshot, marks)}</div>'
-    colors = f'<div class="colors">{blocks_legend(snapshot)}{legend(marks)}</div>'
+    colors = f'<div class="colors">{_blocks_legend(snapshot)}{legend(marks)}</div>'
     return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{colors}"
 
 
-def blocks_legend(snapshot: Snapshot) -> str:
+def _blocks_legend(snapshot: Snapshot) -> str:
     """What the colours of the blocks below the marks mean."""
-    several = len(snapshot.scene.objects) > 1
     if snapshot.is_whole_scene:
         return '<div class="blocks">Blocks: objects, in the colours of the list of objects.</div>'
-    said, tip = "Blocks: hypotheses", ""
-    if several:
-        said += f" of {snapshot.scene.object(snapshot.target.instance.instance_id).label}:"
+    words, tip = "Blocks: hypotheses", ""
+    if len(snapshot.scene.objects) > 1:
+        words += f" of {in_focus(snapshot).label}:"
         tip = ' title="The line below the blocks has the colours of the objects."'
-    return f'<div class="blocks"{tip}>{text(said)} {arms_legend(snapshot.target, brief=True)}</div>'
+    return f'<div class="blocks"{tip}>{text(words)} {arms_legend(snapshot.target, brief=True)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:
     """What the colours of these marks mean, in one short line."""
     kinds = {mark.kind for mark in marks}
-    said = [
+    meanings = [
         f'<span title="{text(m.hint)}"><span style="color:rgb{m.color}">{m.sign}</span> {text(m.words)}</span>'
         for m in MEANINGS
         if m.kinds & kinds
     ]
-    return f'<span class="legend">{" ".join(said)}</span>' if said else ""
+    return f'<span class="legend">{" ".join(meanings)}</span>' if meanings else ""
 
 
 def is_shown(snapshot: Snapshot, iteration: Iteration) -> bool:
@@ -166,7 +171,8 @@ def _cells(snapshot: Snapshot, cell: float) -> list[str]:
         if score is not None:
             title += f", score {score.score:.3f}"
         faint = "" if is_shown(snapshot, iteration) else ' opacity="0.18"'
-        box = f'<rect x="{x:.1f}" y="14" width="{width:.1f}" height="12" rx="1.5" fill="rgb{_color(snapshot, iteration)}"/>'
+        color = _color(snapshot, iteration)
+        box = f'<rect x="{x:.1f}" y="14" width="{width:.1f}" height="12" rx="1.5" fill="rgb{color}"/>'
         if several:
             band = snapshot.scene.object(iteration.instance_id).color
             box += f'<rect x="{x:.1f}" y="26.5" width="{width:.1f}" height="3" fill="rgb{band}"/>'

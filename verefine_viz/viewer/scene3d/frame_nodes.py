@@ -17,7 +17,6 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 from verefine_viz.viewer.drawing.score_maps import map_over
-from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.pose_nodes import place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
@@ -37,7 +36,7 @@ class CameraNodes:
         corners = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]]) * IMAGE_PLANE_M
         edges = [(np.zeros(3), corner) for corner in corners] + [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
         self._frustum = scene.add_line_segments(
-            names.FRUSTUM, np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
+            "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
         )
         photo = snapshot.problem.observation.rgb
         self._darkened = np.full((*camera.shape, 3), 60, np.uint8) if photo is None else (photo * 0.55).astype(np.uint8)
@@ -48,7 +47,7 @@ class CameraNodes:
             IMAGE_PLANE_M,
         )
         self._image = scene.add_image(
-            names.IMAGE, image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
+            "/cam/image", image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
             receive_shadow=False,
         )  # fmt: skip
         self._shown = image
@@ -58,7 +57,7 @@ class CameraNodes:
         self._image.visible = self._frustum.visible = "camera image" in snapshot.options.layers
 
     def show_map(self, snapshot: Snapshot) -> None:
-        """Lays the score map that is looked at over the image."""
+        """Lays the score map that is chosen over the image."""
         side = snapshot.b or snapshot.a
         if not self._image.visible or side is None or side.maps is None:
             return
@@ -193,7 +192,7 @@ class GroundNodes:
         T = transform(R_world_plane, foot)
         side = 0.8
         self._grid = scene.add_grid(
-            names.GRID, side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
+            "/world/grid", side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
             section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
             plane_color=(120, 150, 190), plane_opacity=0.22,
         )  # fmt: skip
@@ -209,7 +208,7 @@ class GroundNodes:
         barbs = tip + back
         strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
         self._gravity = scene.add_line_segments(
-            names.GRAVITY, strokes, (250, 220, 90), thickness=3, thickness_units="screen"
+            "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"
         )
 
     def show(self, snapshot: Snapshot) -> None:

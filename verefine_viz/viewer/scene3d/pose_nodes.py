@@ -12,13 +12,12 @@ import viser
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import quat_wxyz
+from verefine_viz.core.geometry import quat_wxyz, rotation_of_quat_wxyz, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.palette import RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.viewer.commands import Command, SelectArm
-from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import arm_color
@@ -33,6 +32,10 @@ _DISPLAY_MM = 0.2
 _SIMPLIFY_FROM = 3000
 
 
+Mesh = tuple[Float, NDArray[np.int32]]
+"""Vertices (V, 3) [m] and faces (F, 3)."""
+
+
 class PoseNodes:
     """Everything that moves with the object in focus."""
 
@@ -45,41 +48,23 @@ class PoseNodes:
         key: int = 0,
     ):
         """Makes the nodes; ``key`` tells those of several objects apart."""
-        scene = server.scene
-        vertices, faces = display_mesh(model)
-        outline = outline_of(model)
+        scene, mesh = server.scene, display_mesh(model)
         self.n_arms = n_arms
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
-            color, node = STAGE_COLORS[name], names.stage(key, name)
+            color, node = STAGE_COLORS[name], f"/cam/stages/{key}/{name.replace(' ', '_')}"
             if name in OUTLINED:
-                self._nodes[name] = scene.add_line_segments(
-                    node, outline, color, thickness=1.4, thickness_units="screen", visible=False
-                )
+                self._nodes[name] = add_wireframe(scene, node, outline_of(model), color, 1.4)
             else:
-                self._nodes[name] = scene.add_mesh_simple(
-                    node, vertices, faces, color=color, opacity=OPACITY[name], flat_shading=True, side="double",
-                    visible=False, cast_shadow=False, receive_shadow=False,
-                )  # fmt: skip
-        self._mover = scene.add_mesh_simple(
-            names.stage(key, "moving"),
-            vertices,
-            faces,
-            flat_shading=True,
-            side="double",
-            visible=False,
-            cast_shadow=False,
-        )
-        self._path = scene.add_mesh_simple(
-            names.stage(key, "path"), vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True,
-            side="double", visible=False, cast_shadow=False,
-        )  # fmt: skip
+                self._nodes[name] = add_mesh(scene, node, mesh, color, OPACITY[name])
+        self._mover = add_mesh(scene, f"/cam/stages/{key}/moving", mesh)
+        self._path = add_mesh(scene, f"/cam/stages/{key}/path", mesh, (255, 190, 90), 0.85)
         self._ghosts = None
         if n_arms:
             colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
             # Front faces alone: transparent ones of both sides are drawn in two passes, which software renderers feel.
             self._ghosts = scene.add_batched_meshes_simple(
-                names.hypotheses(key), vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
+                f"/cam/hypotheses/{key}", *mesh, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
                 batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.25, lod="off", side="front",
                 cast_shadow=False, receive_shadow=False, visible=False,
             )  # fmt: skip
@@ -175,6 +160,27 @@ def place(node: viser.SceneNodeHandle, T_cam_obj: Float) -> None:
     node.wxyz = quat_wxyz(T_cam_obj[:3, :3])
 
 
+def add_mesh(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: Mesh,
+    color: RGB = (90, 200, 255),
+    opacity: float | None = None,
+) -> viser.MeshHandle:
+    """A mesh that is not visible yet."""
+    return scene.add_mesh_simple(
+        name, *mesh, color=color, opacity=opacity, flat_shading=True, side="double", visible=False, cast_shadow=False,
+        receive_shadow=False,
+    )  # fmt: skip
+
+
+def add_wireframe(
+    scene: viser.SceneApi, name: str, edges: NDArray[np.float32], color: RGB, width_px: float
+) -> viser.LineSegmentsHandle:
+    """The edges (E, 2, 3) of a mesh, not visible yet."""
+    return scene.add_line_segments(name, edges, color, thickness=width_px, thickness_units="screen", visible=False)
+
+
 def way(iteration: Iteration, n_between: int = 5) -> Iterator[tuple[Float, str]]:
     """Poses on the way through an iteration, each with the stage it leads to."""
     stages = iteration.stages
@@ -199,16 +205,8 @@ def between(T_a: Float, T_b: Float, share: float) -> Float:
     q_a, q_b = quat_wxyz(T_a[:3, :3]), quat_wxyz(T_b[:3, :3])
     if q_a @ q_b < 0:
         q_b = -q_b
-    q = (1 - share) * q_a + share * q_b
-    w, x, y, z = q / np.linalg.norm(q)
-    T = np.eye(4)
-    T[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    T[:3, 3] = (1 - share) * T_a[:3, 3] + share * T_b[:3, 3]
-    return T
+    position = (1 - share) * T_a[:3, 3] + share * T_b[:3, 3]
+    return transform(rotation_of_quat_wxyz((1 - share) * q_a + share * q_b), position)
 
 
 @lru_cache(maxsize=64)
@@ -218,7 +216,7 @@ def outline_of(model: ObjectModel) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=64)
-def display_mesh(model: ObjectModel) -> tuple[Float, NDArray[np.int32]]:
+def display_mesh(model: ObjectModel) -> Mesh:
     """The mesh as it is drawn: the simplified one that is scored, where the original is large."""
     if len(model.faces) < _SIMPLIFY_FROM:
         return model.vertices, model.faces
@@ -242,7 +240,7 @@ def edges(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.float32]:
     return vertices[chosen].astype(np.float32)
 
 
-def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
+def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> Mesh:
     """A few hundred triangles, so that a wireframe can be looked through."""
     if len(faces) <= _OUTLINE_FACES:
         return vertices, faces

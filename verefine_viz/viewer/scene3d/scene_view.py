@@ -14,7 +14,6 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.simulated import Contacts
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, drawn_stage
-from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.frame_nodes import (
     IMAGE_PLANE_M,
     CameraNodes,
@@ -26,12 +25,13 @@ from verefine_viz.viewer.scene3d.frame_nodes import (
     measured_points,
 )
 from verefine_viz.viewer.scene3d.object_nodes import ObjectNodes
-from verefine_viz.viewer.scene3d.pose_nodes import PoseNodes, display_mesh, place
+from verefine_viz.viewer.scene3d.pose_nodes import PoseNodes, add_mesh, display_mesh, place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.edited_pose import SentPoses
+from verefine_viz.viewer.text.display_names import in_focus
 from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict
 
-# Where a person looks from when a frame is opened.
+# Where the camera is when a frame is opened.
 
 
 def aim(server: viser.ViserServer, snapshot: Snapshot, T_world_cam: Float) -> None:
@@ -148,19 +148,19 @@ class SceneView:
 
     def _load_frame(self, snapshot: Snapshot) -> None:
         scene, observation = self._server.scene, snapshot.problem.observation
-        for name in (names.CAMERA_FRAME, names.WORLD_FRAME):
+        for name in ("/cam", "/world"):
             scene.remove_by_name(name)
         self._gizmo = self._nodes = None
         self._all_nodes = {}
         support = observation.support
         T_world_cam = support.T_world_cam if support else _UP_FROM_CAMERA
         self._T_world_cam = T_world_cam
-        cam = scene.add_frame(names.CAMERA_FRAME, show_axes=False)
+        cam = scene.add_frame("/cam", show_axes=False)
         place(cam, T_world_cam)
         self._cloud: Cloud = cloud_of(observation)
         z = float(np.median(self._cloud.points_cam[:, 2])) if len(self._cloud.points_cam) else 1.0
         self._points = scene.add_point_cloud(
-            names.CLOUD, self._cloud.points_cam, self._cloud.natural, precision="float32",
+            "/cam/cloud", self._cloud.points_cam, self._cloud.natural, precision="float32",
             point_size=(1.1 + 0.5 * self._cloud.spacing_px) * z / observation.camera.fx,
             point_shape="square", point_shading="flat",
         )  # fmt: skip
@@ -170,7 +170,7 @@ class SceneView:
         self._contacts = None
         self._contacts_shown: Contacts | None = None
         self._balance = scene.add_line_segments(
-            names.BALANCE, np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
+            "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
         up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         self._others = ObjectNodes(self._server, snapshot, up_cam, self._send)
@@ -187,24 +187,19 @@ class SceneView:
             self._colors = colors
 
     def _show_contacts(self, snapshot: Snapshot) -> None:
+        """The contacts at the pose of the path that is shown; those of its end where none is chosen."""
         path = snapshot.shown.path if snapshot.shown and not snapshot.is_answer else None
-        if path is None or not path.contacts or "contacts" not in snapshot.options.layers:
-            if self._contacts is not None:
-                self._contacts.visible = False
-            return
         k = snapshot.options.path_pose
-        self._draw_contacts(snapshot, len(path.contacts) if k is None else k)
+        self._draw_contacts(snapshot, len(path.contacts) if path is not None and k is None else k or 0)
 
     def _draw_contacts(self, snapshot: Snapshot, pose: int) -> None:
-        """Arrows onto the object where it touches something, at one pose of the path."""
+        """Arrows onto the object where it touches something, at one pose of the path; none touches at the first."""
         path = snapshot.shown.path if snapshot.shown else None
         contacts = path.contacts[min(pose, len(path.contacts)) - 1] if path and path.contacts and pose else None
-        if contacts is None or len(contacts.depths_m) == 0 or "contacts" not in snapshot.options.layers:
-            if self._contacts is not None:
-                self._contacts.visible = False
-            return
-        if contacts is self._contacts_shown and self._contacts is not None:
-            self._contacts.visible = True
+        is_shown = contacts is not None and len(contacts.depths_m) > 0 and "contacts" in snapshot.options.layers
+        if self._contacts is not None:
+            self._contacts.visible = is_shown
+        if contacts is None or not is_shown or (contacts is self._contacts_shown and self._contacts is not None):
             return
         self._contacts_shown = contacts
         length = 0.35 * snapshot.target.model.diameter_m
@@ -212,24 +207,23 @@ class SceneView:
         deep = contacts.depths_m > 0.001
         colors = np.where(deep[:, None], (220, 50, 47), (255, 140, 0)).astype(np.uint8)
         self._contacts = self._server.scene.add_arrows(
-            names.CONTACTS, ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
+            "/cam/contacts", ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
             head_length=0.12 * length,
         )  # fmt: skip
 
     def _show_polygon(self, snapshot: Snapshot) -> None:
         """The support polygon on the plane, and a line down from the centre of mass."""
         name = drawn_stage(snapshot)
-        found = snapshot.plausible[name] if name else None
-        self._balance.visible = found is not None and "contacts" in snapshot.options.layers
-        if found is None:
+        plausibility = snapshot.plausible[name] if name else None
+        self._balance.visible = plausibility is not None and "contacts" in snapshot.options.layers
+        if plausibility is None:
             return
-        corners = found.polygon_cam
+        corners = plausibility.polygon_cam
         segments = [(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners))]
-        segments.append((found.com_cam, found.com_on_plane_cam))
+        segments.append((plausibility.com_cam, plausibility.com_on_plane_cam))
         points = np.array(segments, np.float32)
         colors = np.empty((len(points), 2, 3), np.uint8)
-        shown = snapshot.scene.object(snapshot.target.instance.instance_id)
-        colors[:] = LIGHTS[plausibility_verdict(found, shown, snapshot.scene).light]
+        colors[:] = LIGHTS[plausibility_verdict(plausibility, in_focus(snapshot), snapshot.scene).light]
         self._balance.points = points
         self._balance.colors = colors
 
@@ -249,12 +243,9 @@ class SceneView:
 
     def _make_gizmo(self, snapshot: Snapshot, T_cam_obj: Float) -> viser.TransformControlsHandle:
         scene, model = self._server.scene, snapshot.target.model
-        gizmo = scene.add_transform_controls(names.GIZMO, scale=0.9 * model.diameter_m, depth_test=False)
+        gizmo = scene.add_transform_controls("/cam/gizmo", scale=0.9 * model.diameter_m, depth_test=False)
         place(gizmo, T_cam_obj)
-        scene.add_mesh_simple(
-            names.GIZMO_MESH, *display_mesh(model), color=STAGE_COLORS["edited"], opacity=0.7, flat_shading=True,
-            side="double", cast_shadow=False,
-        )  # fmt: skip
+        add_mesh(scene, "/cam/gizmo/mesh", display_mesh(model), STAGE_COLORS["edited"], 0.7).visible = True
 
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:

@@ -10,62 +10,13 @@ from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Entry
-from verefine_viz.viewer.text.display_names import is_correct
+from verefine_viz.viewer.text.display_names import in_focus, is_correct
 from verefine_viz.viewer.text.plausibility_verdict import (
     plane_doubt,
     unsupported_stacking,
     unsupported_stacking_warning,
 )
 from verefine_viz.viewer.text.pose_words import preferred_wrong, prefers, start_errors
-
-# What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
-
-
-def batch_words(snapshot: Snapshot) -> str:
-    """What happened at the iteration where it went wrong, and the cause with its evidence; empty: nothing."""
-    entry = snapshot.entry
-    if entry is None:
-        return ""
-    # What is in doubt about the data stands above it by itself.
-    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
-    return " ".join(filter(None, (_why_here(snapshot, entry), verdict)))
-
-
-def _verdict(entry: Entry) -> str:
-    row = entry.row
-    if row.status != "ok":
-        return f"In the batch: no answer, {row.message}."
-    if not entry.is_wrong or row.relative_error is None:
-        return ""
-    if row.evidence:
-        return f"Why it failed in the batch: {row.evidence}"
-    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
-    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
-
-
-def _why_here(snapshot: Snapshot, entry: Entry) -> str:
-    """Why the frame was opened at this iteration of all."""
-    at = entry.iteration
-    if snapshot.cursor != at or snapshot.progress.running or entry.row.status != "ok":
-        return ""
-    if at == 0:
-        return "No iteration made it much worse, and its answer is a initial pose: look before iteration 1."
-    if entry.row.worst_iteration is None:
-        return f"No iteration made it much worse; iteration {at} made the answer."
-    before, after = snapshot.poses.get("current"), snapshot.poses.get("accepted")
-    if not snapshot.is_current or before is None or after is None:
-        return ""
-    if before.errors is not None and after.errors is not None:
-        was, now = before.errors.add_s_mm, after.errors.add_s_mm
-        much = MUCH * (entry.row.diameter_mm or 0.0)
-        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
-    elif before.score is not None and after.score is not None:
-        was, now = before.score.score, after.score.score
-        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
-    else:
-        return ""
-    return f"Iteration {at}: {change}." if lost else ""
-
 
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""
@@ -91,32 +42,25 @@ class Finding:
 
 def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
-    found = (
-        *_of_data(snapshot), *_of_batch(snapshot), *_support(snapshot), *_no_hypothesis(snapshot), *_alone(snapshot), *_why_wrong(snapshot),
-        *_leak(snapshot), *_low(snapshot),
-    )  # fmt: skip
-    return found
+    checks = (_of_data, _of_batch, _support, _no_hypothesis, _stacking, _why_wrong, _leak, _low)
+    return tuple(finding for check in checks for finding in check(snapshot))
 
 
 def _of_data(snapshot: Snapshot) -> list[Finding]:
     """A wrong camera or wrong models are behind all that follows."""
-    return [Finding(f"{DATA_FIRST} {plane_doubt}.", red=True, on_top=True) for plane_doubt in snapshot.data_doubts]
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in snapshot.data_doubts]
 
 
 def _of_batch(snapshot: Snapshot) -> list[Finding]:
     """Why the batch says that this object failed, and the way to the iteration."""
-    entry = snapshot.entry
-    said = batch_words(snapshot)
-    if entry is None or not said:
+    entry, words = snapshot.entry, batch_words(snapshot)
+    if entry is None or not words:
         return []
-    command = c.OpenAt(snapshot.frame, entry.iteration, instance=entry.row.instance_id)
-    at = snapshot.cursor == entry.iteration
-    return [
-        Finding(
-            said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}",
-            on_top=entry.is_wrong,
-        )
-    ]  # fmt: skip
+    command = None
+    if snapshot.cursor != entry.iteration:
+        command = c.OpenAt(snapshot.frame, entry.iteration, instance=entry.row.instance_id)
+    label = f"go to iteration {entry.iteration}"
+    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label, on_top=entry.is_wrong)]
 
 
 def _support(snapshot: Snapshot) -> list[Finding]:
@@ -127,8 +71,8 @@ def _support(snapshot: Snapshot) -> list[Finding]:
         given = snapshot.session.scene.gravity != "plane"
         remedy = "Check scene.gravity" if given else "Give scene.gravity"
         return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
-    said = plane_doubt(support)
-    return [Finding(said)] if said else []
+    doubt = plane_doubt(support)
+    return [Finding(doubt)] if doubt else []
 
 
 def _no_hypothesis(snapshot: Snapshot) -> list[Finding]:
@@ -143,11 +87,11 @@ def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     """What made the answer wrong. As in a batch, a turn that the model should have declared explains all of it."""
     if snapshot.undeclared is None or not _is_over(snapshot):
         return [*_far_start(snapshot), *_starved(snapshot), *_wrong_score(snapshot)]
-    said = snapshot.undeclared.in_words(snapshot.name)
-    if snapshot.entry is not None and said in snapshot.entry.row.evidence:
+    turn = snapshot.undeclared.in_words(snapshot.name)
+    if snapshot.entry is not None and turn in snapshot.entry.row.evidence:
         return []
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
-    return [Finding(f"{said} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    return [Finding(f"{turn} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
 def _far_start(snapshot: Snapshot) -> list[Finding]:
@@ -156,9 +100,8 @@ def _far_start(snapshot: Snapshot) -> list[Finding]:
         return []
     _, j, errors = min(known, key=lambda k: k[0])
     best = snapshot.poses.get("best")
-    found = [best.errors if best is not None else None, *(errors for _, _, errors in snapshot.error_series[-1:])]
-    arrived = any(is_correct(e) for e in found)
-    if errors.relative < FAR or arrived:
+    reached = [best.errors if best is not None else None, *(errors for _, _, errors in snapshot.error_series[-1:])]
+    if errors.relative < FAR or any(is_correct(e) for e in reached):
         return []
     off = (
         f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
@@ -174,32 +117,30 @@ def _far_start(snapshot: Snapshot) -> list[Finding]:
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
 
 
-def _alone(snapshot: Snapshot) -> list[Finding]:
-    """Objects carry each other, and the method does not know."""
-    said = unsupported_stacking_warning(snapshot)
-    if not said:
+def _stacking(snapshot: Snapshot) -> list[Finding]:
+    """Objects rest on each other, and the method does not know."""
+    warning = unsupported_stacking_warning(snapshot)
+    if not warning:
         return []
     command = c.Restart((("method.name", "vf_breadth"),))
-    answers = [snapshot.scene.object(one.instance_id).errors for one in unsupported_stacking(snapshot)]
-    arrived = snapshot.is_answer and all(is_correct(e) for e in answers)
-    return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
+    answers = [snapshot.scene.object(own).errors for own in unsupported_stacking(snapshot)]
+    is_solved = snapshot.is_answer and all(is_correct(e) for e in answers)
+    return [Finding(warning, calm=is_solved, command=command, label="restart with VF_b")]
 
 
 def _whose(snapshot: Snapshot) -> str:
     """As in: of mug. Nothing where there is one object."""
-    several = len(snapshot.scene.objects) > 1
-    return f" of {snapshot.scene.object(snapshot.target.instance.instance_id).label}" if several else ""
+    return f" of {in_focus(snapshot).label}" if len(snapshot.scene.objects) > 1 else ""
 
 
 def _is_over(snapshot: Snapshot) -> bool:
     """Whether the object in focus has had all its iterations at the cursor: then its best pose is the answer."""
     own = snapshot.own_iterations
-    if snapshot.is_partial or (own and own[-1].index > snapshot.cursor):
+    if snapshot.is_partial or not own or own[-1].index > snapshot.cursor:
         return False
-    if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
-        return snapshot.progress.done == snapshot.progress.total
-    done = snapshot.progress.done == snapshot.progress.total
-    return bool(own) and (done or snapshot.iterations[-1].instance_id != own[-1].instance_id)
+    takes_turns = own[-1].scene_pass is not None or own[-1].tree is not None
+    moved_on = not takes_turns and snapshot.iterations[-1].instance_id != own[-1].instance_id
+    return moved_on or snapshot.progress.done == snapshot.progress.total
 
 
 def _starved(snapshot: Snapshot) -> list[Finding]:
@@ -221,8 +162,8 @@ def _starved(snapshot: Snapshot) -> list[Finding]:
         return []  # More turns would not have helped it.
     wider = max(2 * snapshot.session.method.exploration, 0.05)
     text = (
-        f"Hypothesis {j + 1}{_whose(snapshot)} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} "
-        f"of {sum(pulls)} times: its exploration bonus never won."
+        f"Hypothesis {j + 1}{_whose(snapshot)} started nearest to ground truth ({error:.0f} mm) but was tried "
+        f"{pulls[j]} of {sum(pulls)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
@@ -268,3 +209,52 @@ def _low(snapshot: Snapshot) -> list[Finding]:
         return []
     text = f"All hypotheses{_whose(snapshot)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
     return [Finding(text)]
+
+
+# What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
+
+
+def batch_words(snapshot: Snapshot) -> str:
+    """What happened at the iteration where it went wrong, and the cause with its evidence; "" = nothing."""
+    entry = snapshot.entry
+    if entry is None:
+        return ""
+    # What is in doubt about the data stands above it by itself.
+    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
+    return " ".join(filter(None, (_why_here(snapshot, entry), verdict)))
+
+
+def _verdict(entry: Entry) -> str:
+    row = entry.row
+    if row.status != "ok":
+        return f"In the batch: no answer, {row.message}."
+    if not entry.is_wrong or row.relative_error is None:
+        return ""
+    if row.evidence:
+        return f"Why it failed in the batch: {row.evidence}"
+    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
+    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
+
+
+def _why_here(snapshot: Snapshot, entry: Entry) -> str:
+    """Why the frame was opened at this iteration of all."""
+    at = entry.iteration
+    if snapshot.cursor != at or snapshot.progress.running or entry.row.status != "ok":
+        return ""
+    if at == 0:
+        return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
+    if entry.row.worst_iteration is None:
+        return f"No iteration made it much worse; iteration {at} made the answer."
+    before, after = snapshot.poses.get("current"), snapshot.poses.get("accepted")
+    if not snapshot.is_current or before is None or after is None:
+        return ""
+    if before.errors is not None and after.errors is not None:
+        was, now = before.errors.add_s_mm, after.errors.add_s_mm
+        much = MUCH * (entry.row.diameter_mm or 0.0)
+        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
+    elif before.score is not None and after.score is not None:
+        was, now = before.score.score, after.score.score
+        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
+    else:
+        return ""
+    return f"Iteration {at}: {change}." if lost else ""

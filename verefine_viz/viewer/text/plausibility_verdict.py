@@ -1,10 +1,10 @@
-"""Whether a pose is plausible, in plain words: verdicts, unsupported stacking, the support plane."""
+"""Whether a pose, or the support plane, is plausible, in plain words; and what stands on other objects unsupported."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from verefine_viz.core.listing import first_of
 from verefine_viz.core.observation import Support
@@ -12,11 +12,8 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.methods.registry import method_of
 from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import method_name
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.snapshot.snapshot import Snapshot
-
 
 # What stands on other objects, where the method settles every object on the support plane alone: there it sinks.
 
@@ -26,42 +23,33 @@ MOST_NAMED = 3
 """Objects that a warning names."""
 
 
-@dataclass(frozen=True)
-class UnsupportedStacking:
-    """An object that does not stand on the support plane."""
+def unsupported_stacking(snapshot: Snapshot) -> dict[int, str]:
+    """By instance, where the method does not know of it: "stands on cereal", "stands 70 mm above the table".
 
-    instance_id: int
-    where: str
-    """As in: "stands on cereal", "stands 70 mm above the table"."""
-
-
-def unsupported_stacking(snapshot: Snapshot) -> tuple[UnsupportedStacking, ...]:
-    """What stands on what, by the dependency graph or else by ground truth, where the method does not know of it.
-
-    Nothing while the data are in doubt: how high objects stand above the table is measured in them.
+    By the dependency graph, or else by ground truth. Nothing while the data are in doubt: how high objects stand above
+    the table is measured in them.
     """
-    method = method_of(snapshot.session.method.name)
-    if method.knows_others or not method.simulates or not snapshot.session.physics.enabled or snapshot.data_doubts:
-        return ()
+    session, method = snapshot.session, method_of(snapshot.session.method.name)
+    if method.knows_others or not method.simulates or not session.physics.enabled or snapshot.data_doubts:
+        return {}
     return _unsupported_stacking(snapshot.problem)
 
 
 @lru_cache(maxsize=4)
-def _unsupported_stacking(problem: Problem) -> tuple[UnsupportedStacking, ...]:
+def _unsupported_stacking(problem: Problem) -> dict[int, str]:
     labels = labels_of(problem)
     on: dict[int, list[str]] = {}
     for edge in problem.dependencies.edges if problem.dependencies else ():
         if edge.kind == "support" and edge.state != "cut" and edge.first in labels and edge.second in labels:
             on.setdefault(edge.second, []).append(labels[edge.first])
-    found = []
+    stacked = {}
     for target in problem.targets:
-        own = target.instance.instance_id
-        height_m = height_above_plane_m(target)
+        own, height_m = target.instance.instance_id, height_above_plane_m(target)
         if own in on:
-            found.append(UnsupportedStacking(own, f"stands on {' and '.join(on[own])}"))
+            stacked[own] = f"stands on {' and '.join(on[own])}"
         elif height_m is not None and height_m > RAISED_M:
-            found.append(UnsupportedStacking(own, f"stands {height_m * 1e3:.0f} mm above the table"))
-    return tuple(found)
+            stacked[own] = f"stands {height_m * 1e3:.0f} mm above the table"
+    return stacked
 
 
 def height_above_plane_m(target: Target) -> float | None:
@@ -76,24 +64,19 @@ def height_above_plane_m(target: Target) -> float | None:
 
 def unsupported_stacking_warning(snapshot: Snapshot) -> str:
     """That what stands on other objects will sink through them; empty where nothing does."""
-    found, labels = unsupported_stacking(snapshot), labels_of(snapshot.problem)
-    if not found:
+    stacked, labels = unsupported_stacking(snapshot), labels_of(snapshot.problem)
+    if not stacked:
         return ""
-    said = first_of([f"{labels[one.instance_id]} {one.where}" for one in found], MOST_NAMED, "; ")
-    they = "it sinks" if len(found) == 1 else "they sink"
+    which = first_of([f"{labels[own]} {where}" for own, where in stacked.items()], MOST_NAMED, "; ")
+    they = "it sinks" if len(stacked) == 1 else "they sink"
+    method = method_name(snapshot.session.method.name)
     return (
-        f"{method_name(snapshot.session.method.name)} settles every object on the table alone, as if the others were not "
-        f"there: {said}, so {they} in the simulation. VF_b and VF_d place what carries first."
+        f"{method} settles every object on the table alone, as if the others were not there: {which}, so {they} in the "
+        "simulation. VF_b and VF_d place what supports others first."
     )
 
 
-def unsupported_stacking_hint(snapshot: Snapshot, instance_id: int) -> str:
-    """The same about one object; empty where it stands on the plane."""
-    one = next((one for one in unsupported_stacking(snapshot) if one.instance_id == instance_id), None)
-    if one is None:
-        return ""
-    return f"{one.where}; {method_name(snapshot.session.method.name)} settles it on the table alone, so it sinks"
-
+# Whether a pose could lie still.
 
 Light = Literal["green", "amber", "red", "grey"]
 
@@ -106,40 +89,38 @@ class PlausibilityVerdict:
     sentence: str
 
 
-def plausibility_verdict(found: Any, o: ObjectState, scene: SceneState) -> PlausibilityVerdict:
+def plausibility_verdict(plausibility: Any, o: ObjectState, scene: SceneState) -> PlausibilityVerdict:
     """The verdict of a plausibility check of a pose of ``o``.
 
     Grey where it hangs on an object that is not placed yet. Where ground truth is known, sinking into the support
-    plane counts from where the true pose is: what is measured of a table lies millimetres beside it in places, far more
+    plane counts from where ground truth is: what is measured of a table lies millimetres beside it in places, far more
     than the scatter of its points says.
     """
-    into = next((p for p in scene.objects if f"into instance {p.instance_id}." in found.sentence), None)
+    light, sentence = plausibility.light, plausibility.sentence
+    into = next((p for p in scene.objects if f"into instance {p.instance_id}." in sentence), None)
     if into is not None:
-        said = found.sentence.removesuffix(f"instance {into.instance_id}.") + into.label
-        if is_placeholder(into):
-            return PlausibilityVerdict(
-                "grey", f"{said}, which still waits at its initial pose: nothing can be said yet."
-            )
-        return PlausibilityVerdict(found.light, f"{said}.")
-    if found.light == "red" and found.penetrates == PLANE_ID and found.penetration_mm > 1e3 * IMPOSSIBLE_M:
-        height_m = height_above_plane_m(o.target)
-        true_mm = 0.0 if height_m is None else -1e3 * height_m
-        if true_mm > 0 and found.penetration_mm - true_mm <= 1e3 * IMPOSSIBLE_M:
-            so = f"so does the true pose, by {true_mm:.1f} mm: it is the plane found that is off here"
-            return PlausibilityVerdict("amber", f"{found.sentence.removesuffix('.')}; {so}.")
-    return PlausibilityVerdict(found.light, found.sentence)
+        named = sentence.removesuffix(f"instance {into.instance_id}.") + into.label
+        if into.phase == "waiting" and into.n_iterations == 0:
+            return PlausibilityVerdict("grey", f"{named}, which still waits at its initial pose: unknown yet.")
+        return PlausibilityVerdict(light, f"{named}.")
+    if light == "red" and plausibility.penetrates == PLANE_ID and plausibility.penetration_mm > 1e3 * IMPOSSIBLE_M:
+        true_mm = -1e3 * (height_above_plane_m(o.target) or 0.0)
+        if true_mm > 0 and plausibility.penetration_mm - true_mm <= 1e3 * IMPOSSIBLE_M:
+            reason = f"so does ground truth, by {true_mm:.1f} mm: it is the measured plane that is off here"
+            return PlausibilityVerdict("amber", f"{sentence.removesuffix('.')}; {reason}.")
+    return PlausibilityVerdict(light, sentence)
 
 
-def is_placeholder(o: ObjectState) -> bool:
-    """Whether an object stands at a initial pose that no iteration has touched."""
-    return o.phase == "waiting" and o.n_iterations == 0
-
-
-# Whether the support plane can be trusted, in words.
+# Whether the support plane can be trusted.
 
 PLANE_SHARE = 0.4
 """A plane that holds less of the background is doubted. Right ones of the eight YCB-Video frames at hand hold 43-74 %,
 walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
+SHARE_HINT = (
+    "The rest is what else is in view: walls, things without a model. A doubtful plane holds less than "
+    f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."
+)
+"""What the share of the background on the plane means."""
 
 
 def plane_doubt(support: Support) -> str:
@@ -152,12 +133,4 @@ def plane_doubt(support: Support) -> str:
     return (
         f"The support plane explains only {support.inlier_share:.0%} of the background: physics may rest on a wrong "
         f"plane. If it cuts through objects in 3D, {remedy}."
-    )
-
-
-def share_hint() -> str:
-    """What the share of the background on the plane means."""
-    return (
-        "The rest is what else is in snapshot: walls, things without a model. A doubtful plane holds less than "
-        f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."
     )

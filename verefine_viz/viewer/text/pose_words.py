@@ -16,13 +16,13 @@ from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 from verefine_viz.evaluation.turning import Turning, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
-from verefine_viz.viewer.text.display_names import is_correct, method_name
+from verefine_viz.viewer.text.display_names import in_focus, is_correct, method_name
 
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
 _WORTH_A_WAY_DEG = 1.0
-"""The direction of a smaller rotation is not said."""
+"""The direction of a smaller rotation is not named."""
 
 
 def turn(T_from: Float, T_to: Float) -> tuple[float, str]:
@@ -67,103 +67,83 @@ def errors_in_words(errors: PoseErrors | None, way: Turning | None = None) -> st
     return f"{errors.rotation_deg:.1f}°{direction} and {errors.translation_mm:.1f} mm from ground truth"
 
 
-# The pose that a person moves by hand, in words: each panel says of it what it judges.
+# The answer, and the edited pose.
+
+
+def beside_answer(snapshot: Snapshot) -> str:
+    """Where the answer is shown: of which iteration the numbers are that belong to one; empty elsewhere."""
+    answer, shown = in_focus(snapshot).answer, snapshot.shown
+    if not snapshot.is_answer or shown is None or answer is None:
+        return ""
+    last = f"iteration {shown.index}, the last one on it"
+    if answer.iteration == shown.index:
+        return f"The answer is of {last}. "
+    own = f"of iteration {answer.iteration}" if answer.iteration else "an initial pose"
+    return f"The answer is {own}; shown here is {last}. "
 
 
 def edited_score(snapshot: Snapshot) -> str:
     """What the edited pose scores, and the pose that it is compared with; "" where none is edited.
 
-    As in: Hypothesis 1 by hand scores 0.753 and is 2.2° and 4.1 mm from ground truth; the accepted pose (of
+    As in: The edited pose (hypothesis 1) scores 0.753 and is 2.2° and 4.1 mm from ground truth; the accepted pose (of
     hypothesis 2) has 0.755.
     """
-    edited, kept = snapshot.poses.get("edited"), snapshot.poses.get("accepted") or snapshot.poses.get("current")
+    edited, other = snapshot.poses.get("edited"), snapshot.poses.get("accepted") or snapshot.poses.get("current")
     if edited is None or edited.score is None:
         return ""
-    said = f"Hypothesis {snapshot.arm + 1} by hand scores {edited.score.score:.3f}"
+    words = f"The edited pose (hypothesis {snapshot.arm + 1}) scores {edited.score.score:.3f}"
     if edited.errors is not None:
-        said += f" and is {errors_in_words(edited.errors, turning_on(snapshot.target, edited.T_cam_obj))}"
-    if kept is None or kept.score is None:
-        return f"{said}."
-    of = (
-        f" (of hypothesis {snapshot.shown.arm + 1})"
-        if snapshot.shown is not None and snapshot.shown.arm != snapshot.arm
-        else ""
-    )
-    return f"{said}; the {kept.name} pose{of} has {kept.score.score:.3f}."
+        words += f" and is {errors_in_words(edited.errors, turning_on(snapshot.target, edited.T_cam_obj))}"
+    if other is None or other.score is None:
+        return f"{words}."
+    shown = snapshot.shown
+    of = f" (of hypothesis {shown.arm + 1})" if shown is not None and shown.arm != snapshot.arm else ""
+    return f"{words}; the {other.name} pose{of} has {other.score.score:.3f}."
 
 
-def edited_error(snapshot: Snapshot) -> str:
-    """How far off the edited pose is; "" where none is edited, or that is unknown."""
-    edited = snapshot.poses.get("edited")
-    if edited is None or edited.errors is None:
-        return ""
-    found, said = edited.errors, "correct" if is_correct(edited.errors) else "wrong"
-    way = turning_on(snapshot.target, edited.T_cam_obj)
-    return (
-        f"The edited pose (hypothesis {snapshot.arm + 1}) is {errors_in_words(found, way)}; ADD(-S) "
-        f"{found.add_s_mm:.1f} mm is {found.relative:.0%} of the diameter: {said} by the usual 10 %."
-    )
-
-
-def edited_beside(snapshot: Snapshot) -> str:
-    """That neither stage that is compared is the edited pose; "" where one of them is, or none is edited."""
-    edited = snapshot.poses.get("edited")
-    if edited is None or edited.score is None or "edited" in (snapshot.options.a, snapshot.options.b):
-        return ""
-    return f" The pose that you edit scores {edited.score.score:.3f}; choose “edited” as A or B to compare it."
-
-
-# Whether the score knows the true pose: where it prefers another one, more iterations need not help.
+# Whether the score prefers ground truth: where it prefers another pose, more iterations need not help.
 
 LOOK_AT = "look at the depth there and at the score's settings"
 
 
 def prefers(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> bool:
-    """Whether a pose scores at least as much as the true one."""
+    """Whether a pose scores at least as much as ground truth."""
     wrong, right = pose.score if pose else None, truth.score if truth else None
     return wrong is not None and right is not None and wrong.score >= right.score
 
 
 def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> str:
-    """That the answer, which is wrong, scores more than the truth, because of what, and what to do."""
+    """That the answer, which is wrong, scores more than ground truth, because of what, and what to do."""
     best = snapshot.poses["best"]
     assert best.errors is not None
     how = f" ({best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off)"
     return preferred(snapshot.name, best.errors.relative, wrong, right, how) + _what_to_do(best)
 
 
-def truth_score(snapshot: Snapshot) -> str:
-    """How the best pose so far and the true pose score, for where errors are shown; "" where that is not known.
+def ground_truth_score(snapshot: Snapshot) -> str:
+    """How the best pose so far and ground truth score, for where errors are shown; "" where that is not known.
 
-    Of an answer that only a turn makes wrong, which the model should have declared, that is said instead.
+    Of an answer that only a turn makes wrong, which the model should have declared, that is named instead.
 
-    As in: The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer; if
+    As in: The score prefers it to ground truth: 0.755 against 0.714. More iterations need not bring it nearer; if
     5.5 mm is too much, look at the depth there and at the score's settings.
     """
     best, truth = snapshot.poses.get("best"), snapshot.truth
     if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
         return ""
     if snapshot.undeclared is not None:
-        return snapshot.undeclared.in_words(snapshot.name)  # A score cannot tell such a pose from the true one.
+        return snapshot.undeclared.in_words(snapshot.name)  # A score cannot tell such a pose from ground truth.
     own, true = told_apart(best.score.score, truth.score.score, 3)
     if not prefers(best, truth):
-        return f"The true pose scores more: {true} against {own}."
+        return f"Ground truth scores more: {true} against {own}."
     if own == true:
-        return f"The true pose scores as much: {true}."
+        return f"Ground truth scores as much: {true}."
     if not is_correct(best.errors):
-        return f"The score prefers this wrong pose to the true pose: {own} against {true}.{_what_to_do(best)}"
-    said = f"The score prefers it to the true pose: {own} against {true}."
+        return f"The score prefers this wrong pose to ground truth: {own} against {true}.{_what_to_do(best)}"
+    words = f"The score prefers it to ground truth: {own} against {true}."
     if best.is_of_best_scene:
-        return said
-    return f"{said} More iterations need not bring it nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."
-
-
-def truth_beside(a: EvaluatedPose, b: EvaluatedPose) -> str:
-    """That the score prefers one of two compared poses to the true one, which is the other; else ""."""
-    for pose, truth in ((a, b), (b, a)):
-        if truth.name == "ground truth" and pose.name != truth.name and prefers(pose, truth):
-            return f" The score prefers {pose.label} to the true pose."
-    return ""
+        return words
+    return f"{words} More iterations need not bring it nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."
 
 
 def _what_to_do(best: EvaluatedPose) -> str:
@@ -171,17 +151,14 @@ def _what_to_do(best: EvaluatedPose) -> str:
     return "" if best.is_of_best_scene else f" More iterations need not help: {LOOK_AT}."
 
 
-# Why the two stages that are compared differ in score, in plain words. Pure text: who shows it escapes it.
-
-_SAME = 1e-6
+# The two stages that are compared; how much they differ, and in what, the table beside it shows.
 
 
 def compared(snapshot: Snapshot) -> str:
-    """Why the two stages that are compared differ in score; of which object, where there are several."""
+    """Which of the two stages do not exist here, and whether the score prefers one to ground truth."""
     a, b = snapshot.a, snapshot.b
-    label = snapshot.scene.object(snapshot.target.instance.instance_id).label
     if a is None or b is None:
-        return f"{label} has no pose to judge; give it a hypothesis."
+        return f"{in_focus(snapshot).label} has no pose to score; give it a hypothesis."
     pairs = [
         (wanted, side.pose)
         for wanted, side in ((snapshot.options.a, a), (snapshot.options.b, b))
@@ -189,11 +166,18 @@ def compared(snapshot: Snapshot) -> str:
     ]
     missing = [name for name, _ in pairs]
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
-    lead = f"{label}: " if len(snapshot.scene.objects) > 1 else ""
     # An iteration that is shown to its end will not make it any more.
     yet = "" if snapshot.shown is not None and not snapshot.is_partial else " yet"
-    lead += f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}. " if missing else ""
-    return lead + _difference(a.pose, b.pose) + truth_beside(a.pose, b.pose) + edited_beside(snapshot)
+    words = f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}." if missing else ""
+    return f"{words} {_preferred_to_ground_truth(a.pose, b.pose)}".strip()
+
+
+def _preferred_to_ground_truth(a: EvaluatedPose, b: EvaluatedPose) -> str:
+    """That the score prefers one of two compared poses to ground truth, which is the other; else ""."""
+    for pose, truth in ((a, b), (b, a)):
+        if truth.name == "ground truth" and pose.name != truth.name and prefers(pose, truth):
+            return f"The score prefers {pose.label} to ground truth."
+    return ""
 
 
 def score_digits(scores: Sequence[PoseScore | None]) -> int:
@@ -202,49 +186,14 @@ def score_digits(scores: Sequence[PoseScore | None]) -> int:
     return max(3, telling_digits(max(known) - min(known))) if known else 3
 
 
-def _difference(a: EvaluatedPose, b: EvaluatedPose) -> str:
-    """How much more the second one scores, and from what."""
-    one, other = a.score, b.score
-    if one is None or other is None:
-        return f"{a.label} or {b.label} was not scored."
-    digits = score_digits([one, other])
-    if a.name != b.name and one == other:
-        return f"{a.label.capitalize()} and {b.label} score the same: {other.score:.{digits}f}."
-    if a.name == b.name:
-        return f"{b.label.capitalize()} scores {other.score:.{digits}f}."
-    said = f"{b.label.capitalize()} {other.score:.{digits}f} against {a.label} {one.score:.{digits}f}"
-    lead = other.score - one.score
-    depth, normal = (other.depth_fit - one.depth_fit) / 2, (other.normal_fit - one.normal_fit) / 2
-    larger = max(abs(depth), abs(normal))
-    if abs(lead) < _SAME and larger < _SAME:
-        return f"{said}: the same."
-    parts = f"(depth {depth:+.{digits}f}, normals {normal:+.{digits}f})".replace("-", "−")
-    more = "the same" if abs(lead) < _SAME else f"{abs(lead):.{digits}f} {'more' if lead > 0 else 'less'}"
-    if abs(lead) < larger / 2:
-        said += f": {more}, since what depth and normals change nearly cancels out {parts}."
-    else:
-        said += f": {more}, mostly from {'depth' if abs(depth) >= abs(normal) else 'normals'} {parts}."
-    return said + _pixels(one, other)
-
-
-def _pixels(one: PoseScore, other: PoseScore) -> str:
-    """The class of pixels that changed most; empty where none did by 1 %."""
-    name = max(one.shares, key=lambda k: abs(other.shares[k] - one.shares[k]))
-    change = other.shares[name] - one.shares[name]
-    if abs(change) < 0.01:
-        return ""
-    points = f"{100 * abs(change):.0f} percentage points"
-    return f" The share of {name} pixels went {'up' if change > 0 else 'down'} by {points}."
-
-
 # What an object starts from, before the first iteration: which hypothesis scores best, and which is nearest.
 
 
 def starts(snapshot: Snapshot) -> str:
     """The hypotheses of the object in focus, which has some, at the cursor before iteration 1.
 
-    As in: mug has 5 hypotheses; hypothesis 3 scores best with 0.15, hypothesis 4 is nearest, 12.0° and 3.1 mm from the
-    truth.
+    As in: mug has 5 hypotheses; hypothesis 3 scores best with 0.15, hypothesis 4 is nearest, 12.0° and 3.1 mm from
+    ground truth.
     """
     best, arms, n = snapshot.state.best, snapshot.state.arms, snapshot.n_arms
     errors = start_errors(snapshot)
@@ -254,18 +203,18 @@ def starts(snapshot: Snapshot) -> str:
     who, score = f"hypothesis {best.arm + 1}", f"{best.score.score:.2f}"
     if n == 1:
         return f"{snapshot.name} has 1 hypothesis, which scores {score}{f'; it is {off}' if off else ''}."
-    said = f"{snapshot.name} has {n} hypotheses; "
-    # The pose that a hypothesis was moved away from may still be the best one.
-    left = _moved_first(arms[best.arm]) is not None and best.stage != "edited"
+    words = f"{snapshot.name} has {n} hypotheses; "
+    # The pose that a hypothesis was edited away from may still be the best one.
+    left = _edited_at_start(arms[best.arm]) is not None and best.stage != "edited"
     if len(arms) < n:
-        said += f"{method_name(snapshot.session.method.name)} works on {who} alone, which scores {score}"
+        words += f"{method_name(snapshot.session.method.name)} works on {who} alone, which scores {score}"
     else:
-        said += f"{'the initial pose of ' * left}{who} scores best with {score}"
+        words += f"{'the initial pose of ' * left}{who} scores best with {score}"
     if nearest is None:
-        return f"{said}."
+        return f"{words}."
     if nearest == best.arm and not left:
-        return f"{said} and is nearest, {off}."
-    return f"{said}, hypothesis {nearest + 1} is nearest, {off}."
+        return f"{words} and is nearest, {off}."
+    return f"{words}, hypothesis {nearest + 1} is nearest, {off}."
 
 
 def start_errors(snapshot: Snapshot) -> list[PoseErrors | None]:
@@ -273,12 +222,12 @@ def start_errors(snapshot: Snapshot) -> list[PoseErrors | None]:
     T_gt, errors = snapshot.target.instance.T_cam_obj_gt, list(snapshot.initial_errors)
     if T_gt is not None and snapshot.state is not None:
         for j, arm in enumerate(snapshot.state.arms):
-            moved = _moved_first(arm)
-            if moved is not None:
-                errors[j] = pose_errors(snapshot.target.model, moved.T_cam_obj, T_gt)
+            edited = _edited_at_start(arm)
+            if edited is not None:
+                errors[j] = pose_errors(snapshot.target.model, edited.T_cam_obj, T_gt)
     return errors
 
 
-def _moved_first(arm: Arm) -> Entry | None:
-    """The pose that a hypothesis was moved to by hand before iteration 1; None where it was not."""
+def _edited_at_start(arm: Arm) -> Entry | None:
+    """The pose that a hypothesis was edited to before iteration 1; None where it was not."""
     return next((e for e in reversed(arm.entries) if e.stage == "edited" and e.iteration == 0), None)
