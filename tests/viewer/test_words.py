@@ -122,9 +122,7 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
     assert ": 0.940 against 0.820 for the truth" in said
     assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
-    assert "The score prefers this wrong pose to ground truth: 0.940 against 0.820. More iterations" in errors_words(
-        view
-    )
+    assert "The score prefers best to ground truth. More iterations need not help" in errors_words(view)
     view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
@@ -146,13 +144,12 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         return replace(view, poses=poses, truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
-    said = "The score prefers it to ground truth: 0.755 against 0.714. More iterations need not bring it nearer"
+    said = "The score prefers best to ground truth. More iterations need not help"
     assert said in errors_words(preferred)
-    assert compared(preferred).endswith("The score prefers best to ground truth.")
+    assert said in compared(preferred)
     known = scored(0.714, 0.755)
-    assert errors_words(known).endswith("Ground truth scores more: 0.755 against 0.714.")
-    assert "prefers" not in compared(known)
-    assert errors_words(scored(0.7, 0.7)).endswith("Ground truth scores as much: 0.700.")
+    assert "prefers" not in errors_words(known) + compared(known)
+    assert said in errors_words(scored(0.7, 0.7)), "nothing but the score leads to ground truth"
 
 
 def test_errors_say_that_the_best_pose_is_a_first_pose_which_iterations_left_as_it_is() -> None:

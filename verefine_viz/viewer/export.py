@@ -254,7 +254,7 @@ def downloaded(server: viser.ViserServer, client_id: int | None, path: Path) -> 
 
     Args:
         server: that the browser looks at.
-        client_id: which one it is; None = it was asked for in another way, and nothing is said.
+        client_id: which one it is; None = another way, which needs no message.
         path: the file.
     """
     clients = {} if client_id is None else server.get_clients()

@@ -1,4 +1,4 @@
-"""What the page shows of a debugger, what a person needs first at once and the rest when nothing else waits."""
+"""What the page shows of a debugger: what the user needs first at once, and the rest when nothing else waits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from verefine_viz.viewer.worker import RequestQueue
 FRAME_S = 1 / 25
 """Time between two pictures of an animation, and from words to the picture that goes with them [s]."""
 CALM_S = 0.25
-"""What is shown sooner after the last comes with its picture [s]: a person drags a slider."""
+"""What is shown sooner after the last comes with its picture [s]: the user drags a slider."""
 _END = object()
 
 
@@ -30,7 +30,7 @@ class Page:
     Args:
         server: where they are shown.
         debugger: whose snapshot they show.
-        requests: takes what a person asks for.
+        requests: takes what the user asks for.
         batch: whose answers are listed; None = no batch.
     """
 

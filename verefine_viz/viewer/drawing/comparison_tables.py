@@ -128,7 +128,7 @@ def where(v: ComparisonSnapshot) -> str:
 
 def now_table(v: ComparisonSnapshot) -> str:
     """Both runs at the moment shown."""
-    what = "kept" if v.which == "kept" else "best so far"
+    what = "accepted" if v.which == "kept" else "best so far"
     now = {"A": v.now_a, "B": v.now_b}
     has_ended = {"A": v.moment is not None and v.moment.a is None, "B": v.moment is not None and v.moment.b is None}
 

@@ -18,9 +18,11 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import (
     arm_color,
     has_several_sources,
+    in_focus,
     source_of,
     stem_and_number,
     without_common_start,
@@ -144,6 +146,14 @@ def fitted(name: str, before: str = "") -> str:
     if not number:
         return f'{before}<span title="{text(name)}">{text(name)}</span>'
     return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
+
+
+def focus_label(snapshot: Snapshot, most_px: int) -> str:
+    """The object in focus with its colour; empty where there is one object, or all are shown."""
+    if len(snapshot.scene.objects) < 2 or snapshot.is_whole_scene:
+        return ""
+    o = in_focus(snapshot)
+    return swatch(o.color) + cut(o.label, most_px)
 
 
 def _html(stem: str, number: str) -> str:

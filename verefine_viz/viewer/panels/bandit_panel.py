@@ -12,14 +12,14 @@ from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table
-from verefine_viz.viewer.drawing.markup import cut, link, sentence, swatch, text
+from verefine_viz.viewer.drawing.markup import focus_label, link, sentence, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import other_scale_sign
 from verefine_viz.viewer.drawing.search_tree import tree_html
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
 from verefine_viz.viewer.snapshot.search_tree import Tree, tree_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.display_names import arm_color, in_focus
+from verefine_viz.viewer.text.display_names import arm_color
 from verefine_viz.viewer.text.headline import cheapest_scene
 from verefine_viz.viewer.text.pose_words import beside_answer
 
@@ -156,21 +156,14 @@ class CurvesPanel:
         if not lines:
             caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
         names = [f"<span>{swatch(line.color)}{text(line.label)}</span>" for line in lines if line.in_legend]
-        whose = "" if of is None else f"<span>{_whose(of)}</span>"
+        label = focus_label(of, 76) if of is not None else ""
+        whose = f"<span>{label}: </span>" if label else ""
         sign = other_scale_sign(of) if of is not None and name in SCORES else ""
         # The caption gives way to the curves' names where there is no room for all.
         shown = f'{whose}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'
         many = " many" if len(names) > IN_ONE_ROW else ""
         words.show(f'<div class="curves{many}">{shown}<span class="who">{" ".join(names)}</span></div>')
         chart.show(x, lines)
-
-
-def _whose(snapshot: Snapshot) -> str:
-    """The object in focus before a caption; empty where there is one object only."""
-    if len(snapshot.scene.objects) < 2:
-        return ""
-    o = in_focus(snapshot)
-    return f"{swatch(o.color)}{cut(o.label, 76)}: "
 
 
 def _carried(start: float, iterations: Sequence[Iteration], known: Mapping[int, float]) -> list[float]:

@@ -15,7 +15,7 @@ from verefine_viz.viewer.snapshot.score_plot import BOTTOM, HEIGHT, LEFT, RIGHT,
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Entry
 from verefine_viz.viewer.text.display_names import in_focus
-from verefine_viz.viewer.text.pose_words import ground_truth_score
+from verefine_viz.viewer.text.pose_words import preference
 
 
 class ErrorsPanel:
@@ -48,7 +48,11 @@ def errors_words(snapshot: Snapshot) -> str:
     if best is None or best.errors is None or best.score is None or snapshot.truth.score is None:
         return f"{snapshot.name} has no pose to measure."
     what = "answer" if best.is_of_best_scene else "best pose"
-    sentences = [_never_refined(snapshot, what), ground_truth_score(snapshot)]
+    turn = snapshot.undeclared  # A score cannot tell such a pose from ground truth.
+    sentences = [
+        _never_refined(snapshot, what),
+        preference(best, snapshot.truth) if turn is None else turn.in_words(snapshot.name),
+    ]
     if snapshot.state is not None and snapshot.state.best.arm != snapshot.arm:
         arms = f"hypothesis {snapshot.arm + 1} began; the {what} is of hypothesis {snapshot.state.best.arm + 1}"
         sentences.insert(0, f"Initial is where {arms}.")

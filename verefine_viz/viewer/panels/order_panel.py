@@ -47,7 +47,7 @@ def order_html(snapshot: Snapshot) -> str:
     if len(names) < 2:
         return sentence("There is one object in this frame, and nothing to order.")
     if graph is None:
-        return sentence("How the objects depend on each other was not looked at.")
+        return sentence("How the objects depend on each other was not worked out.")
     focus = None if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     nodes = {
         i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
@@ -124,7 +124,7 @@ def picture(graph: DependencyGraph, nodes: Mapping[int, Node]) -> str:
 
 
 def shown_edges(graph: DependencyGraph) -> list[Edge]:
-    """Those that are drawn, the most telling first: a contact says nothing new about what carries."""
+    """Those that are drawn, the most telling first: a contact says nothing new beside a support."""
     carrying = {frozenset((e.first, e.second)) for e in graph.edges if e.kind == "support"}
     return _most_telling_first(
         e for e in graph.edges if e.kind != "contact" or frozenset((e.first, e.second)) not in carrying

@@ -14,13 +14,13 @@ from verefine_viz.rendering.png import indexed_png
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MAP_NAMES, MapName
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
-from verefine_viz.viewer.drawing.markup import carries, cut, sentence, swatch, text
+from verefine_viz.viewer.drawing.markup import carries, focus_label, sentence, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, probe_table, score_table
 from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, map_shades, png, scale_of, shared_crop
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.display_names import TERMS, in_focus
+from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.pose_words import compared, score_digits
 from verefine_viz.viewer.web.viser_internals import compact
 
@@ -65,7 +65,7 @@ def score_html(snapshot: Snapshot) -> str:
     if snapshot.is_whole_scene:
         of = f'<span title="frame score: {text(TERMS["frame score"])}">all objects</span>'
     else:
-        of = _whose(snapshot)
+        of = focus_label(snapshot, 52)
     passes = passes_table(snapshot) if snapshot.is_whole_scene else ""
     if snapshot.options.pixel is not None:
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
@@ -74,14 +74,6 @@ def score_html(snapshot: Snapshot) -> str:
     rule = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
     hint = "Click a map, photo or cloud for a pixel in numbers."
     return f'{score_table(a, b, of)}{passes}<p class="dim">{text(rule)}</p><p class="dim">{hint}</p>'
-
-
-def _whose(snapshot: Snapshot) -> str:
-    """The object in focus, where there are several."""
-    if len(snapshot.scene.objects) < 2 or snapshot.is_whole_scene:
-        return ""
-    o = in_focus(snapshot)
-    return swatch(o.color) + cut(o.label, 52)
 
 
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
@@ -109,7 +101,8 @@ def maps_html(snapshot: Snapshot) -> str:
     head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
     rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
     bars = "".join(f"<td>{_bar(snapshot, m)}</td>" for m in MAP_NAMES)
-    return f'<table><tr><th class="whose">{_whose(snapshot)}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
+    whose = focus_label(snapshot, 52)
+    return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
 
 
 def _row(snapshot: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:

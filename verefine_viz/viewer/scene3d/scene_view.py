@@ -118,7 +118,7 @@ class SceneView:
         self._others.show_overlaps(snapshot)
 
     def _choose_nodes(self, snapshot: Snapshot) -> None:
-        """The nodes of the object in focus: kept once made, since a run may go from object to object all the time."""
+        """The nodes of the object in focus: made once, since a run may go from object to object all the time."""
         key = snapshot.target.instance.instance_id
         nodes = self._all_nodes.get(key)
         if nodes is not None and nodes.n_arms != snapshot.n_arms:  # Another branch may have other initial poses.

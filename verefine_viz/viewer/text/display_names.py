@@ -44,7 +44,7 @@ def counted(n: int, name: str) -> str:
 
 
 def method_name(name: str) -> str:
-    """As people write it: RIR, VF_b."""
+    """As in papers: RIR, VF_b."""
     return method_of(name).label
 
 
@@ -73,7 +73,7 @@ def source_of(hypothesis: Hypothesis) -> str:
 
 
 def has_several_sources(target: Target) -> bool:
-    """Whether hypotheses are told apart by where they come from."""
+    """Whether hypotheses come from more than one source."""
     return len({source_of(h) for h in target.instance.hypotheses}) > 1
 
 

@@ -1,4 +1,4 @@
-"""What is probably wrong, said without being asked. Each finding names its evidence and what to do."""
+"""What is probably wrong. Each finding names its evidence and what to do."""
 
 from __future__ import annotations
 

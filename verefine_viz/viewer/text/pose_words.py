@@ -11,12 +11,11 @@ from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.diagnosis.of_score import preferred
-from verefine_viz.diagnosis.words import told_apart
 from verefine_viz.evaluation.errors import PoseErrors, pose_errors
 from verefine_viz.evaluation.turning import Turning, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
-from verefine_viz.viewer.text.display_names import in_focus, is_correct, method_name
+from verefine_viz.viewer.text.display_names import in_focus, method_name
 
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
@@ -101,9 +100,7 @@ def edited_score(snapshot: Snapshot) -> str:
     return f"{words}; the {other.name} pose{of} has {other.score.score:.3f}."
 
 
-# Whether the score prefers ground truth: where it prefers another pose, more iterations need not help.
-
-LOOK_AT = "look at the depth there and at the score's settings"
+# Whether the score prefers another pose to ground truth: then more iterations need not help.
 
 
 def prefers(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> bool:
@@ -120,42 +117,25 @@ def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> s
     return preferred(snapshot.name, best.errors.relative, wrong, right, how) + _what_to_do(best)
 
 
-def ground_truth_score(snapshot: Snapshot) -> str:
-    """How the best pose so far and ground truth score, for where errors are shown; "" where that is not known.
-
-    Of an answer that only a turn makes wrong, which the model should have declared, that is named instead.
-
-    As in: The score prefers it to ground truth: 0.755 against 0.714. More iterations need not bring it nearer; if
-    5.5 mm is too much, look at the depth there and at the score's settings.
-    """
-    best, truth = snapshot.poses.get("best"), snapshot.truth
-    if best is None or truth is None or best.score is None or truth.score is None or best.errors is None:
+def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
+    """That the score prefers a pose to ground truth, and what to do; "" where it does not."""
+    if pose is None or not prefers(pose, truth):
         return ""
-    if snapshot.undeclared is not None:
-        return snapshot.undeclared.in_words(snapshot.name)  # A score cannot tell such a pose from ground truth.
-    own, true = told_apart(best.score.score, truth.score.score, 3)
-    if not prefers(best, truth):
-        return f"Ground truth scores more: {true} against {own}."
-    if own == true:
-        return f"Ground truth scores as much: {true}."
-    if not is_correct(best.errors):
-        return f"The score prefers this wrong pose to ground truth: {own} against {true}.{_what_to_do(best)}"
-    words = f"The score prefers it to ground truth: {own} against {true}."
-    if best.is_of_best_scene:
-        return words
-    return f"{words} More iterations need not bring it nearer; if {best.errors.add_s_mm:.1f} mm is too much, {LOOK_AT}."
+    return f"The score prefers {pose.label} to ground truth.{_what_to_do(pose)}"
 
 
 def _what_to_do(best: EvaluatedPose) -> str:
     """Of a scene's best pose the score alone does not decide."""
-    return "" if best.is_of_best_scene else f" More iterations need not help: {LOOK_AT}."
+    if best.is_of_best_scene:
+        return ""
+    return " More iterations need not help: look at the depth there and at the score's settings."
 
 
 # The two stages that are compared; how much they differ, and in what, the table beside it shows.
 
 
 def compared(snapshot: Snapshot) -> str:
-    """Which of the two stages do not exist here, and whether the score prefers one to ground truth."""
+    """Which of the two stages do not exist here, and whether the score prefers one to ground truth, the other."""
     a, b = snapshot.a, snapshot.b
     if a is None or b is None:
         return f"{in_focus(snapshot).label} has no pose to score; give it a hypothesis."
@@ -169,15 +149,10 @@ def compared(snapshot: Snapshot) -> str:
     # An iteration that is shown to its end will not make it any more.
     yet = "" if snapshot.shown is not None and not snapshot.is_partial else " yet"
     words = f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}." if missing else ""
-    return f"{words} {_preferred_to_ground_truth(a.pose, b.pose)}".strip()
-
-
-def _preferred_to_ground_truth(a: EvaluatedPose, b: EvaluatedPose) -> str:
-    """That the score prefers one of two compared poses to ground truth, which is the other; else ""."""
-    for pose, truth in ((a, b), (b, a)):
-        if truth.name == "ground truth" and pose.name != truth.name and prefers(pose, truth):
-            return f"The score prefers {pose.label} to ground truth."
-    return ""
+    for pose, truth in ((a.pose, b.pose), (b.pose, a.pose)):
+        if truth.name == "ground truth" != pose.name:
+            words = f"{words} {preference(pose, truth)}".strip()
+    return words
 
 
 def score_digits(scores: Sequence[PoseScore | None]) -> int:
