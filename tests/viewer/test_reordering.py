@@ -142,7 +142,7 @@ def test_a_frame_whose_order_nobody_looked_at() -> None:
     with pytest.raises(InputError, match="was not looked at"):
         plain.apply(MoveInOrder(0, 1))
     plain.apply(c.OpenFrame("0/2"))
-    assert "not looked at" in order_html(plain.view(deep=False))
+    assert "not worked out" in order_html(plain.view(deep=False))
 
 
 CLUSTERS = st.permutations(range(6)).flatmap(
