@@ -15,7 +15,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table, table_of, text
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.display_names import arm_color, counted, source_of, verdict_mark
+from verefine_viz.viewer.text.display_names import arm_color, counted, is_correct, source_of
 from verefine_viz.viewer.text.pose_words import score_digits, shift_mm, turn
 
 # The tables of a score: its parts pose by pose, and what one pixel adds to it.
@@ -211,6 +211,11 @@ def errors_table(snapshot: Snapshot) -> str:
         way = turning_on(snapshot.target, pose.T_cam_obj)
         return NONE if way is None else _angle(getattr(way, part))
 
+    def share(pose: EvaluatedPose) -> str:
+        assert pose.errors is not None
+        percent = f"{pose.errors.relative:.0%}"
+        return f"<b>{percent}</b>" if is_correct(pose.errors) else percent
+
     columns: list[Column] = [
         ("stage", "click a row to compare it with stage A", lambda p: f"{swatch(STAGE_COLORS[p.name])}{p.label}"),
         ("rot.", "angle to the nearest of the poses that look the same",
@@ -222,8 +227,7 @@ def errors_table(snapshot: Snapshot) -> str:
         ("mm", "distance of the object's origin", of_estimate(lambda p: f"{p.errors.translation_mm:.1f}")),
         ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric",
          of_estimate(lambda p: f"{p.errors.add_s_mm:.1f}")),
-        ("of ∅", "ADD(-S) as a share of the diameter; below 10 % counts as correct: ✓",
-         of_estimate(lambda p: f"{p.errors.relative:.0%} {verdict_mark(p.errors)}")),
+        ("of ∅", "ADD(-S) as a share of the diameter; bold = below 10 %, which counts as correct", of_estimate(share)),
         ("score", "verification score", lambda p: number(p.score.score if p.score else None, 3)),
     ]  # fmt: skip
     return table_of(measured, columns, lambda p: c.Compare(b=p.name), lambda p: p.name == snapshot.options.b)

@@ -60,7 +60,7 @@ class ViewPanel:
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
     color = STAGE_COLORS.get(name)
-    bar = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px"
+    bar = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px;white-space:nowrap"
     return f"{label_of(box)}{{{bar}}}{compact(box, LAYER_PX)}"
 
 
