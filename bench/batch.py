@@ -18,7 +18,7 @@ import numpy as np
 
 from bench.light_frames import write_light_frames
 from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.memory import resident_bytes
+from verefine_viz.batch.machine import resident_bytes
 from verefine_viz.batch.rows import FrameResult
 
 WORKERS = 2

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Browser, sync_playwright
 
-from verefine_viz.commands.chromium import find_chromium
+from verefine_viz.commands.doctor_checks import find_chromium
 from verefine_viz.core.errors import UnavailableError
 
 FLAGS = [

@@ -24,13 +24,12 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
-from verefine_viz.diagnosis.truth import FrameTruth
-from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
-from verefine_viz.scenes.demo_view import Viewpoint
+from verefine_viz.scenes.demo_layout import Viewpoint
+from verefine_viz.scenes.hypothesis_pool import ResultsFile, perturbed
 from verefine_viz.scenes.instance_notes import unit_notes
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import ResultsFile
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -145,8 +144,8 @@ def plane(up_mm: float) -> Fault:
     return moved
 
 
-def first_poses(times: float = 1.0) -> Fault:
-    """First poses 15° and 15 mm off, their translations multiplied."""
+def initial_poses(times: float = 1.0) -> Fault:
+    """Initial poses 15° and 15 mm off, their translations multiplied."""
 
     def one(i: Instance, p: Problem) -> Instance:
         if i.T_cam_obj_gt is None:
@@ -185,9 +184,9 @@ def is_in_centimetres(p: Problem) -> bool:
     return bool(unit_notes((ResultsFile("est.csv", "est", {}),), p.instances))
 
 
-def is_far_from_first_poses(p: Problem) -> bool:
-    """Whether first poses doubt depth_scale, where no truth is known."""
-    blind = tuple(replace(i, T_cam_obj_gt=None) for i in first_poses()(p).instances)
+def is_far_from_initial_poses(p: Problem) -> bool:
+    """Whether initial poses doubt depth_scale, where no truth is known."""
+    blind = tuple(replace(i, T_cam_obj_gt=None) for i in initial_poses()(p).instances)
     return bool(depth_notes(replace(p, instances=blind)))
 
 
@@ -196,7 +195,7 @@ BOX = Toolbox(resolve({"method": {"name": "rir", "iterations": 3}, "physics": {"
 
 def is_off_the_plane(p: Problem) -> bool:
     """Whether the answers of a run doubt the support plane."""
-    best = BOX.run(first_poses()(p)).finish().best
+    best = BOX.run(initial_poses()(p)).finish().best
     return bool(plane_notes(p, [b and b.T_cam_obj for b in best]))
 
 
@@ -220,8 +219,8 @@ CHECKS: tuple[tuple[str, Check, tuple[Fault, ...]], ...] = (
         tuple(depth(f) for f in (0.1, 0.5, 2.0, 10.0)) + tuple(truth(f) for f in FAR),
     ),
     ("depth beside colour (diagnosis)", is_not_registered, (depth(right_px=-30), depth(right_px=15))),
-    ("results file in centimetres", is_in_centimetres, (first_poses(0.1),)),
-    ("depth_scale, by first poses", is_far_from_first_poses, tuple(depth(f) for f in (0.5, *NEAR, 2.0))),
+    ("results file in centimetres", is_in_centimetres, (initial_poses(0.1),)),
+    ("depth_scale, by initial poses", is_far_from_initial_poses, tuple(depth(f) for f in (0.5, *NEAR, 2.0))),
     ("height of the support plane, by answers", is_off_the_plane, (plane(30), plane(-60))),
 )
 """What may be off, whether a check names it, and the faults that are put in."""

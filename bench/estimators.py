@@ -1,4 +1,4 @@
-"""How often the estimators' first poses are right on real frames, and what they cost.
+"""How often the estimators' initial poses are right on real frames, and what they cost.
 
     python -m bench.estimators DATASET_FOLDER [--names ppf,pcs] [--least-visible 0.5] [--failures]
 
@@ -23,7 +23,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Estimator
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import make_estimator
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -121,7 +121,9 @@ def main() -> None:
     parser.add_argument("--failures", action="store_true", help="list the instances without a hit")
     arguments = parser.parse_args()
     targets = targets_of(arguments.dataset, arguments.least_visible)
-    table = Table(title=f"First poses, best {WANTED} of each instance ≥ {100 * arguments.least_visible:.0f} % visible")
+    table = Table(
+        title=f"Initial poses, best {WANTED} of each instance ≥ {100 * arguments.least_visible:.0f} % visible"
+    )
     table.add_column("")
     for heading in (
         "n",

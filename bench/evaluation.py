@@ -19,16 +19,13 @@ import trimesh
 
 from verefine_viz.core.geometry import axis_angle
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.evaluation.depth import DepthPatch, model_depth
-from verefine_viz.evaluation.files import evaluate_files
-from verefine_viz.evaluation.largest import mspd_px, mssd_mm
-from verefine_viz.evaluation.mean_errors import adi_by_index_mm, adi_mm
-from verefine_viz.evaluation.model import EvalModel
-from verefine_viz.evaluation.symmetries import bop_symmetries
-from verefine_viz.evaluation.vsd import vsd
+from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
+from verefine_viz.evaluation.results_scores import evaluate_files
+from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm, mspd_px, mssd_mm
+from verefine_viz.evaluation.vsd import DepthPatch, model_depth, vsd
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.scenes.hypothesis_pool import perturbed
+from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.write_bop import write_bop
 
 REPEATS = 15

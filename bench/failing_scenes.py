@@ -32,16 +32,14 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.physics.rest import settle_to_rest
-from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.scenes.demo_scene import LAYOUT_FRAME
-from verefine_viz.scenes.demo_view import Viewpoint
+from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
+from verefine_viz.scenes.demo_layout import LAYOUT_FRAME, Viewpoint
 
 
 def bad_pool(rng: np.random.Generator) -> Broken:
-    """All first poses are upside down or on a side, and beside the object."""
+    """All initial poses are upside down or on a side, and beside the object."""
     m = model(str(rng.choice(["duck", "mug", "jug"])))
     T = standing(m, rng)
     poses = []
@@ -52,7 +50,7 @@ def bad_pool(rng: np.random.Generator) -> Broken:
 
 
 def pool_in_metres(rng: np.random.Generator) -> Broken:
-    """Good first poses, their translations in metres or centimetres where millimetres are expected."""
+    """Good initial poses, their translations in metres or centimetres where millimetres are expected."""
     m = model(str(rng.choice(["duck", "mug", "jug"])))
     T = standing(m, rng)
     factor = float(rng.choice([1e-3, 0.1]))
@@ -65,7 +63,7 @@ def pool_in_metres(rng: np.random.Generator) -> Broken:
 
 
 def empty_pool(rng: np.random.Generator) -> Broken:
-    """Nobody gives a first pose."""
+    """Nobody gives an initial pose."""
     m = model(str(rng.choice(["duck", "mug", "jug"])))
     return broken_by(Cause.NO_HYPOTHESIS, frame_of([Thing(m, standing(m, rng), ())], rng), session_of(iterations=3))
 
@@ -80,7 +78,7 @@ def straying_refiner(rng: np.random.Generator) -> Broken:
 
 
 def toppling(rng: np.random.Generator) -> Broken:
-    """First poses that lean further than the object can stand, and a simulation long enough to let it fall.
+    """Initial poses that lean further than the object can stand, and a simulation long enough to let it fall.
 
     Without physics the refiner puts it upright.
     """
@@ -113,7 +111,7 @@ def glass_handle(rng: np.random.Generator) -> Broken:
 
 
 def starving(rng: np.random.Generator) -> Broken:
-    """Four first poses fit well and are a quarter turn off; the fifth is right but for some degrees."""
+    """Four initial poses fit well and are a quarter turn off; the fifth is right but for some degrees."""
     m = model("carton")
     T = standing(m, rng)
     poses = [moved(T, Z, deg, (*rng.uniform(-2, 2, 2), 0)) for deg in (90, -90, 87, 93)]
@@ -242,7 +240,7 @@ def _shifted(shift_px: int) -> Callable[[Depth, Sequence[Mask]], Depth]:
 
 
 def undeclared_symmetry(rng: np.random.Generator) -> Broken:
-    """The model declares no symmetry, and all first poses are turned by one."""
+    """The model declares no symmetry, and all initial poses are turned by one."""
     name = str(rng.choice(["can", "block", "cereal", "bottle", "bracket"]))
     full, m = model(name), model(name, symmetric=False)
     T = standing(m, rng)

@@ -14,10 +14,10 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
+from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, inverse, nearest_rotation, transform
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
+from verefine_viz.core.settings import PUBLISHED
 from verefine_viz.refiners.icp import IcpTarget, icp_align, largest_extent_m
 from verefine_viz.refiners.trimmed_icp import TrimmedTarget, trimmed_align
 

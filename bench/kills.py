@@ -22,7 +22,7 @@ import psutil
 from bench.light_frames import write_light_frames
 from verefine_viz.batch.rows import TIME_COLUMNS
 
-PATIENCE_S = 600.0
+DEADLINE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def killed_until_done(
             break  # It was done before.
         at.append(_n_done(out))
         tell(f"killed with {at[-1]} frames done")
-        left = psutil.wait_procs(workers, timeout=PATIENCE_S)[1]
+        left = psutil.wait_procs(workers, timeout=DEADLINE_S)[1]
         if left:
             raise RuntimeError(f"{len(left)} workers of a killed batch still run")
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -80,10 +80,10 @@ def _n_done(out: Path) -> int:
 
 
 def _wait_for(child: subprocess.Popen[bytes], out: Path, n_done: int) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + DEADLINE_S
     while child.poll() is None and _n_done(out) < n_done:
         if time.monotonic() > deadline:
-            raise RuntimeError(f"no frame was done in {PATIENCE_S:.0f} s")
+            raise RuntimeError(f"no frame was done in {DEADLINE_S:.0f} s")
         time.sleep(0.01)
 
 

@@ -42,7 +42,7 @@ def write_light_frames(folder: Path, n_frames: int, demo: str = "mug") -> Path:
 
     Args:
         folder: new; the data set is ``folder/light``.
-        n_frames: images 0, 1, 2, … of one scene; the pictures repeat, the first poses differ from image to image.
+        n_frames: images 0, 1, 2, … of one scene; the pictures repeat, the initial poses differ from image to image.
         demo: the built-in scene.
     """
     views = [_thinned(demo_problem(demo, SceneSettings(), HypothesesSettings(), f)) for f in demo_frames(demo)]

@@ -16,13 +16,12 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import SceneSettings, Session
+from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.observation.observed_frame import observe, segment_cloud
+from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import demo_model
-from verefine_viz.scenes.demo_view import Viewpoint
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.scenes.sensor import Sensor, sense
@@ -53,7 +52,7 @@ class Thing:
 
     model: ObjectModel
     T_world_obj: Float
-    first_poses: tuple[Float, ...] = ()
+    initial_poses: tuple[Float, ...] = ()
     """T_world_obj of its hypotheses."""
     seen_as: ObjectModel | None = None
     """What depth and mask show instead."""
@@ -97,7 +96,7 @@ def frame_of(
             segment_cloud(depth_m, camera, mask, SETTINGS.cloud_points, SETTINGS.seed),
             tuple(
                 Hypothesis(T_cam_world @ T, 1.0 - 0.01 * j, f"made up #{j + 1}")
-                for j, T in enumerate(things[k].first_poses)
+                for j, T in enumerate(things[k].initial_poses)
             ),
             T_cam_world @ things[k].T_world_obj,
         )
@@ -143,7 +142,7 @@ def moved(T_world_obj: Float, axis_world: Float, angle_deg: float, shift_mm: Seq
 
 
 def near(T_world_obj: Float, rng: np.random.Generator, n: int, deg: float, mm: float) -> tuple[Float, ...]:
-    """First poses that are off by a little."""
+    """Initial poses that are off by a little."""
     return tuple(moved(T_world_obj, random_unit_vector(rng), deg, mm * random_unit_vector(rng)) for _ in range(n))
 
 

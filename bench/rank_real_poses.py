@@ -25,9 +25,9 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings, ScoreSettings
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.scenes.hypothesis_pool import perturbed
 from verefine_viz.scenes.source import open_scene
 
 SIZES = (2.0, 5.0, 10.0, 20.0, 30.0)

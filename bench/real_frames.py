@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 

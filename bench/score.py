@@ -25,10 +25,9 @@ from verefine_viz.core.problem import Instance, Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.rendering.gl_context import create_context, info_of
-from verefine_viz.rendering.gl_info import gl_problem
+from verefine_viz.rendering.gl_context import create_context, gl_problem, info_of
 from verefine_viz.rendering.gl_verifier import GlVerifier
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.rendering.rendered_scene import render_scene
 
 Poses = NDArray[np.float64]
 Way = Callable[[Poses], Any]

@@ -21,7 +21,7 @@ from rich.table import Table
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
@@ -93,7 +93,7 @@ def frames_of(raw: dict[str, Any], seeds: int) -> Iterator[tuple[dict[str, Any],
             yield seeded, frame
 
 
-def first_poses(raw: dict[str, Any], seeds: int) -> Row:
+def initial_poses(raw: dict[str, Any], seeds: int) -> Row:
     """The best-trusted hypothesis of each object, as it is."""
     row = Row("first hypothesis")
     for seeded, frame in frames_of(raw, seeds):
@@ -161,7 +161,7 @@ def main() -> None:
     for title, raw, hypotheses in sessions(a.preset, a.refiner, a.dataset):
         if a.only in title:
             seeds = a.seeds if raw["hypotheses"]["source"] == "perturb" else 1
-            rows = [first_poses(raw, seeds), *(solved(name, raw, seeds, hypotheses) for name in a.methods)]
+            rows = [initial_poses(raw, seeds), *(solved(name, raw, seeds, hypotheses) for name in a.methods)]
             show(f"{title}, {a.preset}, {a.refiner}", rows)
 
 

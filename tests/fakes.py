@@ -13,9 +13,9 @@ from verefine_viz.core.geometry import apply, axis_angle, inverse, rotation_vect
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem, Target
+from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.core.simulated import Contacts, SimulatedPath
 
 BOX_M = np.array([0.10, 0.08, 0.06])
 
@@ -184,6 +184,6 @@ class OneFrame:
     def frames(self) -> tuple[str, ...]:
         return (self.only.frame,)
 
-    def problem(self, frame: str, patience: object = None) -> Problem:
+    def problem(self, frame: str, progress: object = None) -> Problem:
         assert frame == self.only.frame
         return self.only

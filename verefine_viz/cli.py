@@ -32,9 +32,8 @@ from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
-from verefine_viz.core.atomic import NO_ROOM
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.places import at_home
+from verefine_viz.core.paths import NO_ROOM, at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2

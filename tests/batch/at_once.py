@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.batch.answering import POSE
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, frame_name
-from verefine_viz.batch.runner import Place
+from verefine_viz.batch.run_batch import Place
 from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.core.settings import Session
 

@@ -30,7 +30,7 @@ from tests.batch.frames import (
 )
 from tests.batch.outputs import journal, stop_in_the_middle
 from tests.scenes.bop_folder import Made
-from verefine_viz.scenes.results import ResultRow, read_results, write_results
+from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 from verefine_viz.session.files import load_session
 
 N_FRAMES = 5

@@ -26,8 +26,8 @@ from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
-from verefine_viz.batch.runner import Place, Progress
-from verefine_viz.batch.runner import run_batch as run_here
+from verefine_viz.batch.run_batch import Place, Progress
+from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.batch.worker import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
@@ -113,7 +113,7 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "LOOK_S", 0.2)
-    monkeypatch.setattr(cluster, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(cluster, "START_LIMIT_S", 0.1)
     said: list[str] = []
     with somebodys(n_workers=0) as empty:
 

@@ -12,11 +12,11 @@ import pytest
 
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
 from tests.batch.test_runner import contents, frames
-from verefine_viz.batch.command import run_jobs
+from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import FrameResult, read_frames_csv
-from verefine_viz.batch.runner import Progress, run_batch
+from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 

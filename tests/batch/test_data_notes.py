@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
-from verefine_viz.batch.frame import explain_frame
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import FrameResult
-from verefine_viz.batch.run_file import RunFile
+from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer.state.gallery import Gallery
 

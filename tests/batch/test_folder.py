@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from verefine_viz.batch.folder import RunFolder, first_change
+from verefine_viz.batch.journal import RunFile, read_run
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
-from verefine_viz.batch.run_file import RunFile, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve

@@ -9,9 +9,9 @@ import pytest
 
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
-from verefine_viz.batch import causes
-from verefine_viz.batch.frame import explain_frame, solve_frame
+from verefine_viz.batch import solve_frame as causes
 from verefine_viz.batch.rows import STAGES
+from verefine_viz.batch.solve_frame import explain_frame, solve_frame
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder

@@ -25,9 +25,10 @@ from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, batch_here, command, started_batch
 from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
-from verefine_viz.batch import pool, runner
+from verefine_viz.batch import run_batch as runner
+from verefine_viz.batch import worker_pool as pool
 from verefine_viz.batch.rows import failed_frame
-from verefine_viz.batch.runner import run_batch as run_here
+from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 

@@ -21,8 +21,8 @@ from verefine_viz.batch.index import (
     run_folders,
     runs_in,
 )
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.session.files import resolve
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from verefine_viz.batch.misled import misled
+from verefine_viz.batch.ranking_auc import misled
 from verefine_viz.batch.rows import ObjectRow
 
 SCORES = st.lists(st.sampled_from([0.1, 0.5, 0.9]), min_size=1, max_size=8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from verefine_viz.batch.notes import Notes
+from verefine_viz.batch.totals import Notes
 
 LACKS = "mug (#{}) has no hypothesis: no row for object 5"
 

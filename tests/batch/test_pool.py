@@ -10,8 +10,8 @@ import psutil
 import pytest
 
 from tests.batch import fragile
-from verefine_viz.batch import pool as pool_module
-from verefine_viz.batch.pool import Pool
+from verefine_viz.batch import worker_pool as pool_module
+from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.settings import Session
 
 

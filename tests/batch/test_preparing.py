@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from verefine_viz.batch.pool import Pool
 from verefine_viz.batch.rows import FrameResult
-from verefine_viz.session.compiling import COMPILING
+from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.session.files import resolve
+from verefine_viz.session.kernel_compilation import COMPILING
 
 SESSION = resolve(
     {

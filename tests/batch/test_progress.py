@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 
 from verefine_viz.batch import progress
-from verefine_viz.batch.command import in_short
+from verefine_viz.batch.batch_command import in_short
 from verefine_viz.batch.progress import in_words, shown_progress
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, with_objects
-from verefine_viz.batch.runner import Outcome, Progress
+from verefine_viz.batch.run_batch import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals
 from verefine_viz.core.problem import LeftOut
 

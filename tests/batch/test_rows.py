@@ -30,7 +30,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.batch.at_once import AtOnce, AtOncePlace, solved
-from verefine_viz.batch import runner
+from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch.rows import FrameResult, failed_frame, read_frames_csv
-from verefine_viz.batch.runner import Progress, run_batch
+from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.scenes.results import read_results
+from verefine_viz.scenes.results_csv import read_results
 
 
 def frames(n: int, monkeypatch: pytest.MonkeyPatch, *notes: str) -> tuple[str, ...]:

@@ -9,14 +9,12 @@ import pytest
 from rich.console import Console
 
 from tests.report.runs import row, write_run
-from verefine_viz.batch.command import what_next
+from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.runner import Outcome
-from verefine_viz.batch.sweep_table import sweep_row, sweep_table
+from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings
-from verefine_viz.report.comparison import compare
-from verefine_viz.report.frame_recalls import FrameRecalls
+from verefine_viz.report.group_comparison import FrameRecalls, compare
 from verefine_viz.report.groups import load_groups
 from verefine_viz.session.files import resolve
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bench.browser import headless_chromium
-from verefine_viz.commands.chromium import find_chromium
+from verefine_viz.commands.doctor_checks import find_chromium
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.viewer import commands as c

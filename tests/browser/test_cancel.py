@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.mark.parametrize("how", ["link", "Escape", "Escape in a box"])
-def test_looking_for_first_poses_is_cancelled_and_a_step_follows(look: Look, tmp_path: Path, how: str) -> None:
+def test_looking_for_initial_poses_is_cancelled_and_a_step_follows(look: Look, tmp_path: Path, how: str) -> None:
     path = saved(tmp_path, scene={"demo": "duck"}, hypotheses={"source": "pcs"}, pcs={"bases": 1_000_000})
     screen = look(SESSIONS / "mug.toml")
     screen.text("Ready, before iteration 1. mug")

@@ -12,7 +12,7 @@ from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen, until_true
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer import commands as c

@@ -11,7 +11,7 @@ from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.test_group_page import sweep
 from verefine_viz.batch.index import run_folders
-from verefine_viz.report.command import write_group_report, write_report
+from verefine_viz.report.build_report import write_group_report, write_report
 
 pytestmark = pytest.mark.browser
 

@@ -28,7 +28,7 @@ Depth = NDArray[np.floating]
 
 
 class WithoutTruth(Toolbox):
-    """A data set without ground truth, but for its first poses."""
+    """A data set without ground truth, but for its initial poses."""
 
     def problem(self, frame: str) -> Problem:
         problem = super().problem(frame)

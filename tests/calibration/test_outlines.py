@@ -14,7 +14,7 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.rendering.rendered_scene import render_scene
 
 BOX = box_model()
 T_CAM_BOX = transform(axis_angle([1.0, 2.0, 0.5], 0.7), [0.05, -0.03, 0.5])

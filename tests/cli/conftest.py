@@ -7,7 +7,7 @@ import pytest
 from tests.batch import fragile
 from tests.cli.desk import Desk
 from tests.scenes.bop_folder import Made, make
-from verefine_viz.batch import pool
+from verefine_viz.batch import worker_pool as pool
 
 
 @pytest.fixture(scope="module")

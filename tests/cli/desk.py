@@ -19,7 +19,7 @@ class Desk(CommandLine):
         return self.file("session.toml", f"{text}[hypotheses]\n{hypotheses}\n")
 
     def results(self, row: str) -> Path:
-        """A session on the made-up data set whose first poses are a results file of one row."""
+        """A session on the made-up data set whose initial poses are a results file of one row."""
         self.file("r.csv", f"{row}\n")
         return self.bop(hypotheses='source = "results"\nfiles = ["r.csv"]')
 

@@ -17,7 +17,7 @@ import pytest
 from verefine_viz import cli
 
 ROOT = Path(__file__).resolve().parents[2]
-ENDLESS = """
+NEVER_CANCELLED = """
 [scene]
 demo = "duck"
 model_points = 200
@@ -38,7 +38,7 @@ bases = 1000000
 def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_running(
     command: str, number: signal.Signals, tmp_path: Path
 ) -> None:
-    (tmp_path / "endless.toml").write_text(ENDLESS)
+    (tmp_path / "endless.toml").write_text(NEVER_CANCELLED)
     words = {
         "estimate": ["estimate", "endless.toml", "--out", "out.csv", "--workers", "2"],
         "batch": ["batch", "endless.toml", "--out", "out", "--workers", "2"],

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from verefine_viz import cli
-from verefine_viz.commands import checks
-from verefine_viz.commands.checks import Check
+from verefine_viz.commands import doctor_checks as checks
+from verefine_viz.commands.doctor_checks import Check
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.rendering.gl_info import gl_problem
+from verefine_viz.rendering.gl_context import gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
 
 

@@ -16,8 +16,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import replay
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.refiners.identity import Identity
-from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.refiners.registry import REFINERS, Identity
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import serving

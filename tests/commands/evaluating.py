@@ -10,7 +10,7 @@ from typing import Any
 from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import OBJ_IDS, Made
 from verefine_viz import cli
-from verefine_viz.scenes.results import ResultRow
+from verefine_viz.scenes.results_csv import ResultRow
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,10 @@ from tests.batch.frames import make_frames
 from tests.cli.command_line import CommandLine
 from tests.scenes.bop_folder import Made, cut, make
 from verefine_viz import cli
-from verefine_viz.batch import pool, scheduler
-from verefine_viz.commands.splits import splits_of
-from verefine_viz.scenes.results import HEADER
+from verefine_viz.batch import cluster as scheduler
+from verefine_viz.batch import worker_pool as pool
+from verefine_viz.commands.dataset_parts import splits_of
+from verefine_viz.scenes.results_csv import HEADER
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 ROW = f"7,3,5,1,{POSE},-1"
@@ -102,7 +103,7 @@ def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     line = desk.refused(*desk.evaluated(path))
     assert line.startswith(str(path))
     assert words in line
-    # Where it is to be the first poses of a batch, it is refused in the same words, before the folder is made.
+    # Where it is to be the initial poses of a batch, it is refused in the same words, before the folder is made.
     hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
     assert desk.refused(*desk.batch(*hypotheses)) == line
 

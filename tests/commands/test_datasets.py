@@ -20,9 +20,8 @@ from tests.scenes.bop_folder import Made
 from verefine_viz.commands import dataset_check
 from verefine_viz.commands.dataset_catalogue import CATALOGUE
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
+from verefine_viz.commands.dataset_parts import Parts, splits_of, what_can_be_run
 from verefine_viz.commands.datasets import Datasets
-from verefine_viz.commands.splits import splits_of
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.scenes.bop import BopDataset
 

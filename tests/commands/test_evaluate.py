@@ -15,7 +15,7 @@ from PIL import Image
 from tests.commands.evaluating import Desk, rows
 from tests.scenes.bop_folder import box_ply, cut, make
 from verefine_viz.batch.rows import write_frames_csv
-from verefine_viz.scenes.results import HEADER, write_results
+from verefine_viz.scenes.results_csv import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 

@@ -11,7 +11,7 @@ import pytest
 from tests.batch.frames import make_frames
 from tests.commands.evaluating import Desk, rows
 from tests.scenes.bop_folder import OBJ_IDS
-from verefine_viz.scenes.results import write_results
+from verefine_viz.scenes.results_csv import write_results
 
 THREE = [
     {"scene_id": 7, "im_id": im_id, "obj_id": obj_id, "inst_count": OBJ_IDS.count(obj_id)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from verefine_viz.core.dependency import DependencyGraph, Edge
+from verefine_viz.core.problem import DependencyGraph, Edge
 
 GRAPH = DependencyGraph(
     (Edge("support", 3, 1, 0.8, "64 % of its footprint"), Edge("occlusion", 2, 3, 0.4, "22 mm nearer")),

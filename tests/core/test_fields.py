@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from verefine_viz.core.fields import limits
+from verefine_viz.core.setting_types import limits
 from verefine_viz.core.settings import Change, Edit, Session
 from verefine_viz.session.files import load_session, resolve
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.input_files import check_input, open_input, read_input
+from verefine_viz.core.paths import check_input, open_input, read_input
 
 
 def test_a_regular_file_is_read_whole_also_through_a_link(tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.places import at_home, check_file, check_folder, why_not
+from verefine_viz.core.paths import at_home, atomic, check_file, check_folder, why_not
 
 
 @pytest.fixture

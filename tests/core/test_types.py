@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from tests.fakes import box_model, box_problem
+from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.arrays import frozen
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.compare import differences, first_difference
-from verefine_viz.core.dependency_settings import DependencySettings
 from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.listing import first_of, listed
+from verefine_viz.core.paths import atomic
 from verefine_viz.core.scores import Scores
+from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.recording.verify import differences, first_difference
 
 
 def test_frozen_arrays_are_copies_and_read_only() -> None:

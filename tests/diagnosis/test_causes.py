@@ -17,16 +17,16 @@ from bench.failing_scenes import broken_scene
 from bench.made_up_frames import Thing as Made
 from bench.made_up_frames import comes_right, frame_of, model, near, standing
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
+from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
-from verefine_viz.diagnosis.errors_of import ErrorOf
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.session.trace import Trace, trace_of
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 FAILING = 2

@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 from bench.made_up_frames import CAMERA, frame_of, level, model, moved, near, small_carton, standing
 from bench.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.diagnosis.plane import carrying_plane
-from verefine_viz.diagnosis.registration import registration
+from verefine_viz.diagnosis.case import ErrorOf
+from verefine_viz.diagnosis.frame_ground_truth import FrameTruth, carrying_plane, registration
 from verefine_viz.diagnosis.symmetry import nearby_symmetry
-from verefine_viz.diagnosis.truth import FrameTruth
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 
 
 def bumpy_object() -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,9 @@ from bench.diagnosis import named
 from bench.failing_scenes import broken_scene
 from bench.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.compare import first_difference
+from verefine_viz.diagnosis.case import company_of, solved_together
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.together import company_of, solved_together
+from verefine_viz.recording.verify import first_difference
 
 IDS = (0, 1)
 
@@ -23,7 +23,7 @@ def beside_a_can(
     name: str,
     rng: np.random.Generator,
     cause: Cause,
-    first_poses: Sequence[Float] | None,
+    initial_poses: Sequence[Float] | None,
     **sections: dict[str, object],
 ) -> Broken:
     """Something next to a can; the two are one cluster."""
@@ -31,10 +31,10 @@ def beside_a_can(
     T, T_can = standing(m, rng, 0.01), standing(can, rng, 0.01)
     T[0, 3] -= 0.06
     T_can[0, 3] += 0.06
-    poses = [T @ P for P in first_poses] if first_poses is not None else near(T, rng, 1, 18, 25)
+    poses = [T @ P for P in initial_poses] if initial_poses is not None else near(T, rng, 1, 18, 25)
     things = [Thing(m, T, tuple(poses)), Thing(can, T_can, near(T_can, rng, 1, 5, 5))]
     order: dict[str, object] = {"order": (("#0", "#1"),)}
-    session = session_of("vf_depth", 1 if first_poses is None else 2, dependency=order, **sections)
+    session = session_of("vf_depth", 1 if initial_poses is None else 2, dependency=order, **sections)
     return broken_by(cause, frame_of(things, rng), session)
 
 

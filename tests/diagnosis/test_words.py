@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.diagnosis.causes import TITLES, Cause
-from verefine_viz.diagnosis.of_score import preferred
-from verefine_viz.diagnosis.words import MORE_DIGITS, instead, told_apart
+from verefine_viz.diagnosis.causes import MORE_DIGITS, TITLES, Cause, instead, told_apart
+from verefine_viz.diagnosis.score_causes import preferred
 
 
 @pytest.mark.parametrize(

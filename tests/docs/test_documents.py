@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import PUBLISHED, Session
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "verefine_viz"

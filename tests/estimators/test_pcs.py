@@ -1,4 +1,4 @@
-"""First poses from congruent point sets: right on views that were made up, repeatable, few where few exist."""
+"""Initial poses from congruent point sets: right on views that were made up, repeatable, few where few exist."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.estimators.views import random_pose, target_of, view
-from tests.patience import asked, cancelled_everywhere, hearing
-from verefine_viz.core.estimator_settings import PcsSettings
+from tests.progress import asked, cancelled_everywhere, hearing
+from verefine_viz.core.algorithm_settings import PcsSettings
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates
-from verefine_viz.estimators.pcs_clouds import segment_cloud, thinned
+from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates, segment_cloud, thinned
 from verefine_viz.estimators.registry import make_estimator
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
@@ -95,7 +94,7 @@ def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
     script = (
         "import hashlib\n"
         "from tests.estimators.test_pcs import bits, seen\n"
-        "from verefine_viz.core.estimator_settings import PcsSettings\n"
+        "from verefine_viz.core.algorithm_settings import PcsSettings\n"
         "from verefine_viz.estimators.pcs import Pcs\n"
         "print(hashlib.sha256(repr(bits(Pcs(PcsSettings()).hypotheses(seen('duck', 3), 25))).encode()).hexdigest())"
     )
@@ -151,8 +150,8 @@ def test_what_is_cancelled_on_the_way_leaves_nothing_behind(bases: int) -> None:
     expected = bits(Pcs(PcsSettings(bases=bases)).hypotheses(target, 5))
     pcs = Pcs(PcsSettings(bases=bases))
 
-    def work(patience: Patience) -> object:
-        return pcs.hypotheses(target, 5, patience)
+    def work(progress: ProgressToken) -> object:
+        return pcs.hypotheses(target, 5, progress)
 
     n = asked(work)
     assert n > bases

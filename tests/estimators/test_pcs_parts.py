@@ -11,12 +11,19 @@ from scipy.spatial.transform import Rotation
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.estimators.pcs_bases import APART, Base, best_pairing, diameter, draw_base, segment_gap
-from verefine_viz.estimators.pcs_clouds import large_parts, spread_out, thinned
-from verefine_viz.estimators.pcs_fit import fit_rms, rotation_of
+from verefine_viz.estimators.pcs import large_parts, spread_out, thinned
+from verefine_viz.estimators.pcs_bases import (
+    APART,
+    Base,
+    best_pairing,
+    diameter,
+    draw_base,
+    fit_rms,
+    rotation_of,
+    segment_gap,
+)
 from verefine_viz.estimators.pcs_lcp import NearGrid, lcps
-from verefine_viz.estimators.pcs_pairs import PairTable
-from verefine_viz.estimators.pcs_quads import congruent_quads, fitted
+from verefine_viz.estimators.pcs_quads import PairTable, congruent_quads, fitted
 
 DELTA_M = 0.0035
 seeds = st.integers(0, 2**32 - 1)

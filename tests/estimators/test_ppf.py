@@ -1,4 +1,4 @@
-"""First poses from point pair features: right on views that were made up, repeatable, distinct, few where few exist."""
+"""Initial poses from point pair features: right on synthetic views, repeatable, distinct, few where few exist."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from tests.estimators.views import CAMERA, random_pose, target_of, view
-from tests.patience import asked, cancelled_everywhere
+from tests.progress import asked, cancelled_everywhere
+from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.estimator_settings import PpfSettings
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
-from verefine_viz.evaluation.errors import pose_errors, rotation_error_deg
+from verefine_viz.evaluation.pose_errors import pose_errors, rotation_error_deg
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -146,8 +146,8 @@ def test_what_is_cancelled_on_the_way_leaves_nothing_behind(ppf: Ppf) -> None:
     target = seen("bracket", 2)
     first = bits(ppf.hypotheses(target, 5))
 
-    def work(patience: Patience) -> object:
-        return ppf.hypotheses(target, 5, patience)
+    def work(progress: ProgressToken) -> object:
+        return ppf.hypotheses(target, 5, progress)
 
     n = asked(work)
     assert n > 10
@@ -159,7 +159,7 @@ def test_another_process_with_other_threads_loads_the_table_and_answers_alike(pp
     first = bits(ppf.hypotheses(seen("duck", 0), 5))
     code = (
         "import sys\nfrom pathlib import Path\nfrom tests.estimators import test_ppf as t\n"
-        "from tests.patience import hearing\n"
+        "from tests.progress import hearing\n"
         f"said = []\nppf = t.Ppf(t.PpfSettings(), Path({str(folder)!r}))\n"
         "pool = ppf.hypotheses(t.seen('duck', 0), 5, hearing(said))\n"
         "print(([words for words in said if 'Learning' in words], t.bits(pool)))"

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from tests.estimators.views import random_pose, view
-from tests.patience import asked, cancelled_everywhere, ending_after, hearing
+from tests.progress import asked, cancelled_everywhere, ending_after, hearing
+from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.errors import Cancelled
-from verefine_viz.core.estimator_settings import PpfSettings
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Target
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.ppf_cache import LEARNT_FROM, Learnt, cache_file, learn, read, write
 from verefine_viz.scenes.demo_models import demo_model
@@ -97,8 +97,8 @@ def test_nothing_is_kept_of_a_table_whose_learning_is_cancelled_and_the_next_is_
     Ppf(COARSE, tmp_path / "whole").hypotheses(seen, 3)
     table = cache_file(seen.model, COARSE, tmp_path / "whole")
 
-    def work(patience: Patience) -> object:
-        return learn(seen.model, COARSE, patience)
+    def work(progress: ProgressToken) -> object:
+        return learn(seen.model, COARSE, progress)
 
     for k in cancelled_everywhere(work, asked(work)):
         ppf = Ppf(COARSE, tmp_path / "stopped")

@@ -13,8 +13,7 @@ from verefine_viz.core.geometry import angle_between, apply, axis_angle, transfo
 from verefine_viz.estimators.ppf_agreement import agreement, surface_field
 from verefine_viz.estimators.ppf_cloud import Oriented, model_surface, segment_surface, thinned
 from verefine_viz.estimators.ppf_cluster import Nearness, clustered, distinct
-from verefine_viz.estimators.ppf_features import local_rotation, pair_feature, pose_of_match, turn_about_normal
-from verefine_viz.estimators.ppf_table import pair_table
+from verefine_viz.estimators.ppf_table import local_rotation, pair_feature, pair_table, pose_of_match, turn_about_normal
 from verefine_viz.scenes.demo_models import demo_model
 
 seeds = st.integers(0, 10**6)

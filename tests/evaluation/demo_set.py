@@ -11,13 +11,12 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.evaluation.ground_truth import BopTruth, Targets, Truth, find_targets, read_targets
 from verefine_viz.evaluation.pose_table import PoseTable, pose_table
-from verefine_viz.evaluation.targets import Targets, find_targets, read_targets
-from verefine_viz.evaluation.truth import BopTruth, Truth
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.results import ResultRow
+from verefine_viz.scenes.hypothesis_pool import perturbed
+from verefine_viz.scenes.results_csv import ResultRow
 from verefine_viz.scenes.write_bop import write_bop
 
 FRAMES = (("clutter", "0/0"), ("clutter", "0/1"), ("bowl", "0/0"), ("stack", "0/0"))

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.evaluation.depth import DepthPatch, model_depth
-from verefine_viz.evaluation.model import EvalModel
+from verefine_viz.evaluation.bop_model import EvalModel
+from verefine_viz.evaluation.ground_truth import Targets, Truth, TruthImage, TruthSource
 from verefine_viz.evaluation.pose_table import PoseTable
-from verefine_viz.evaluation.targets import Targets
-from verefine_viz.evaluation.truth import Truth, TruthImage, TruthSource
+from verefine_viz.evaluation.vsd import DepthPatch, model_depth
 
 STEPS = np.arange(0.05, 0.51, 0.05)
 

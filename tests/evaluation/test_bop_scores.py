@@ -17,11 +17,9 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
-from verefine_viz.evaluation.coverage import OwnPart
-from verefine_viz.evaluation.pose_table import PoseTable, read_pose_table
-from verefine_viz.evaluation.targets import Targets, Task
-from verefine_viz.evaluation.truth import ProblemTruth, visible_targets
-from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.evaluation.ground_truth import ProblemTruth, Targets, Task, visible_targets
+from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
+from verefine_viz.scenes.results_csv import ResultRow, write_results
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,10 @@ from hypothesis import strategies as st
 from tests.evaluation import reference
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle
-from verefine_viz.evaluation.depth import EMPTY, DepthPatch, model_depth
-from verefine_viz.evaluation.largest import mspd_px, mssd_mm
-from verefine_viz.evaluation.mean_errors import adi_by_index_mm, adi_mm, symmetric_errors
-from verefine_viz.evaluation.model import EvalModel
-from verefine_viz.evaluation.symmetries import bop_symmetries
-from verefine_viz.evaluation.truth import Truth
-from verefine_viz.evaluation.vsd import vsd
+from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
+from verefine_viz.evaluation.ground_truth import Truth
+from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm, mspd_px, mssd_mm, symmetric_errors
+from verefine_viz.evaluation.vsd import EMPTY, DepthPatch, model_depth, vsd
 
 K = np.array([[600.0, 0.5, 320.0], [0.0, 610.0, 240.0], [0.0, 0.0, 1.0]])
 FLIP = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]

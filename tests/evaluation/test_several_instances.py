@@ -15,11 +15,10 @@ from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
+from verefine_viz.evaluation.ground_truth import BopTruth, Task, find_targets, read_targets
 from verefine_viz.evaluation.pose_table import pose_table
-from verefine_viz.evaluation.targets import Task, find_targets, read_targets
-from verefine_viz.evaluation.truth import BopTruth
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.results import ResultRow
+from verefine_viz.scenes.results_csv import ResultRow
 
 
 @pytest.fixture

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.fakes import box_model
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, axis_angle, transform
-from verefine_viz.evaluation.errors import rotation_error_deg
-from verefine_viz.evaluation.turning import turning, turning_of
+from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning, turning_of
 
 ANGLES = st.floats(0.0, 179.0)
 SEEDS = st.integers(0, 10_000)

@@ -10,11 +10,9 @@ import pytest
 
 from tests.evaluation import vectors
 from tests.evaluation.vectors import Vectors, poses
-from verefine_viz.evaluation.depth import model_depth
-from verefine_viz.evaluation.largest import mspd_px, mssd_mm
-from verefine_viz.evaluation.mean_errors import add_mm, adi_mm, rotation_deg
-from verefine_viz.evaluation.symmetries import bop_symmetries
-from verefine_viz.evaluation.vsd import TAUS, spheres_overlap_in_image, vsd
+from verefine_viz.evaluation.bop_model import bop_symmetries
+from verefine_viz.evaluation.vertex_errors import add_mm, adi_mm, mspd_px, mssd_mm, rotation_deg
+from verefine_viz.evaluation.vsd import TAUS, model_depth, spheres_overlap_in_image, vsd
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.evaluation.depth import DepthPatch
-from verefine_viz.evaluation.model import EvalModel
-from verefine_viz.evaluation.symmetries import bop_symmetries
+from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
+from verefine_viz.evaluation.vsd import DepthPatch
 from verefine_viz.scenes.meshes import read_geometry
 
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings
@@ -22,6 +21,7 @@ from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.bandit import Ucb
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from tests.fakes import box_problem
 from tests.methods.test_physim_mcts import clustered, method_of
 from tests.methods.test_search_tree import grow, pools_of
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.methods.search_tree import SearchTree
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 PUT = transform(axis_angle([0, 0, 1], 0.3), [0.3, 0.2, 0.9])

@@ -12,18 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.compare import first_difference
-from verefine_viz.core.dependency import DependencyGraph
+from verefine_viz.core.algorithm_settings import MctsSettings, TricpSettings
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, axis_angle, transform
-from verefine_viz.core.mcts_settings import MctsSettings
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.problem import Hypothesis, Placed, Problem
+from verefine_viz.core.problem import DependencyGraph, Hypothesis, Placed, Problem
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.refiner_settings import TricpSettings
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.methods.events import PHYSICS_FALL
-from verefine_viz.methods.overlap import overlaps
 from verefine_viz.methods.physim_mcts import (
     REFINED_BEST,
     PhysimMcts,
@@ -31,8 +27,10 @@ from verefine_viz.methods.physim_mcts import (
     make_physim_mcts,
     mcts_physics,
     mcts_tricp,
+    overlaps,
 )
-from verefine_viz.refiners.identity import Identity
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.refiners.registry import Identity
 from verefine_viz.session.engine import Run
 
 

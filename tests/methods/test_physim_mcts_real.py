@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from verefine_viz.core.compare import first_difference
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.mcts_settings import MctsSettings
-from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.algorithm_settings import MctsSettings
+from verefine_viz.core.problem import DependencyGraph, Placed, Problem
 from verefine_viz.core.settings import ScoreSettings, Session
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.physim_mcts import PhysimMcts, make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.explained import ExplainedPixels

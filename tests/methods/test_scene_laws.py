@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.compare import first_difference
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 

@@ -14,11 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.observation.boxes import Box, box_scene
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.dependency_settings import DependencySettings
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.algorithm_settings import DependencySettings
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.scenes.source import open_scene
 
 DEFAULT = DependencySettings()

@@ -6,7 +6,7 @@ import networkx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from verefine_viz.core.dependency import Edge
+from verefine_viz.core.problem import Edge
 from verefine_viz.observation.dependency_order import Ordering, connected, ordered
 
 Case = tuple[dict[int, float], tuple[Edge, ...]]

@@ -3,10 +3,10 @@ import numpy as np
 from tests.fakes import box_problem
 from tests.observation.planes import CAMERA
 from tests.observation.test_support import UP, scene
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import SceneSettings
-from verefine_viz.observation.frame import observe
 from verefine_viz.observation.normals import estimate_normals
+from verefine_viz.observation.observed_frame import observe
+from verefine_viz.recording.verify import first_difference
 
 
 def test_puts_everything_together() -> None:

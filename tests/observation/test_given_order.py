@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.observation.boxes import Box, box_scene
-from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
-from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.observation.given_order import read_orders
 
 SIZE = (0.06, 0.06, 0.05)

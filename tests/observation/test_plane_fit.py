@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from verefine_viz.core.geometry import axis_angle
-from verefine_viz.observation.plane_fit import Plane, fitted
+from verefine_viz.observation.support_plane import Plane, fitted
 
 TOLERANCE_M = 0.01
 tilts = st.floats(-1.2, 1.2)

@@ -1,7 +1,7 @@
 import numpy as np
 
 from tests.fakes import box_problem
-from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.observation.observed_frame import segment_cloud
 
 CAMERA = box_problem().observation.camera
 DEPTH = box_problem().observation.depth_m

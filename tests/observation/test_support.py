@@ -12,7 +12,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import NoSupportError
 from verefine_viz.core.geometry import apply, axis_angle, inverse, transform
 from verefine_viz.core.observation import Support
-from verefine_viz.observation.support import find_support
+from verefine_viz.observation.support_plane import find_support
 
 # The camera looks down at a table by 40°: world z up, in the camera frame.
 UP = np.array([0.0, -np.cos(np.deg2rad(40)), -np.sin(np.deg2rad(40))])

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.physics.bodies import ball, box, model, ring
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.physics.colliders import build, collider, reduced_hull, signed_distance
+from verefine_viz.recording.verify import first_difference
 
 
 def test_box_has_its_corners_its_centre_and_its_inertia():

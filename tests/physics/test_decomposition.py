@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.patience import ending_after
 from tests.physics.bodies import ring, soup
-from verefine_viz.core.compare import first_difference
+from tests.progress import ending_after
 from verefine_viz.core.errors import Cancelled, ShapeError
-from verefine_viz.core.patience import Patience
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics import decomposition
 from verefine_viz.physics.colliders import build, collider, signed_distance
 from verefine_viz.physics.decomposition import decomposed
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 
 
 @pytest.fixture
@@ -102,8 +102,8 @@ def test_what_is_taken_apart_in_time_needs_no_note() -> None:
 def test_each_start_is_told_once_and_how_long_it_takes_meanwhile() -> None:
     told: list[str] = []
     told_once: list[str] = []
-    patience = Patience(lambda doing, share: told.append(doing), tell_once=told_once.append)
-    decomposed("object 7 (ring)", ring().vertices, ring().faces, patience)
+    progress = ProgressToken(lambda doing, share: told.append(doing), report_once=told_once.append)
+    decomposed("object 7 (ring)", ring().vertices, ring().faces, progress)
     assert len(told_once) == 1
     assert told[:1] == told_once
     assert all("object 7 (ring)" in doing for doing in told)

@@ -8,8 +8,7 @@ import pytest
 from tests.fakes import BOX_M, box_model
 from verefine_viz.core.geometry import apply, axis_angle, inverse, transform
 from verefine_viz.core.problem import Placed
-from verefine_viz.physics.overlap import overlap
-from verefine_viz.physics.proximity import Surfaces
+from verefine_viz.physics.proximity import Surfaces, overlap
 
 MODEL = box_model()
 

@@ -10,17 +10,16 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.patience import ending_after
 from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, model, placed, ring, standing, table
-from verefine_viz.core.compare import first_difference
+from tests.progress import ending_after
 from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import build
-from verefine_viz.physics.equilibrium import holds
-from verefine_viz.physics.plausibility import Plausibility, plausibility
+from verefine_viz.physics.plausibility import Plausibility, holds, plausibility
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 
 BRICK = box(0.06, 0.04, 0.1)
 PLATE = box(0.1, 0.1, 0.04)
@@ -162,7 +161,7 @@ def test_a_mesh_with_a_hole_is_taken_apart_unless_nobody_waits(tmp_path: Path) -
     mesh = trimesh.Trimesh(ring().vertices, ring().faces[1:], process=False)
     thing = standing(model(mesh))
     with pytest.raises(Cancelled):
-        plausibility(thing, (), table(), cache=tmp_path, patience=ending_after(3))
+        plausibility(thing, (), table(), cache=tmp_path, progress=ending_after(3))
     assert [path.name.split("-")[1] for path in tmp_path.iterdir()] == ["hull"]
     plausibility(thing, (), table(), cache=tmp_path)
     assert {path.name.split("-")[1] for path in tmp_path.iterdir()} == {"hull", "decomposition"}

@@ -15,13 +15,13 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.physics.bodies import T_CAM_WORLD, ball, box, model, ring, table
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.physics.world import MAX_BODIES
+from verefine_viz.recording.verify import first_difference
 
 CUP = model(
     trimesh.util.concatenate(

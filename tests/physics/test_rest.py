@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from tests.physics.bodies import T_WORLD_CAM, ball, box, heights, placed, ring, standing, table
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import angle_between, axis_angle
 from verefine_viz.core.problem import Placed
 from verefine_viz.physics.plausibility import plausibility
-from verefine_viz.physics.rest import settle_to_rest
-from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
+from verefine_viz.recording.verify import first_difference
 
 BRICK = box(0.06, 0.04, 0.1)
 

@@ -13,9 +13,8 @@ from verefine_viz.core.geometry import angle_between, axis_angle, transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.physics.world import QuietClient
+from verefine_viz.physics.world import QuietClient, pybullet
 
 LEVEL = Support(np.eye(4), np.array([0.0, 0, 1]), "plane", 1.0)
 """The world is the camera's frame: no arithmetic between what Bullet says and the path."""

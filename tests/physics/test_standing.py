@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.physics.bodies import ball, box, placed, ring, standing, table, tilt_deg
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import angle_between, axis_angle
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.records import SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.core.simulated import SimulatedPath
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.physics.standing import TOPPLED_DEG, is_inside
+from verefine_viz.physics.stability import TOPPLED_DEG, is_inside
+from verefine_viz.recording.verify import first_difference
 
 BRICK = box(0.06, 0.04, 0.1)
 EVERY_THING = pytest.mark.parametrize("thing", [BRICK, ball(), ring()], ids=["brick", "ball", "ring"])

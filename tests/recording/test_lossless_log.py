@@ -10,9 +10,9 @@ import pytest
 from tests.fakes import box_problem
 from tests.methods.test_physim_mcts import method_of
 from tests.recording.runs import new_run, session
-from verefine_viz.core.compare import first_difference
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.lossless_log import Entry, Journal, as_recorded, read_journal
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 

@@ -9,15 +9,14 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session import comparison
-from verefine_viz.session.alignment import aligned
-from verefine_viz.session.trace import trace_of
+from verefine_viz.session.comparison import aligned, trace_of
 
 METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
 
@@ -61,7 +60,7 @@ def test_a_recording_cannot_be_edited_or_continued(tmp_path: Path) -> None:
 def test_data_that_changed_since_are_told(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session("sir", 2, maps=False))
     recorded = read_recording(tmp_path / "run.rrd")
-    with pytest.raises(InputError, match="made from 3 first poses of 0_box, its session now gives 2"):
+    with pytest.raises(InputError, match="made from 3 initial poses of 0_box, its session now gives 2"):
         played(recorded, box_problem(2, 2))
     with pytest.raises(InputError, match="made of 1_box, which frame 0/1 does not hold"):
         played(recorded, box_problem(3, 1))

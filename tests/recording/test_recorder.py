@@ -8,15 +8,15 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import journal_path, part_path
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.files import load_session
 
 

@@ -16,8 +16,7 @@ from rerun.chunk import RrdReader
 from tests.fakes import FakeVerifier, box_problem
 from tests.methods.test_physim_mcts import clustered, method_of
 from tests.recording.runs import new_run, recorded_run, session
-from verefine_viz.core.dependency import DependencyGraph, Edge
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Edge, Problem
 from verefine_viz.recording import entities
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from verefine_viz.core.colormaps import ANGLE, FIT, Scale, depth_scale, difference_scale
+from verefine_viz.core.palette import ANGLE, FIT, Scale, depth_scale, difference_scale
 from verefine_viz.recording.maps import _indices
 
 SCALES = (ANGLE, FIT, depth_scale(0.31, 0.94), difference_scale(0.02))

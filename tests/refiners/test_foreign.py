@@ -11,9 +11,8 @@ import pytest
 
 from tests.fakes import box_problem
 from verefine_viz.core.settings import Session
-from verefine_viz.refiners.foreign import raised_by_refiner
 from verefine_viz.refiners.icp import Icp
-from verefine_viz.refiners.registry import REFINERS, make_refiner
+from verefine_viz.refiners.registry import REFINERS, make_refiner, raised_by_refiner
 
 HERE = Path(__file__)
 TARGET = box_problem().targets[0]

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import box_model, box_problem
+from verefine_viz.core.algorithm_settings import IcpSettings
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
-from verefine_viz.core.presets import PUBLISHED
 from verefine_viz.core.problem import Target
-from verefine_viz.core.refiner_settings import IcpSettings
+from verefine_viz.core.settings import PUBLISHED
 from verefine_viz.refiners.icp import Icp, IcpTarget, gate_schedule_m, icp_align, largest_extent_m, observed_normals
 from verefine_viz.refiners.icp_kernel import icp_loop, nearest_rotation
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from tests.fakes import box_problem
-from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from verefine_viz.core.algorithm_settings import IcpSettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.refiner_settings import IcpSettings
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.registry import REFINERS, make_refiner

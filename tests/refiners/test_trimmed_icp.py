@@ -10,13 +10,18 @@ from scipy.spatial import cKDTree
 
 from tests.fakes import box_model, box_problem
 from tests.refiners.test_icp import assert_rigid, lumpy_cloud, moved, small_motion
+from verefine_viz.core.algorithm_settings import TricpSettings
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.refiner_settings import TricpSettings
-from verefine_viz.refiners.trimmed_afar import Leaves, nearest_from_afar
-from verefine_viz.refiners.trimmed_icp import TrimmedIcp, TrimmedTarget, trimmed_align
-from verefine_viz.refiners.trimmed_kernel import trimmed_loop
+from verefine_viz.refiners.trimmed_icp import (
+    Leaves,
+    TrimmedIcp,
+    TrimmedTarget,
+    nearest_from_afar,
+    trimmed_align,
+    trimmed_loop,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 TRIMS = st.sampled_from([1.0, 0.9, 0.5])

@@ -8,7 +8,7 @@ import pytest
 
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.rendering.gl_info import gl_problem
+from verefine_viz.rendering.gl_context import gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
 
 MakeVerifier = Callable[..., CpuVerifier | GlVerifier]

@@ -14,9 +14,8 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Target
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.evaluation.depth import EMPTY, model_depth
-from verefine_viz.evaluation.model import EvalModel
-from verefine_viz.evaluation.vsd import vsd
+from verefine_viz.evaluation.bop_model import EvalModel
+from verefine_viz.evaluation.vsd import EMPTY, model_depth, vsd
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.cpu_verifier import CpuVerifier

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from tests.rendering.witness import CAMERA
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.rendering.closed import closed_faces
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.rendering.rasterizer import draw_frame
+from verefine_viz.rendering.simplify import closed_faces
 
 
 def box(at: tuple[float, float, float] = (0, 0, 0)) -> trimesh.Trimesh:

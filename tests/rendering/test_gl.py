@@ -15,8 +15,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import gl_context, gl_passes, verifier
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.rendering.gl_context import GlInfo
-from verefine_viz.rendering.gl_info import gl_info, gl_problem
+from verefine_viz.rendering.gl_context import GlInfo, gl_info, gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
 from verefine_viz.rendering.verifier import make_verifier
 

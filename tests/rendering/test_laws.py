@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from tests.rendering.conftest import MakeVerifier
 from tests.rendering.witness import CAMERA, T_TORUS, cast, disturbed, target_of
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 
 MODES = ["published", "observed", "classes"]

@@ -9,7 +9,7 @@ import numpy as np
 from tests.rendering.witness import CAMERA, T_BOX, T_TABLE, T_TORUS, box, cast, table, torus
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Placed
-from verefine_viz.rendering.scene import GREY, render_scene
+from verefine_viz.rendering.rendered_scene import GREY, render_scene
 
 PLACED = [Placed(0, torus(), T_TORUS), Placed(4, box(), T_BOX), Placed(2, table(), T_TABLE)]
 

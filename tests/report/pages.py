@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from verefine_viz.report import gallery
-from verefine_viz.report.gallery import Curve
+from verefine_viz.report import failure_cards as gallery
+from verefine_viz.report.failure_cards import Curve
 from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 
 GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}

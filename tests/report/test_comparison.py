@@ -10,17 +10,14 @@ import pytest
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
-from verefine_viz.report.comparison import Comparison, compare
-from verefine_viz.report.frame_recalls import FrameRecalls
-from verefine_viz.report.group_gallery import group_gallery
-from verefine_viz.report.group_words import counted, headline, title
+from verefine_viz.report.failure_cards import group_gallery
+from verefine_viz.report.group_comparison import Comparison, FrameRecalls, compare
+from verefine_viz.report.group_sentences import counted, headline, title
 from verefine_viz.report.groups import Group
-from verefine_viz.report.loaded import Loaded
-from verefine_viz.report.numbers import recall_curve
-from verefine_viz.report.objects import by_frame, hardest, heat
-from verefine_viz.report.outcomes import axes_of, outcomes_of
+from verefine_viz.report.object_results import axes_of, by_frame, hardest, heat, outcomes_of
+from verefine_viz.report.run_results import Loaded, recall_curve
 from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}

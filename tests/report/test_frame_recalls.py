@@ -8,9 +8,9 @@ import pytest
 
 from tests.batch.frames import SCENE_ID, make_frames
 from tests.report.runs import row, write_run
-from verefine_viz.report.frame_recalls import frame_recalls
+from verefine_viz.report.group_comparison import frame_recalls
 from verefine_viz.report.groups import load_groups
-from verefine_viz.report.outcomes import axes_of
+from verefine_viz.report.object_results import axes_of
 
 
 def test_a_frame_in_which_nothing_is_seen_asks_for_nothing(tmp_path: Path) -> None:

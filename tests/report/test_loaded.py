@@ -10,8 +10,8 @@ import pytest
 from tests.report.runs import row, write_run
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError
-from verefine_viz.report.bop import result_rows
-from verefine_viz.report.loaded import load, load_pair
+from verefine_viz.report.bop_recalls import result_rows
+from verefine_viz.report.run_results import load, load_pair
 
 DEMO = {"scene": {"source": "demo", "demo": "mug"}}
 

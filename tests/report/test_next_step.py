@@ -9,11 +9,11 @@ import pytest
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.run_file import RunFile
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.report.loaded import Loaded
-from verefine_viz.report.next_step import ADVICE, NextStep, advice, next_step
+from verefine_viz.report.run_results import Loaded
+from verefine_viz.report.run_sentences import ADVICE, NextStep, advice, next_step
 from verefine_viz.session.files import resolve
 
 

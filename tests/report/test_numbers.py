@@ -12,16 +12,24 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.evaluation.pose_table import read_pose_table
-from verefine_viz.report.bop import result_rows
-from verefine_viz.report.difference import difference
-from verefine_viz.report.loaded import Loaded, load, load_pair
-from verefine_viz.report.numbers import THRESHOLDS, by_object, lies, numbers_of, recall_curve, stage_times
-from verefine_viz.report.words import headline
-from verefine_viz.scenes.results import write_results
+from verefine_viz.report.bop_recalls import result_rows
+from verefine_viz.report.run_difference import difference
+from verefine_viz.report.run_results import (
+    THRESHOLDS,
+    Loaded,
+    by_object,
+    lies,
+    load,
+    load_pair,
+    numbers_of,
+    recall_curve,
+    stage_times,
+)
+from verefine_viz.report.run_sentences import headline
+from verefine_viz.scenes.results_csv import write_results
 from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}

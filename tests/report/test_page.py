@@ -13,7 +13,7 @@ from tests.report.runs import row, write_run
 from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.report.command import write_report
+from verefine_viz.report.build_report import write_report
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.session.files import resolve
 

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from tests.report.pages import GONE, without_plotly
 from tests.report.runs import row, write_run
-from verefine_viz.report.command import Making, write_report
-from verefine_viz.report.gallery import Gallery
-from verefine_viz.report.loaded import Loaded, load_pair
-from verefine_viz.report.pair_gallery import pair_gallery, shared_out
+from verefine_viz.report.build_report import Making, write_report
+from verefine_viz.report.failure_cards import Gallery, pair_gallery, shared_out
+from verefine_viz.report.run_results import Loaded, load_pair
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}

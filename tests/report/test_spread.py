@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from verefine_viz.report.spread import Cells, draws
+from verefine_viz.report.bootstrap import Cells, draws
 
 RNG = np.random.default_rng(3)
 

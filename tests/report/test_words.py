@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.run_file import RunFile
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
-from verefine_viz.report.loaded import Loaded
-from verefine_viz.report.words import data_doubts, session_title, signed, title, tone
+from verefine_viz.report.run_results import Loaded
+from verefine_viz.report.run_sentences import data_doubts, session_title, signed, title, tone
 from verefine_viz.session.files import resolve
 
 

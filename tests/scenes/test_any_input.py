@@ -16,8 +16,8 @@ from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.frames import all_frames
-from verefine_viz.scenes.pool import open_results
-from verefine_viz.scenes.results import HEADER
+from verefine_viz.scenes.hypothesis_pool import open_results
+from verefine_viz.scenes.results_csv import HEADER
 
 numbers = st.one_of(st.integers(-3, 3), st.floats(), st.sampled_from([1e308, -1e308]))
 nested = st.recursive(

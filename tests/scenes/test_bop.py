@@ -294,7 +294,7 @@ def test_models_are_read_once(tmp_path: Path) -> None:
 
 
 def test_the_same_frame_read_twice_is_the_same_bit_by_bit(tmp_path: Path) -> None:
-    from verefine_viz.core.compare import first_difference
+    from verefine_viz.recording.verify import first_difference
 
     made = make(tmp_path)
     a, b = made.read(HypothesesSettings(max_per_object=3)), made.read(HypothesesSettings(max_per_object=3))

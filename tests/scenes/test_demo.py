@@ -16,11 +16,11 @@ from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import angle_between, apply, transform
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.rendering.rendered_scene import render_scene
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.demo_models import demo_model, demo_model_names
 from verefine_viz.scenes.demo_scenes import SCENES
-from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.write_bop import write_bop
 

@@ -12,9 +12,9 @@ import pytest
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
-from verefine_viz.rendering.scene import render_scene
-from verefine_viz.scenes.demo_failures import FAILURES
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.scenes.demo_scenes import FAILURES
 from verefine_viz.session.breakpoints import hits
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox

@@ -12,8 +12,8 @@ import pytest
 from tests.scenes.bop_folder import make, refusal
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.evaluation.files import evaluate_files
-from verefine_viz.scenes.intrinsics import depth_scale_of, intrinsics_notes, intrinsics_of
+from verefine_viz.evaluation.results_scores import evaluate_files
+from verefine_viz.scenes.image_files import depth_scale_of, intrinsics_notes, intrinsics_of
 
 K = np.array([[90.0, 0, 40], [0, 90, 30], [0, 0, 1]])
 

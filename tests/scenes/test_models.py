@@ -14,8 +14,7 @@ from PIL import Image
 from verefine_viz.core.geometry import apply
 from verefine_viz.scenes import meshes
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, read_mesh
-from verefine_viz.scenes.models import ModelLibrary, load_model, model_of_mesh
-from verefine_viz.scenes.symmetries import symmetry_transforms
+from verefine_viz.scenes.models import ModelLibrary, load_model, model_of_mesh, symmetry_transforms
 
 SIZE_MM = np.array([100.0, 80.0, 60.0])
 

@@ -13,13 +13,13 @@ import pytest
 
 from tests.scenes.bop_folder import box_ply, make, refusal
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.jsonfile import read_json
+from verefine_viz.core.json_files import read_json
 from verefine_viz.core.settings import HypothesesSettings
-from verefine_viz.evaluation.files import evaluate_files
+from verefine_viz.evaluation.results_scores import evaluate_files
 from verefine_viz.observation.given_order import read_orders
-from verefine_viz.scenes.images import find_image, read_mask
+from verefine_viz.scenes.image_files import find_image, read_mask
 from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.results import read_results
+from verefine_viz.scenes.results_csv import read_results
 
 KINDS: dict[str, tuple[Callable[[Path], object], str]] = {
     "pipe": (os.mkfifo, "is a pipe, expected a file"),

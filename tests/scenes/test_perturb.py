@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.scenes.bop_folder import make
 from verefine_viz.core.geometry import angle_between, axis_angle, rotation_vector, transform
 from verefine_viz.core.settings import HypothesesSettings
-from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.scenes.hypothesis_pool import perturbed
 
 T_GT = transform(axis_angle([1, 2, 3], 0.7), [0.1, -0.2, 0.9])
 

@@ -13,7 +13,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.silhouette import overlap, silhouette
+from verefine_viz.scenes.segments import overlap, silhouette
 from verefine_viz.scenes.source import SceneSource, open_scene
 
 pytestmark = pytest.mark.data

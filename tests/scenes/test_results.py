@@ -14,7 +14,7 @@ from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.results import HEADER, ResultRow, method_of, read_results, write_results
+from verefine_viz.scenes.results_csv import HEADER, ResultRow, method_of, read_results, write_results
 from verefine_viz.scenes.source import open_scene
 
 STRICTER = {"nanpose", "nonrotation"}
@@ -170,7 +170,7 @@ def test_repeated_rows_for_a_demo_are_noted(tmp_path: Path) -> None:
     rows = results_file(tmp_path, "0,0,1")
     path = Path(rows.files[0])
     path.write_text(path.read_text() + path.read_text().split("\n")[1] + "\n")
-    (note,) = open_scene(SceneSettings(demo="mug"), rows).check_first_poses()
+    (note,) = open_scene(SceneSettings(demo="mug"), rows).check_initial_poses()
     assert note.startswith("est_x-test.csv: 1 row repeats a pose")
 
 
@@ -202,7 +202,7 @@ def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: flo
         "multiply t by 1000"
     )
     assert source.notes == ((said,) if is_noted else ())
-    assert source.check_first_poses() == ()
+    assert source.check_initial_poses() == ()
 
 
 def test_one_pose_at_the_camera_is_no_sign_of_metres(tmp_path: Path) -> None:
@@ -241,38 +241,38 @@ def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(
     ids, said = FOREIGN[case]
     source = make(tmp_path).open(results_file(tmp_path, ids))
     with pytest.raises(InputError) as refused:
-        source.check_first_poses()
+        source.check_initial_poses()
     assert str(refused.value) == said
 
 
 def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> None:
     made, rows = make(tmp_path), results_file(tmp_path, "7,3,2")
     with pytest.raises(InputError, match=r"the frames need 5, the rows are of 2;"):
-        made.open(rows, objects=(5,)).check_first_poses()
-    made.open(rows, objects=(2,)).check_first_poses()
+        made.open(rows, objects=(5,)).check_initial_poses()
+    made.open(rows, objects=(2,)).check_initial_poses()
 
 
 def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path) -> None:
     made = make(tmp_path)
     foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
     both = ours.model_copy(update={"files": (*foreign.files, *ours.files)})
-    (note,) = made.open(both).check_first_poses()
+    (note,) = made.open(both).check_initial_poses()
     assert note == "other_x-test.csv has no row for an object of the chosen frames and gives no pose"
-    assert made.open(ours).check_first_poses() == ()
+    assert made.open(ours).check_initial_poses() == ()
     with pytest.raises(InputError, match=r"other_x-test.csv, other_x-test.csv have no row"):
-        made.open(foreign.model_copy(update={"files": foreign.files * 2})).check_first_poses()
+        made.open(foreign.model_copy(update={"files": foreign.files * 2})).check_initial_poses()
 
 
 def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
     rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": (("7/3", 1, "ppf"),)})
-    make(tmp_path).open(rows).check_first_poses()
+    make(tmp_path).open(rows).check_initial_poses()
 
 
 def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:
     demo = SceneSettings(demo="mug")
-    open_scene(demo, results_file(tmp_path, "0,0,1")).check_first_poses()
+    open_scene(demo, results_file(tmp_path, "0,0,1")).check_initial_poses()
     with pytest.raises(InputError, match=r"the frames need 1, the rows are of 2;"):
-        open_scene(demo, results_file(tmp_path, "0,0,2")).check_first_poses()
+        open_scene(demo, results_file(tmp_path, "0,0,2")).check_initial_poses()
 
 
 def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from tests.fakes import BOX_M, box_model, box_problem
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
-from verefine_viz.scenes.silhouette import best_owner, overlap, silhouette
+from verefine_viz.scenes.segments import best_owner, overlap, silhouette
 
 CAMERA = Camera(np.array([[400.0, 0, 160], [0, 400, 120], [0, 0, 1]]), 320, 240)
 

@@ -14,7 +14,7 @@ from tests.scenes.bop_folder import OBJ_IDS, Made, detections, image, make
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import HypothesesSettings
-from verefine_viz.scenes.results import ResultRow, write_results
+from verefine_viz.scenes.results_csv import ResultRow, write_results
 
 NOWHERE = "depth in the objects' masks lies nowhere near their true poses"
 

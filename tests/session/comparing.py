@@ -9,8 +9,8 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
+from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.engine import Run
-from verefine_viz.session.trace import Trace, trace_of
 
 METHODS = ("refine", "pir", "sir", "rir", "even", "expl")
 

@@ -109,7 +109,7 @@ def test_a_bad_given_order_is_said_and_everything_is_solved(
 
 
 @pytest.mark.parametrize("method", SCENE_METHODS)
-def test_an_object_without_first_poses_has_no_answer_and_the_others_do(method: str, tmp_path: Path) -> None:
+def test_an_object_without_initial_poses_has_no_answer_and_the_others_do(method: str, tmp_path: Path) -> None:
     made = make(tmp_path)
     results = tmp_path / "estimator.csv"
     rows = []

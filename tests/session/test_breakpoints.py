@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.breakpoint_settings import MOST, BreakpointSettings, ThresholdSettings
+from verefine_viz.core.algorithm_settings import MOST, BreakpointSettings, ThresholdSettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Event, Iteration, Stage

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.patience import Countdown, asked, cancelled_everywhere, ending_after
+from tests.progress import Countdown, asked, cancelled_everywhere, ending_after
 from tests.scenes.bop_folder import make
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import Cancelled
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import ProgressToken
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.session.files import resolve
@@ -40,9 +40,9 @@ def facts(problem: Problem) -> tuple[object, ...]:
 def test_a_frame_of_a_folder_that_is_cancelled_can_be_read_again(tmp_path: Path, source: str) -> None:
     raw, frame = bop(tmp_path, source)
     expected = Toolbox(resolve(raw)).problem(frame)
-    n = asked(lambda patience: Toolbox(resolve(raw), patience).problem(frame))
+    n = asked(lambda progress: Toolbox(resolve(raw), progress).problem(frame))
     countdown = Countdown()
-    box = Toolbox(resolve(raw), countdown.patience)
+    box = Toolbox(resolve(raw), countdown.progress)
     for k in range(n):
         countdown.left = k
         try:
@@ -54,10 +54,10 @@ def test_a_frame_of_a_folder_that_is_cancelled_can_be_read_again(tmp_path: Path,
         Toolbox(resolve(raw), ending_after(n - 1)).problem(frame)
 
 
-def test_a_folder_is_asked_for_patience_between_its_models(tmp_path: Path) -> None:
+def test_reading_a_folder_has_a_checkpoint_before_each_model(tmp_path: Path) -> None:
     raw, frame = bop(tmp_path, "perturb")
     told: list[tuple[str, float | None]] = []
-    Toolbox(resolve(raw), Patience(lambda doing, share: told.append((doing, share)))).problem(frame)
+    Toolbox(resolve(raw), ProgressToken(lambda doing, share: told.append((doing, share)))).problem(frame)
     assert ("Reading the objects' models.", 0.0) in told
     assert ("", 0.5) in told
 
@@ -66,7 +66,7 @@ def test_a_built_in_scene_that_is_cancelled_can_be_read_again() -> None:
     raw = {"scene": {"demo": "stack"}}
     expected = Toolbox(resolve(raw)).problem("0/0")
     countdown = Countdown()
-    box = Toolbox(resolve(raw), countdown.patience)
+    box = Toolbox(resolve(raw), countdown.progress)
     for k in range(4):
         countdown.left = k
         with pytest.raises(Cancelled):
@@ -79,10 +79,10 @@ def test_a_mesh_to_score_that_is_cancelled_is_not_kept(tmp_path: Path) -> None:
     model = demo_model("teddy", 100, 0)
     whole = scoring_mesh(model, 0.5, tmp_path / "whole")
 
-    def work(patience: Patience) -> object:
-        return scoring_mesh(model, 0.5, tmp_path / "stopped", patience)
+    def work(progress: ProgressToken) -> object:
+        return scoring_mesh(model, 0.5, tmp_path / "stopped", progress)
 
-    n = asked(lambda patience: scoring_mesh(model, 0.5, tmp_path / "counted", patience))
+    n = asked(lambda progress: scoring_mesh(model, 0.5, tmp_path / "counted", progress))
     assert n > 2
     for _ in cancelled_everywhere(work, n, 3):
         assert not (tmp_path / "stopped").exists()
@@ -91,7 +91,7 @@ def test_a_mesh_to_score_that_is_cancelled_is_not_kept(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_beginning_is_cancelled_can_be_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No mesh is on the disk yet: those to score are made when the first poses are scored."""
+    """No mesh is on the disk yet: those to score are made when the initial poses are scored."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     raw = {
         "scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "physics": {"enabled": False},
@@ -99,7 +99,7 @@ def test_a_run_whose_beginning_is_cancelled_can_be_begun_again(tmp_path: Path, m
     }  # fmt: skip
     problem = Toolbox(resolve(raw)).problem("0/0")
     countdown = Countdown()
-    box = Toolbox(resolve(raw), countdown.patience)
+    box = Toolbox(resolve(raw), countdown.progress)
     countdown.left = 1
     with pytest.raises(Cancelled):
         box.run(problem)

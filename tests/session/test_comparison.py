@@ -13,14 +13,17 @@ from hypothesis import strategies as st
 from tests.session.comparing import METHODS, made_up, run_of, trace
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Iteration
-from verefine_viz.session.alignment import aligned, keys_of
 from verefine_viz.session.comparison import (
     Difference,
+    Trace,
+    aligned,
     apart,
     differences,
     first_difference,
+    keys_of,
+    refiner_calls,
+    trace_of,
 )
-from verefine_viz.session.trace import Trace, refiner_calls, trace_of
 
 ORDERS = st.lists(st.tuples(st.integers(0, 2), st.booleans()), max_size=14)
 
@@ -188,7 +191,7 @@ def test_scores_and_deeds_are_told_apart() -> None:
     found = differences(a, b, aligned(a, b))
     assert found.deed is None
     assert found.score is not None
-    assert found.score.text.startswith("scores the first pose of box's hypothesis 1 0.")
+    assert found.score.text.startswith("scores the initial pose of box's hypothesis 1 0.")
     assert found.first == found.score
 
 
@@ -206,7 +209,7 @@ def test_what_is_not_made_yet_is_no_difference_but_a_missing_call_is() -> None:
     assert found.text == "has no refiner call 3 on box, A goes on"
 
 
-def test_other_objects_and_other_first_poses_are_told_before_the_first_iteration() -> None:
+def test_other_objects_and_other_initial_poses_are_told_before_the_first_iteration() -> None:
     a, b = trace("sir", 2), trace("sir", 1)
     found = between(a, b)
     assert found is not None

@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from numba import config, njit
 
-from verefine_viz.session.compiling import told_of_compiling
+from verefine_viz.session.kernel_compilation import told_of_compiling
 
 KERNEL = """
 from numba import njit

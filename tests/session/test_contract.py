@@ -14,10 +14,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 

@@ -1,4 +1,4 @@
-"""First poses by an estimator for single instances: whose they are, and names that nothing is called by."""
+"""Initial poses by an estimator for single instances: whose they are, and names that nothing is called by."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from tests.scenes.bop_folder import make
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators import registry
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -21,7 +21,7 @@ from verefine_viz.session.toolbox import Toolbox
 class Estimator:
     """Finds one pose of everything."""
 
-    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         return (Hypothesis(transform(np.eye(3), [0, 0, 0.6]), 0.5, "ppf"),)
 
 

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
-from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
+from verefine_viz.core.problem import DependencyGraph, Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, ScoreSettings
@@ -56,7 +55,7 @@ class NotANumber(FakeVerifier):
         )
 
 
-def with_first_pose(T_cam_obj: Float) -> Problem:
+def with_initial_pose(T_cam_obj: Float) -> Problem:
     """The box with one hypothesis."""
     instance = replace(PROBLEM.instances[0], hypotheses=(Hypothesis(T_cam_obj, 1.0, "made"),))
     return replace(PROBLEM, instances=(instance,))
@@ -66,7 +65,7 @@ def leaning(deg: float) -> Problem:
     """The box on its lower edge on the table (y = 0.12 m, y is down)."""
     R = axis_angle([0, 0, 1], np.deg2rad(deg))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * BOX_M / 2
-    return with_first_pose(transform(R, [0, 0.12 - float((corners @ R.T)[:, 1].max()), 0.6]))
+    return with_initial_pose(transform(R, [0, 0.12 - float((corners @ R.T)[:, 1].max()), 0.6]))
 
 
 def run(
@@ -105,7 +104,7 @@ def standing(tmp_path: Path) -> Run:
 
 def held_too_high(tmp_path: Path) -> Run:
     """The box where it is, on a plane that was taken for 30 mm higher than the table is."""
-    problem = with_first_pose(transform(np.eye(3), [0, 0.12 - BOX_M[1] / 2, 0.6]))
+    problem = with_initial_pose(transform(np.eye(3), [0, 0.12 - BOX_M[1] / 2, 0.6]))
     support = problem.observation.support
     assert support is not None
     higher = replace(support, T_world_cam=transform(np.eye(3), [0, 0, -0.03]) @ support.T_world_cam)
@@ -114,7 +113,7 @@ def held_too_high(tmp_path: Path) -> Run:
 
 
 def out_of_view(tmp_path: Path) -> Run:
-    aside = with_first_pose(transform(np.eye(3), [5.0, 0, 0.6]))
+    aside = with_initial_pose(transform(np.eye(3), [5.0, 0, 0.6]))
     return finished(problem=aside, verifier=CpuVerifier(ScoreSettings(), tmp_path), refiner=Moves(np.eye(4)))
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError, SettingsError
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import PUBLISHED, Session
 from verefine_viz.session.files import changed, load_session, resolve, save_session
 
 

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from tests.fakes import BOX_M, box_problem
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
+from verefine_viz.session.capture import DetectedObject, keep_frame
 from verefine_viz.session.files import load_session
-from verefine_viz.session.keep_frame import Found, keep_frame
 from verefine_viz.session.toolbox import Toolbox
 
 
@@ -34,15 +34,15 @@ def box_mesh(path: Path, unit_m: float = 1.0) -> Path:
     return path
 
 
-def kept(folder: Path, problem: Problem, objects: list[Found], **more: Any) -> str:
+def kept(folder: Path, problem: Problem, objects: list[DetectedObject], **more: Any) -> str:
     seen = problem.observation
     return keep_frame(folder, seen.camera.K, seen.depth_m, seen.rgb, objects, **more)
 
 
-def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> Found:
+def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> DetectedObject:
     instance = problem.instances[k]
     poses = {"net": np.array([h.T_cam_obj for h in instance.hypotheses])}
-    return Found(mesh, instance.mask, poses, T_cam_obj_gt=instance.T_cam_obj_gt if with_truth else None)
+    return DetectedObject(mesh, instance.mask, poses, T_cam_obj_gt=instance.T_cam_obj_gt if with_truth else None)
 
 
 def reopened(folder: Path, overrides: Mapping[str, Any] | None = None) -> Toolbox:
@@ -137,7 +137,7 @@ def test_holes_in_the_depth_stay_holes_and_far_depth_fits(tmp_path: Path, mesh: 
 def test_millimetres_of_a_mesh_are_said_and_without_poses_they_are_looked_for(tmp_path: Path) -> None:
     problem = box_problem()
     mesh = box_mesh(tmp_path / "box.obj", unit_m=0.001)
-    kept(tmp_path / "kept", problem, [Found(mesh, problem.instances[0].mask, name="tea", unit_m=0.001)])
+    kept(tmp_path / "kept", problem, [DetectedObject(mesh, problem.instances[0].mask, name="tea", unit_m=0.001)])
     toolbox = reopened(tmp_path / "kept")
     assert toolbox.session.hypotheses.source == "ppf"
     model = toolbox.problem("1/1").models[1]
@@ -150,7 +150,7 @@ def test_symmetry_about_an_axis_is_known_when_it_is_opened(tmp_path: Path) -> No
     box = trimesh.creation.cylinder(BOX_M[0] / 2, BOX_M[2], sections=32)
     box.apply_translation([0.05, 0, 0])
     box.export(mesh)
-    kept(tmp_path / "kept", problem, [Found(mesh, problem.instances[0].mask, symmetry_axis=[0, 0, 2])])
+    kept(tmp_path / "kept", problem, [DetectedObject(mesh, problem.instances[0].mask, symmetry_axis=[0, 0, 2])])
     model = reopened(tmp_path / "kept").problem("1/1").models[1]
     assert len(model.symmetries) == 64
     for T in model.symmetries:
@@ -329,7 +329,7 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
         ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "true pose of object 0"),
         ({"K": np.array(seen.camera.K).T}, r"K: the last row of 'cam_K' is .*; it looks written column by column"),
-        ({"objects": good}, "objects is no list of Found"),
+        ({"objects": good}, "objects is no list of DetectedObject"),
         (
             {"objects": [replace(good, mask=shares)]},
             "mask of object 0 .* holds shares, such as .*; give it as mask > 0",

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.verify import verify
+from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import load_session, resolve, save_session
 from verefine_viz.session.toolbox import Toolbox

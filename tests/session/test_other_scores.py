@@ -10,12 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.core.compare import first_difference
-from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings, ScoreSettings
 from verefine_viz.methods.registry import make_method
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 
 STRICT = ScoreSettings(tau_m=0.001)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.session.comparing import METHODS, trace
-from verefine_viz.evaluation.errors import pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.session.outcomes import effort_of, outcomes
 
 

@@ -12,12 +12,12 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.scenes.bop_folder import Made, make
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import Change
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.instance_notes import within_reach
 from verefine_viz.session.files import changed, resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -130,7 +130,7 @@ def with_estimates(made: Made, zs_mm: list[float], folder: Path) -> dict[str, An
 
 
 @pytest.mark.parametrize("method", [*METHOD_NAMES, "physim_mcts"])
-def test_a_first_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
+def test_a_initial_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
     made = make(tmp_path)
     raw = with_estimates(made, [1.5e5, 0, 9e6], tmp_path)
     raw["method"]["name"] = method

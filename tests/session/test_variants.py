@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.settings import Change, Edit, MethodSettings, ScoreSettings, Session
+from verefine_viz.core.settings import PUBLISHED, Change, Edit, MethodSettings, ScoreSettings, Session
 from verefine_viz.session.files import resolve
 from verefine_viz.session.variants import parsed, scores_alike, settings_between, variant
 

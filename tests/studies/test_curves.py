@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.studies.curves import lines, points, rows, verdicts
-from verefine_viz.studies.quality import Quality, quality
-from verefine_viz.studies.solve import Outcome
-from verefine_viz.studies.study import Claim, Curve, Panel, Study
+from verefine_viz.studies.figure import lines, points, rows, verdicts
+from verefine_viz.studies.solve_unit import Outcome, Quality, quality
+from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
 
 
 def _panel() -> Panel:

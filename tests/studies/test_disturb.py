@@ -1,4 +1,4 @@
-"""Errors of first poses and missing depth: exactly as much as was asked for, and nothing else."""
+"""Errors of initial poses and missing depth: exactly as much as was asked for, and nothing else."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.studies.disturb import disturbed, occluded, without_top
-from verefine_viz.studies.tables import tables
+from verefine_viz.studies.paper_tables import tables
 
 PROBLEM = box_problem(n_instances=3)
 
@@ -31,7 +31,7 @@ def _measured(problem: Problem, k: int) -> int:
 
 @given(st.integers(1, 6), st.floats(0, 90), st.floats(0, 100), st.integers(0, 1000))
 @settings(max_examples=30, deadline=None)
-def test_first_poses_are_off_by_exactly_the_error(
+def test_initial_poses_are_off_by_exactly_the_error(
     n: int, rotation_deg: float, translation_mm: float, seed: int
 ) -> None:
     for instance in disturbed(PROBLEM, n, rotation_deg, translation_mm, seed).instances:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.paper_rows import ROWS, missing_rows
+from verefine_viz.studies.paper_tables import ROWS, missing_rows
 
 
 def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_data_set() -> None:
@@ -16,13 +16,13 @@ def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_
         assert f"needs the data set {rows.dataset}, these are built-in scenes" in sentence
 
 
-def test_rows_are_there_with_their_data_set_and_first_poses(tmp_path: Path) -> None:
+def test_rows_are_there_with_their_data_set_and_initial_poses(tmp_path: Path) -> None:
     scene = {"source": "bop", "dataset": str(tmp_path / "lm")}
     session = load_session(None, {"scene": scene, "hypotheses": {"source": "ppf"}})
     assert not any("PPF with ICP" in sentence for sentence in missing_rows([session]))
     disturbed = load_session(None, {"scene": scene})
     (sentence,) = (s for s in missing_rows([disturbed]) if "PPF with ICP" in s)
-    assert 'needs first poses by point pair features (source = "ppf"), these are disturbed ground truth' in sentence
+    assert 'needs initial poses by point pair features (source = "ppf"), these are disturbed ground truth' in sentence
     assert "needs the data set" not in sentence
 
 

@@ -18,11 +18,10 @@ import pytest
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.command import run_one
 from verefine_viz.studies.journal import Journal
-from verefine_viz.studies.registry import STUDIES, Wanted
-from verefine_viz.studies.runner import run_study
-from verefine_viz.studies.solve import Outcome
+from verefine_viz.studies.run_study import STUDIES, Wanted, run_study
+from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.study_command import run_one
 
 SMALL = {"scene": {"demo": "duck", "model_points": 200, "cloud_points": 200}, "preset": "published"}
 

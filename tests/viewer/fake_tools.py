@@ -15,7 +15,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import make_method
-from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed

@@ -12,10 +12,9 @@ import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.mcts_settings import MctsSettings
+from verefine_viz.core.algorithm_settings import MctsSettings
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.problem import DependencyGraph, Placed, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts
 from verefine_viz.viewer import commands as c

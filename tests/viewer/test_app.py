@@ -12,12 +12,12 @@ from numba import njit
 from tests.fakes import FakeRefiner, FakeVerifier
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import DRAGGED, FakeTools
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS, make_refiner
-from verefine_viz.session.compiling import COMPILING
+from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import session_page
 from verefine_viz.viewer.app import App

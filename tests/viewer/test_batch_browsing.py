@@ -10,8 +10,8 @@ from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed

@@ -9,8 +9,8 @@ import pytest
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION, cursor, until
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.panels.batch_panel import card, choices, pages, summary

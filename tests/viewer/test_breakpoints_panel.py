@@ -10,7 +10,7 @@ import pytest
 
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.breakpoints import LABELS, UNITS, number_of
 from verefine_viz.session.files import load_session

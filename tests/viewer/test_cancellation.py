@@ -12,8 +12,8 @@ import pytest
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import command_of, cursor, messages
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
@@ -30,13 +30,13 @@ SLOW = "0/2"
 class Slow(FakeTools):
     """Reads its second frame, and what has other initial poses, until nobody waits any more or it is enough."""
 
-    patience: Patience
+    progress: ProgressToken
     reading: threading.Event
     enough = False
 
     def problem(self, frame: str) -> Problem:
         while (frame == SLOW or self.session.hypotheses.seed) and not self.enough:
-            self.patience.ask("Reading for ever.", 0.25)
+            self.progress.checkpoint("Reading for ever.", 0.25)
             self.reading.set()
             sleep(0.01)
         return super().problem(frame)
@@ -48,7 +48,7 @@ def app(tmp_path: Path) -> Iterator[App]:
         reading = threading.Event()
 
     running = App(SESSION, port=0, make_tools=Tools, folder=tmp_path)
-    Tools.patience = running._patience
+    Tools.progress = running._progress
     running.start().wait_until_idle()
     yield running
     running.stop()
@@ -240,7 +240,7 @@ def test_what_is_worked_out_aside_gives_way_to_whatever_is_asked_for(app: App, m
     def for_ever() -> None:
         while True:
             asking.set()
-            app._patience.ask()
+            app._progress.checkpoint()
             sleep(0.01)
 
     monkeypatch.setattr(app.page, "go_on", for_ever)
@@ -265,7 +265,7 @@ def test_the_program_ends_though_its_session_takes_for_ever_to_open(tmp_path: Pa
 
     session = SESSION.model_copy(update={"hypotheses": SESSION.hypotheses.model_copy(update={"seed": 1})})
     running = App(session, port=0, make_tools=Tools, folder=tmp_path)
-    Tools.patience = running._patience
+    Tools.progress = running._progress
     running.start()
     assert Tools.reading.wait(20)
     running.send(c.Cancel())  # There is nothing to go back to.

@@ -85,7 +85,7 @@ class FewerStarts(FakeTools):
         return self.ordered(replace(problem, instances=instances))
 
 
-def test_b_with_other_first_poses_and_another_order_is_shown_as_it_is() -> None:
+def test_b_with_other_initial_poses_and_another_order_is_shown_as_it_is() -> None:
     d = Debugger(SESSION, None, FewerStarts).carry_out([TWO])
     changes = (("hypotheses.max_per_object", 1), ("dependency.order", (("#1", "#0"),)), ("method.name", "vf_breadth"))
     view = d.carry_out([s.CompareRun(changes), s.SwapSides(), c.ShowScene()]).view()

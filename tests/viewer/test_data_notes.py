@@ -12,10 +12,10 @@ from tests.fakes import box_problem
 from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
@@ -45,7 +45,7 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
 
 
 @pytest.mark.parametrize(("depth", "noted"), [(1.0, 0), (0.8, 1)])
-def test_without_ground_truth_first_poses_show_a_wrong_depth_scale_before_the_run_and_after(
+def test_without_ground_truth_initial_poses_show_a_wrong_depth_scale_before_the_run_and_after(
     tmp_path: Path, depth: float, noted: int
 ) -> None:
     session = Session(

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.viewer.fake_tools import DRAGGED, FakeTools
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.patience import Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import from_json, to_json
@@ -285,7 +285,7 @@ def test_a_built_in_scene_opens_with_the_settings_of_its_session_file(tmp_path: 
     assert "with its settings" in target.message
 
 
-def test_new_first_poses_need_a_restart_and_a_seed() -> None:
+def test_new_initial_poses_need_a_restart_and_a_seed() -> None:
     target = debugger().carry_out([c.Step()])
     with pytest.raises(SettingsError, match="section that can change during a run"):
         target.carry_out([c.Fork((("hypotheses.seed", 3),))])
@@ -305,7 +305,7 @@ def test_what_takes_seconds_is_said_before_it_begins() -> None:
             said.append("run")
             return super().run(problem, watchers)
 
-    Debugger(Session(), None, Slow, patience=Patience(lambda doing, _: said.append(doing)))
+    Debugger(Session(), None, Slow, progress=ProgressToken(lambda doing, _: said.append(doing)))
     assert said[-1] == "run"
     assert said[-2].startswith("Preparing: convex parts for physics")
     assert "box" in said[-2]

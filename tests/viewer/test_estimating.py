@@ -16,8 +16,8 @@ from tests.session.test_keep_frame import box_mesh, found, kept
 from tests.viewer.client import client, until
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators import registry
 from verefine_viz.session.files import load_session, resolve, save_session
@@ -32,7 +32,7 @@ ESTIMATE = c.Estimate(1, "ppf")
 class Estimator:
     """Finds the same two poses of everything."""
 
-    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         return tuple(Hypothesis(transform(np.eye(3), [0, 0.02 * k, 0.6]), 0.5, "ppf") for k in range(2))
 
 
@@ -100,7 +100,7 @@ def test_the_run_before_stays_as_a_branch_and_the_page_says_so(session: Session)
     assert methods(again) == FROM_SESSION
 
 
-def test_a_reopened_session_gives_an_object_its_own_first_poses_back(session: Session, tmp_path: Path) -> None:
+def test_a_reopened_session_gives_an_object_its_own_initial_poses_back(session: Session, tmp_path: Path) -> None:
     d = Debugger(session, None, Toolbox).carry_out([ESTIMATE, c.OpenFrame("8/3"), c.Estimate(0, "pcs")])
     save_session(d.workspace.session, tmp_path / "s.toml")
     again = Debugger(load_session(tmp_path / "s.toml"), None, Toolbox).carry_out([c.OpenFrame("7/3")])
@@ -153,7 +153,7 @@ def test_the_button_asks_for_the_object_in_focus(session: Session, tmp_path: Pat
         app.stop()
 
 
-def test_notes_on_first_poses_go_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_notes_on_initial_poses_go_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "make_estimator", lambda name, session: Estimator())
     problem = box_problem(n_instances=2)
     posed, bare = (found(problem, box_mesh(tmp_path / "box.stl"), k) for k in range(2))

@@ -46,7 +46,7 @@ def test_a_hypothesis_moved_to_where_it_is_best_is_named_with_the_error_that_it_
     assert "and is nearest, 1.0° and 1.0 mm from ground truth. Hypothesis 3 was edited before iteration 1" in said
 
 
-def test_a_hypothesis_moved_away_no_longer_scores_best_but_its_first_pose_may() -> None:
+def test_a_hypothesis_moved_away_no_longer_scores_best_but_its_initial_pose_may() -> None:
     said = headline(moved(0, 60.0, 80.0))
     assert "the initial pose of hypothesis 1 scores best with 0.83, hypothesis 3 is nearest, 12.0° and " in said
 

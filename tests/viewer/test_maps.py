@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fakes import FakeVerifier, box_problem
-from verefine_viz.core.colormaps import EMPTY
-from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.core.palette import CLASS_COLORS, EMPTY
 from verefine_viz.viewer.commands import MAP_NAMES
 from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_image, map_over, png, scale_of
 from verefine_viz.viewer.scene3d.frame_nodes import clicked_pixel, cloud_colors, cloud_of

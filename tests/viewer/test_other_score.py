@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from tests.fakes import FakeVerifier
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import arm_history

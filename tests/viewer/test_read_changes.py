@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.dependency import DependencyGraph
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c

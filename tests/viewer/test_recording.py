@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.patience import Countdown
+from tests.progress import Countdown
 from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
@@ -60,7 +60,7 @@ def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
 def test_one_that_is_cancelled_is_not_there_and_the_next_is_whole(tmp_path: Path) -> None:
     server: Any = NoServer()
     countdown = Countdown()
-    debugger = Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path, countdown.patience))
+    debugger = Debugger(SESSION, None, Toolbox, keep=Exporter(server, tmp_path, countdown.progress))
     debugger.carry_out([c.RunTo(3)])
     for k in range(4):  # Before it is begun, and before each iteration.
         countdown.left = k
@@ -126,7 +126,7 @@ def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
     assert verify(path).difference is None
 
 
-def test_of_other_first_poses(tmp_path: Path) -> None:
+def test_of_other_initial_poses(tmp_path: Path) -> None:
     server: Any = NoServer()
     mug = {"scene": SceneSettings(demo="mug"), "physics": PhysicsSettings(enabled=False)}
     debugger = Debugger(SESSION.model_copy(update=mug), None, Toolbox, keep=Exporter(server, tmp_path))

@@ -16,12 +16,11 @@ from hypothesis import strategies as st
 
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.compare import first_difference
-from verefine_viz.core.dependency import DependencyGraph, Edge
-from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Edge, Problem
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger

@@ -13,9 +13,8 @@ from PIL import Image
 
 from tests.viewer.test_app import SESSION
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
-from verefine_viz.batch.run_file import RunFile
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.scenes.demo import demo_problem

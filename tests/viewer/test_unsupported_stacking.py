@@ -10,13 +10,12 @@ import pytest
 
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import RunFile
-from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeState
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.diagnosis.words import DATA_FIRST
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.objects_panel import objects_html

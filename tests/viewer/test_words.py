@@ -11,7 +11,7 @@ import pytest
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing import pose_tables as tables
@@ -152,7 +152,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
     assert said in errors_words(scored(0.7, 0.7)), "nothing but the score leads to ground truth"
 
 
-def test_errors_say_that_the_best_pose_is_a_first_pose_which_iterations_left_as_it_is() -> None:
+def test_errors_say_that_the_best_pose_is_a_initial_pose_which_iterations_left_as_it_is() -> None:
     said = "The best pose is an initial pose: no iteration has improved upon it."
     view = after(c.RunUntil("end"))
     assert said not in errors_words(view)

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.compare import first_difference
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.snapshot.comparison import ComparisonSnapshot

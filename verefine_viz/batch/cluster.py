@@ -5,6 +5,7 @@ The scheduler gives the frames of a worker that is lost to others; what comes ba
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import secrets
 import signal
@@ -13,22 +14,77 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
+from socket import create_connection, gaierror
 from typing import Any
 
 import dask
-from distributed import Client, Future, KilledWorker, LocalCluster, wait
+from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
+from distributed.comm.addressing import get_address_host_port, parse_address, resolve_address
+from distributed.comm.core import connect
 
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
-from verefine_viz.batch.memory import gigabytes
+from verefine_viz.batch.machine import gigabytes
 from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
-from verefine_viz.batch.scheduler import CONNECT_S, check_address, must_answer, why_not
 from verefine_viz.batch.tasks import TaskName
 from verefine_viz.batch.worker import ONE_THREAD
-from verefine_viz.core.errors import UnavailableError, VerefineError
+from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
 
-PATIENCE_S = 20.0
+# Whether a Dask scheduler answers at an address, and if not, why.
+
+CONNECT_S = 10.0
+"""Who has not answered by then is not there."""
+OVER_TCP = ("tcp", "tls", "ws", "wss")
+
+
+def check_address(address: str) -> None:
+    """
+    Raises:
+        SettingsError: it is no address, whether or not something answers there.
+    """
+    try:
+        with suppress(OSError, ImportError, FutureWarning):  # Said when it does not answer.
+            resolve_address(address)
+    except ValueError:
+        raise SettingsError(
+            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
+        ) from None
+
+
+def must_answer(address: str) -> None:
+    """Returns when something that speaks Dask's language answers; its client would wait for the first word for ever.
+
+    Raises:
+        Exception: nothing does in time, or something else does, which may send anything; see :func:`why_not`.
+    """
+    if parse_address(address)[0] in OVER_TCP:  # Dask would knock again and again, until its time is up.
+        create_connection(get_address_host_port(address), CONNECT_S).close()
+    asyncio.run(_answers(address))
+
+
+async def _answers(address: str) -> None:
+    arguments = Security().get_connection_args("client")
+    comm = await asyncio.wait_for(connect(address, timeout=CONNECT_S, **arguments), CONNECT_S)
+    comm.abort()
+
+
+def why_not(error: Exception) -> str:
+    """What kept something at an address from answering, in words."""
+    said = " ".join(str(error).split())
+    match error:
+        case ConnectionRefusedError():
+            return "nothing listens there"
+        case gaierror():
+            return "no host of that name is known"
+        case TimeoutError():
+            return f"it said nothing for {CONNECT_S:g} s"
+        case OSError() | ImportError() | Warning() if said:
+            return said
+    return "what listens there is no Dask scheduler, or one of another version"
+
+
+START_LIMIT_S = 20.0
 """After so long without any worker a person should know that nothing happens."""
 LOOK_S = 5.0
 """How often the number of workers is looked at."""
@@ -103,7 +159,7 @@ class ClusterWorkers:
 
     @property
     def warning(self) -> str:
-        if self._n_workers or time.monotonic() - self._opened < PATIENCE_S:
+        if self._n_workers or time.monotonic() - self._opened < START_LIMIT_S:
             return ""
         return f"the cluster at {self._address} has no workers; waiting for the first"
 

@@ -15,9 +15,9 @@ from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import FRAMES_HEADER, FrameResult, frame_ids, frame_name, frames_lines, write_frames_csv
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.input_files import open_input
-from verefine_viz.core.listing import MOST_NAMED, first_of
-from verefine_viz.scenes.results import HEADER, ResultRow, results_line, write_results
+from verefine_viz.core.paths import open_input
+from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.scenes.results_csv import HEADER, ResultRow, results_line, write_results
 
 TABLES = ("frames.csv", "results.csv")
 Keep = Literal["all", "failures", "none"]

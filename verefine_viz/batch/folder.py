@@ -19,12 +19,9 @@ from typing import Any
 
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
-from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.run_file import RUN_FILE, RunFile, read_run
-from verefine_viz.core.atomic import atomic, clear_parts
+from verefine_viz.batch.journal import RUN_FILE, Journal, RunFile, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
-from verefine_viz.core.lock import try_lock
-from verefine_viz.core.places import check_folder, why_not
+from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, save_session
 

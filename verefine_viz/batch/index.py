@@ -10,14 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import RUN_FILE, Journal, RunFile, read_run
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
-from verefine_viz.batch.run_file import RUN_FILE, RunFile, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.listing import MOST_NAMED, first_of
-from verefine_viz.core.places import LEVELS_BELOW
+from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.session.files import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
-from verefine_viz.batch.runner import check
+from verefine_viz.batch.run_batch import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
@@ -53,7 +53,7 @@ def sweep_jobs(
         out: the folder of all runs.
         overrides: settings for all of them.
         methods: names; none = each session's own.
-        n_seeds: of first poses and of the method, from 0; None = each session's own.
+        n_seeds: of initial poses and of the method, from 0; None = each session's own.
 
     Raises:
         VerefineError: a session cannot be used, a name is unknown or comes twice, ``out`` holds a run itself, or lies

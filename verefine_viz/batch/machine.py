@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+import resource
+import shutil
+import sys
+import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -43,3 +47,67 @@ def _cpu_name() -> str:
         return platform.processor() or platform.machine()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.machine()
+
+
+# How much memory processes have taken, and how much there is.
+
+SHARE = 0.8
+"""Of the machine's memory that all workers together may take, unless a limit is given."""
+CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
+
+
+def resident_bytes(pid: int) -> int | None:
+    """What a process holds now; None where the system does not say."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def peak_bytes(pid: int) -> int | None:
+    """The most that a process has held so far; None where the system does not say."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return None
+    kilobytes = [line.split()[1] for line in lines if line.startswith("VmHWM:")]
+    return int(kilobytes[0]) * 1024 if kilobytes else None
+
+
+def own_peak_bytes() -> int:
+    """The most that this process has held so far."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def machine_bytes() -> int:
+    """The machine's memory, or what this process's container may take of it."""
+    total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    for file in CGROUP_LIMITS:
+        try:
+            total = min(total, int(file.read_text(encoding="ascii")))
+        except (OSError, ValueError):
+            continue  # Not there, or "max".
+    return total
+
+
+def gigabytes(n_bytes: float) -> str:
+    """``1.3 GB``."""
+    return f"{n_bytes / 1e9:.1f} GB" if n_bytes >= 1e9 else f"{n_bytes / 1e6:.0f} MB"
+
+
+# How much room there is on the disks that a batch writes to.
+
+
+def free_bytes(folder: Path) -> int:
+    """Room on the disk of a folder for this user."""
+    return shutil.disk_usage(folder).free
+
+
+def temporary_folder() -> Path:
+    """Where temporary files go, also when there is no room left for them."""
+    try:
+        return Path(tempfile.gettempdir())
+    except FileNotFoundError:  # It wrote a file in each place to be sure, and all of them refused.
+        return Path("/tmp")

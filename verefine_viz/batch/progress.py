@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from verefine_viz.batch.runner import Progress
+from verefine_viz.batch.run_batch import Progress
 
 EVERY_S = 30.0
 """Where there is no terminal (a log file), a line after so many seconds."""
@@ -63,3 +63,16 @@ def clock(seconds: float) -> str:
     minutes, s = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{s:02d}" if hours else f"{minutes}:{s:02d}"
+
+
+# A progress bar of things that are counted, on stderr and only where that is a terminal.
+
+
+@contextmanager
+def counted_bar(what: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar that begins with ``what``; it is told what is being done, how many are done, and how many there are."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    stderr = Console(stderr=True)
+    with Bar(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
+        bar = progress.add_task(escape(what), total=None)
+        yield lambda what, done, total: progress.update(bar, description=escape(what), completed=done, total=total)

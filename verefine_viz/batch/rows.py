@@ -12,13 +12,12 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError, ShapeError, first_fault
 from verefine_viz.core.geometry import as_rigid
-from verefine_viz.core.input_files import open_input
+from verefine_viz.core.paths import atomic, open_input
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.causes import DATA_FIRST
 
 Status = Literal["ok", "no_answer", "left_out", "failed"]
 
@@ -43,7 +42,7 @@ class ObjectRow(Row):
     name: str = ""
     method: str = ""
     seed: int | None = None
-    """Of the first poses (hypotheses.seed)."""
+    """Of the initial poses (hypotheses.seed)."""
     visib_fract: float | None = None
     """Visible share of the object, where the data set knows it."""
     has_truth: bool = False

@@ -15,9 +15,9 @@ from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
-from verefine_viz.diagnosis.words import DATA_FIRST
-from verefine_viz.evaluation.errors import add_s_mm, pose_errors
+from verefine_viz.evaluation.pose_errors import add_s_mm, pose_errors
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
 

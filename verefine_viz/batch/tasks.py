@@ -10,7 +10,7 @@ from verefine_viz.batch.rows import FrameResult
 from verefine_viz.session.toolbox import Toolbox
 
 TaskName = Literal["solve", "explain", "estimate"]
-"""solve; solve and say why answers are wrong; first poses only."""
+"""solve; solve and say why answers are wrong; initial poses only."""
 FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 """(tools, "scene/image", folder of the batch) → result. Never raises because of a bad frame."""
 
@@ -44,9 +44,9 @@ class Workers(Protocol):
 def task_named(name: TaskName) -> FrameTask:
     """The function that a worker runs for each frame."""
     if name == "estimate":
-        from verefine_viz.batch.first_poses import estimate_frame
+        from verefine_viz.batch.solve_frame import estimate_frame
 
         return estimate_frame
-    from verefine_viz.batch.frame import explain_frame, solve_frame
+    from verefine_viz.batch.solve_frame import explain_frame, solve_frame
 
     return explain_frame if name == "explain" else solve_frame

@@ -26,12 +26,12 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     from verefine_viz.batch.tasks import task_named
-    from verefine_viz.core.patience import Patience
-    from verefine_viz.session.compiling import COMPILING, told_of_compiling
+    from verefine_viz.core.progress_token import ProgressToken
+    from verefine_viz.session.kernel_compilation import COMPILING, told_of_compiling
     from verefine_viz.session.toolbox import Toolbox
 
-    patience = Patience(tell_once=channel.send)
-    toolbox, run = Toolbox(session, patience), task_named(task)
+    progress = ProgressToken(report_once=channel.send)
+    toolbox, run = Toolbox(session, progress), task_named(task)
     try:
         with told_of_compiling(lambda: channel.send(COMPILING)):
             while True:
@@ -40,7 +40,7 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
                     channel.send(run(toolbox, given, out))
                 else:
                     session, out = given
-                    toolbox = Toolbox(session, patience)
+                    toolbox = Toolbox(session, progress)
     except (EOFError, BrokenPipeError):
         return
 

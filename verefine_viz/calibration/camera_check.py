@@ -1,4 +1,4 @@
-"""Whether camera, depth, models, true and first poses of a frame belong together.
+"""Whether camera, depth, models, true and initial poses of a frame belong together.
 
 A wrong focal length goes unnoticed where only depth is compared: an object near the image's centre still lies about
 right. But it changes how large objects appear and, by the same factor, how far from the centre; models of a wrong size
@@ -189,7 +189,7 @@ def _are_off(ratios: Float, error: float) -> bool:
 
 
 def depth_notes(problem: Problem) -> tuple[str, ...]:
-    """A note where, without ground truth, all objects are measured nearer or farther away than their first poses say.
+    """A note where, without ground truth, all objects are measured nearer or farther away than their initial poses say.
 
     Estimators that see colour alone place objects by the camera and the size of the models, not by depth.
     """
@@ -208,7 +208,7 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
         return ()
     ratio = float(np.exp(middle))
     return (
-        f"measured depth is {_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the first poses say: check "
+        f"measured depth is {_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the initial poses say: check "
         f"depth_scale in scene_camera.json ({_fitting(1 / ratio)}), and that cam_K is that of the camera the poses "
         "were estimated for",
     )

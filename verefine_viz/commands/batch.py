@@ -10,8 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.limits import check_memory, check_seeds, check_workers
+from verefine_viz.commands.flags import AnySettings, SessionFlags, check_memory, check_seeds, check_workers, given
 from verefine_viz.core.errors import SettingsError
 
 
@@ -27,7 +26,7 @@ class Batch:
     """Run every session with each of these methods (pir sir rir …), each in a folder METHOD-SEED below --out; none =
     the session's own."""
     seeds: int | None = None
-    """Run everything with seeds 0 … N-1, of the first poses and of the method (hypotheses.seed, method.seed); none =
+    """Run everything with seeds 0 … N-1, of the initial poses and of the method (hypotheses.seed, method.seed); none =
     the session's own, at most 1000. verefine-viz report OUT then compares the methods, with their spread over the
     seeds."""
     workers: int = max(os.cpu_count() or 1, 1)
@@ -54,9 +53,9 @@ class Batch:
             check_workers(self.workers)
         check_memory(self.worker_memory_gb)
         check_seeds(self.seeds)
-        from verefine_viz.batch.command import run_jobs
+        from verefine_viz.batch.batch_command import run_jobs
         from verefine_viz.batch.jobs import session_jobs, sweep_jobs
-        from verefine_viz.batch.runner import Place
+        from verefine_viz.batch.run_batch import Place
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
         place = Place(self.workers, limit, self.cluster)

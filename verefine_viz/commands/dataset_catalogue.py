@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
-from verefine_viz.core.places import check_folder
+from verefine_viz.core.paths import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
 

@@ -11,19 +11,41 @@ from typing import get_args
 import numpy as np
 
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
-from verefine_viz.commands.frame_check import each_frame
-from verefine_viz.commands.image_check import check_images
+from verefine_viz.commands.dataset_truth_check import check_truths, each_frame, object_sizes
 from verefine_viz.commands.registration_check import registration
-from verefine_viz.commands.size_check import object_sizes
-from verefine_viz.commands.truth_check import check_truths
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.listing import first_of
-from verefine_viz.evaluation.model import EvalModels
-from verefine_viz.evaluation.targets import read_targets, targets_path
-from verefine_viz.evaluation.truth import VISIB_FRACT, BopTruth, visible_targets
-from verefine_viz.scenes.bop import BopDataset, MaskFolder
+from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.evaluation.bop_model import EvalModels
+from verefine_viz.evaluation.ground_truth import VISIB_FRACT, BopTruth, read_targets, targets_path, visible_targets
+from verefine_viz.scenes.bop import NO_COLOR, BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
+
+# Whether depth and colour of a split can be read, and are plausible.
+
+
+def check_images(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
+    """Adds what is there and what is wrong; frames without colour are named, and nothing is wrong with them."""
+    trouble: list[str] = []
+    medians_m: list[float] = []
+    colourless: list[str] = []
+    for ids in sampled:
+        try:
+            image = dataset.image(*ids)
+        except VerefineError as error:
+            trouble.append(str(error))
+            continue
+        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
+        trouble += [f"image {frame_name(ids)}: {note}" for note in image.notes if note != NO_COLOR]
+        colourless += [frame_name(ids)] * (image.rgb is None)
+    parts.depth = bool(medians_m)
+    looked = f"{len(medians_m)} of {len(sampled)} frames looked at"
+    found = f"median {np.median(medians_m):.2f} m in {looked}" if medians_m else f"none could be read in {looked}"
+    if colourless:
+        which = "all of them" if len(colourless) == len(medians_m) else first_of(colourless, MOST_NAMED)
+        found += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
+    parts.add("depth and colour", found, "; ".join(dict.fromkeys(trouble)))
+
 
 LOOKED = 40
 """Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""

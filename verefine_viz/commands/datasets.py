@@ -66,8 +66,7 @@ def _check(folder: Path) -> int:
     from rich.table import Table
 
     from verefine_viz.commands.dataset_check import check_split
-    from verefine_viz.commands.dataset_parts import what_can_be_run
-    from verefine_viz.commands.splits import splits_of
+    from verefine_viz.commands.dataset_parts import splits_of, what_can_be_run
 
     console = Console(highlight=False)
     looks: list[str] = []

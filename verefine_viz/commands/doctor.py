@@ -15,7 +15,7 @@ class Doctor:
         from rich.markup import escape
         from rich.table import Table
 
-        from verefine_viz.commands import checks
+        from verefine_viz.commands import doctor_checks as checks
 
         console = Console(highlight=False)
         table = Table(title="verefine-viz doctor", show_lines=False)

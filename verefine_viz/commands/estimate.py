@@ -1,4 +1,4 @@
-"""``verefine-viz estimate``: first poses of every frame to a BOP results CSV, without a screen."""
+"""``verefine-viz estimate``: initial poses of every frame to a BOP results CSV, without a screen."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.limits import check_workers
+from verefine_viz.commands.flags import AnySettings, SessionFlags, check_workers, given
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Find first poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
+    """Find initial poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
 
     session: Annotated[Path, tyro.conf.Positional]
     """Session file (.toml); its hypotheses.source must be ppf or pcs, or say --hypotheses.source ppf."""
@@ -31,7 +30,7 @@ class Estimate:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
-        from verefine_viz.commands.pools import write_pools
+        from verefine_viz.commands.estimate_frames import write_pools
 
         check_workers(self.workers)
         return write_pools(self.session, self.out, given(self.settings, arguments), self.workers, self.retry_failed)

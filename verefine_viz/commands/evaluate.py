@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.commands.limits import check_workers
+from verefine_viz.commands.flags import check_workers
 from verefine_viz.core.errors import SettingsError
 
 
@@ -43,7 +43,7 @@ class Evaluate:
         if not self.results:
             raise SettingsError("no results file given; say verefine-viz evaluate RESULTS.csv --dataset FOLDER")
         check_workers(self.workers)
-        from verefine_viz.commands.scoring import print_scores
+        from verefine_viz.commands.score_tables import print_scores
 
         task = None if self.task == "auto" else self.task
         print_scores(

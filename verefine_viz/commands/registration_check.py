@@ -13,7 +13,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Placed
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.silhouette import depth_of
+from verefine_viz.scenes.segments import depth_of
 
 Pixels = NDArray[np.intp]
 

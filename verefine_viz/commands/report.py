@@ -10,9 +10,9 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.commands.limits import check_workers
+from verefine_viz.commands.flags import check_workers
 from verefine_viz.core.errors import SettingsError, quoted
-from verefine_viz.core.places import check_file
+from verefine_viz.core.paths import check_file
 
 MOST_FAILURES = 10_000
 """The file holds their pictures: so many are a gigabyte."""
@@ -42,7 +42,7 @@ class Report:
         check_workers(self.workers)
         if self.out is not None:
             check_file(self.out, "report.html")
-        from verefine_viz.report.command import print_report
+        from verefine_viz.report.build_report import print_report
 
         print_report(self.folder, self.other, self.out, self.failures, self.workers)
         return 0

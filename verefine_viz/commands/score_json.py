@@ -7,11 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from verefine_viz.evaluation.answers import correct_share, mean_errors
+from verefine_viz.evaluation.averages import Precision, Recalls
 from verefine_viz.evaluation.bop_scores import Scores
-from verefine_viz.evaluation.coverage import OwnPart
-from verefine_viz.evaluation.files import Evaluation
-from verefine_viz.evaluation.precision import Precision
-from verefine_viz.evaluation.recalls import Recalls
+from verefine_viz.evaluation.pose_table import OwnPart
+from verefine_viz.evaluation.results_scores import Evaluation
 
 
 def evaluation_json(found: Evaluation) -> dict[str, Any]:

@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.commands.limits import check_seeds, check_workers
-from verefine_viz.core.places import check_folder
+from verefine_viz.commands.flags import AnySettings, SessionFlags, check_seeds, check_workers, given
+from verefine_viz.core.paths import check_folder
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Study:
     """Run a study of the paper: every method under growing error, or with missing depth, or with every budget."""
 
     name: Annotated[Literal["ablation", "robustness", "tables"], tyro.conf.Positional]
-    """ablation: error of the first pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
+    """ablation: error of the initial pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
     (Tables I-III)."""
     out: Path
     """Folder for the figure (PNG, SVG) and the numbers (CSV). Stopped or killed, the same command goes on."""
@@ -38,7 +37,7 @@ class Study:
         check_workers(self.workers)
         check_seeds(self.seeds)
         check_folder(self.out)
-        from verefine_viz.studies.command import run_one
+        from verefine_viz.studies.study_command import run_one
 
         overrides = given(self.settings, arguments)
         return run_one(

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from pydantic import ValidationError
 
-from verefine_viz.core.listing import listed
+from verefine_viz.core.text_format import listed
 
 NEAR = 0.65
 """Names are near whose letters agree by this share, as with two of three or three of four in the same order."""
@@ -38,7 +38,7 @@ class UnavailableError(VerefineError):
 
 
 class Cancelled(BaseException):
-    """Nobody waits any more for what is being done; see :class:`core.patience.Patience`.
+    """Nobody waits any more for what is being done; see :class:`core.progress.ProgressToken`.
 
     Not an ``Exception``: what leaves out an object that is broken, or tries something else, must let this pass.
     """

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.scores import PIXEL_CLASSES
+
 RGB = tuple[int, int, int]
 
 STAGE_COLORS: dict[str, RGB] = {
@@ -71,3 +79,94 @@ EVENT_COLORS: dict[str, RGB] = {
     "edited": (190, 90, 220),
     "new_best_scene": (240, 200, 60),
 }
+
+
+# Colour scales of the score maps: fixed, so that the same colour means the same number in every iteration.
+
+Image = NDArray[np.uint8]
+EMPTY: RGB = (38, 40, 44)
+"""Pixels without a value."""
+
+_VIRIDIS = ((68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142), (31, 158, 137),
+            (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37))  # fmt: skip
+_INFERNO = ((0, 0, 4), (31, 12, 72), (85, 15, 109), (136, 34, 106), (186, 54, 85), (227, 89, 51),
+            (249, 140, 10), (249, 201, 50), (252, 255, 164))  # fmt: skip
+_BLUE_RED = ((33, 102, 172), (103, 169, 207), (209, 229, 240), (250, 250, 250), (253, 219, 199), (239, 138, 98),
+             (178, 24, 43))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Numbers to colours, linear from ``low`` to ``high``; what lies beyond takes the end's colour."""
+
+    low: float
+    high: float
+    unit: str
+    anchors: tuple[RGB, ...]
+    """Evenly spaced colours."""
+
+    def shades(self, values: NDArray[np.floating]) -> NDArray[np.uint8]:
+        """Places (…) in the palette of values (…); NaN and infinity are 0."""
+        known = np.isfinite(values)
+        share = 254 * (np.where(known, values, self.low) - self.low) / (self.high - self.low)
+        return np.where(known, 1 + np.clip(np.rint(share), 0, 254), 0).astype(np.uint8)
+
+    def colors(self, values: NDArray[np.floating]) -> Image:
+        """RGB (…, 3) of values (…); NaN becomes :data:`EMPTY`."""
+        return rgb(self.shades(values), self.palette)
+
+    @property
+    def palette(self) -> bytes:
+        """768 bytes RGB: :data:`EMPTY`, then 255 colours from ``low`` to ``high``."""
+        return _palette(self.anchors)
+
+    def gradient(self) -> str:
+        """The colour bar as a CSS gradient, low on the left."""
+        return f"linear-gradient(to right, {', '.join(f'rgb{c}' for c in self.anchors)})"
+
+    @property
+    def ticks(self) -> tuple[str, str, str]:
+        """What to write at the left, middle and right of the bar."""
+        middle = (self.low + self.high) / 2
+        return f"{self.low:g}", f"{middle:g}", f"{self.high:g} {self.unit}".strip()
+
+
+@cache
+def _palette(anchors: tuple[RGB, ...]) -> bytes:
+    return bytes(EMPTY) + lookup_table(anchors)[np.linspace(0, 255, 255).round().astype(int)].tobytes()
+
+
+@cache
+def lookup_table(anchors: tuple[RGB, ...]) -> Image:
+    """(256, 3) colours between evenly spaced anchors."""
+    at = np.linspace(0, 255, len(anchors))
+    table = [np.interp(np.arange(256), at, [c[k] for c in anchors]) for k in range(3)]
+    return np.round(np.stack(table, axis=-1)).astype(np.uint8)
+
+
+def depth_scale(low_m: float, high_m: float) -> Scale:
+    """Depth of one object's neighbourhood [m]."""
+    return Scale(low_m, high_m, "m", _VIRIDIS)
+
+
+def difference_scale(tau_m: float) -> Scale:
+    """Observed − rendered depth over ±2τ [mm]: red = the sensor saw past the model, blue = something is before it."""
+    return Scale(-2000.0 * tau_m, 2000.0 * tau_m, "mm", _BLUE_RED)
+
+
+ANGLE = Scale(0.0, 90.0, "°", _INFERNO)
+FIT = Scale(0.0, 1.0, "", _VIRIDIS)
+
+
+CLASS_PALETTE = (bytes(EMPTY) + b"".join(bytes(CLASS_COLORS[name]) for name in PIXEL_CLASSES)).ljust(768, b"\0")
+"""768 bytes RGB of a pixel-class map: 0 = none, 1 + index into ``PIXEL_CLASSES``."""
+
+
+def class_image(classes: NDArray[np.uint8]) -> Image:
+    """RGB (…, 3) of a pixel-class map (…)."""
+    return rgb(classes, CLASS_PALETTE)
+
+
+def rgb(places: NDArray[np.uint8], palette: bytes) -> Image:
+    """RGB (…, 3) of places (…) in a palette."""
+    return np.frombuffer(palette, np.uint8).reshape(256, 3)[places]

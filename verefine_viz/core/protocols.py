@@ -10,12 +10,11 @@ from typing import Protocol, TypeVar
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.observation import Observation, Support
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
-from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.records import Best, Iteration, SimulatedPath
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.core.simulated import SimulatedPath
 
 
 class Refiner(Protocol):
@@ -93,15 +92,15 @@ class SceneRenderer(Protocol):
 
 
 class Estimator(Protocol):
-    """Finds first poses of an object from its segment of the frame."""
+    """Finds initial poses of an object from its segment of the frame."""
 
-    def hypotheses(self, target: Target, n: int, patience: Patience = ENDLESS) -> tuple[Hypothesis, ...]:
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
         """At most ``n`` hypotheses, best first; none where the segment is too small to say anything.
 
         Args:
             target: the instance; its own hypotheses are not looked at.
             n: how many are wanted.
-            patience: is asked before anything that may take seconds, and on the way.
+            progress: is checked before anything that may take seconds, and on the way.
 
         Raises:
             Cancelled: nobody waits for them any more.

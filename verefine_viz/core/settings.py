@@ -11,12 +11,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
-from verefine_viz.core.dependency_settings import DependencySettings
-from verefine_viz.core.estimator_settings import PcsSettings, PpfSettings
-from verefine_viz.core.fields import Count, Gravity, Index, InputPath, Seed, Settings, Weight
-from verefine_viz.core.mcts_settings import MctsSettings
-from verefine_viz.core.refiner_settings import IcpSettings, TricpSettings
+from verefine_viz.core.algorithm_settings import (
+    BreakpointSettings,
+    DependencySettings,
+    IcpSettings,
+    MctsSettings,
+    PcsSettings,
+    PpfSettings,
+    TricpSettings,
+)
+from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Seed, Settings, Weight
 
 
 class SceneSettings(Settings):
@@ -48,7 +52,7 @@ class SceneSettings(Settings):
 
 
 class HypothesesSettings(Settings):
-    """Where the first poses come from."""
+    """Where the initial poses come from."""
 
     source: Literal["results", "perturb", "ppf", "pcs"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
@@ -65,7 +69,7 @@ class HypothesesSettings(Settings):
     seed: Seed = 0
     """perturb: seed."""
     estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
-    """Instances whose first poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
+    """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
 class MethodSettings(Settings):
@@ -218,3 +222,28 @@ class Session(Settings):
     """Poses moved by hand, so that a saved session repeats them."""
     changes: tuple[Change, ...] = ()
     """Settings changed on the way, so that a saved session repeats them."""
+
+
+# Settings that go together.
+
+PUBLISHED: dict[str, dict[str, Any]] = {
+    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
+    "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
+    "tricp": {"trim": 1.0},
+    "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
+    "dependency": {"rule": "published"},
+    "method": {
+        "sim_candidate": "full",
+        "accept": "latest",
+        "exploration": 0.1,
+        "discount": 0.99,
+        "scene_reward": "current_pass",
+        "scene_answer": "per_object",
+        "scene_prior": "object",
+        "scene_pixels": "frame",
+        "occluders": "none",
+        "carry_clusters": False,
+    },
+    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
+}
+"""What ``preset = "published"`` changes (docs/methods.md 1.8 and 9)."""

@@ -8,27 +8,107 @@ again on all of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Hypothesis, Placed, Target
+from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.diagnosis.together import Pools, company_of, solved_together
-from verefine_viz.diagnosis.truth import FrameTruth
+from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+from verefine_viz.session.comparison import Trace
+from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.session.trace import Trace
+
+# The error of many poses of one instance, quickly.
+
+
+class ErrorOf:
+    """ADD(-S) of poses of a model against one true pose, as a share of the diameter."""
+
+    def __init__(self, model: ObjectModel, T_cam_obj_gt: Float) -> None:
+        self._model = model
+        self._truth = apply(T_cam_obj_gt, model.points)
+        # The nearest estimated point is looked up in the model's frame, where one tree lasts for all poses.
+        self._tree = KDTree(model.points) if model.is_symmetric else None
+
+    def __call__(self, T_cam_obj: Float) -> float:
+        """As :func:`verefine_viz.evaluation.pose_errors.pose_errors` has it in ``relative``."""
+        if self._tree is not None:
+            distance_m = self._tree.query(apply(inverse(T_cam_obj), self._truth))[0]
+        else:
+            distance_m = np.linalg.norm(apply(T_cam_obj, self._model.points) - self._truth, axis=1)
+        return float(np.mean(distance_m)) / self._model.diameter_m
+
+
+# Re-runs of methods that solve the objects of a scene together (vf_depth, physim_mcts), as the session has them.
+#
+# Each takes as long as the run itself took with these objects, so that a diagnosis makes few: one for misplaced
+# neighbours; one, with a single hypothesis of each object, for each of up to three hypotheses that come out right on
+# their own; and larger budgets where there is reason to think that it was too small.
+
+Pools = Mapping[int, Sequence[Hypothesis]]
+"""Initial poses by instance_id, instead of an instance's own."""
+
+
+def company_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
+    """The instances of the same cluster that have a hypothesis, itself included."""
+    cluster = next(c for c in problem.clusters if instance_id in c)
+    return tuple(i for i in cluster if problem.target(i).instance.hypotheses)
+
+
+def solved_together(
+    toolbox: Toolbox, problem: Problem, instance_id: int, pools: Pools, times: int = 1, iterations: int | None = None
+) -> Best | None:
+    """The answer for one instance when the session's method solves its cluster again.
+
+    Poses moved by hand and settings changed on the way are not repeated.
+
+    Args:
+        toolbox: the run's.
+        problem: the run's frame.
+        instance_id: whose answer is wanted.
+        pools: other initial poses.
+        times: multiple of the run's budget.
+        iterations: K, per hypothesis, instead of the run's; the search counts expansions, whatever the pools.
+    """
+    session = toolbox.session
+    fields: dict[str, dict[str, Any]] = {}
+    if method_of(session.method.name).has_tree:
+        seconds = session.mcts.seconds
+        fields["mcts"] = {"expansions": times * session.mcts.expansions}
+        fields["mcts"] |= {"seconds": times * seconds} if seconds is not None else {}
+    else:
+        fields["method"] = {"iterations": iterations or times * session.method.iterations}
+    carries = not method_of(session.method.name).has_tree and session.method.carry_clusters
+    needed = _needed(problem, instance_id, carries)
+    part = problem.only(needed)
+    instances = tuple(replace(i, hypotheses=tuple(pools.get(i.instance_id, i.hypotheses))) for i in part.instances)
+    run = Run(toolbox.restarted(fields).method, replace(part, instances=instances))
+    answers = run.finish().best
+    ids = [i.instance_id for i in instances]
+    return answers[ids.index(instance_id)]
+
+
+def _needed(problem: Problem, instance_id: int, clusters_carry: bool) -> list[int]:
+    """What has a part in an instance's answer: its cluster and, where they stay in the scene, those before."""
+    clusters = problem.clusters
+    k = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
+    return [i for cluster in clusters[0 if clusters_carry else k : k + 1] for i in cluster]
+
 
 ALONE = "alone"
 """Nothing otherwise, but the methods of whole scenes stood in for."""
@@ -196,7 +276,7 @@ class Case:
         self.reruns[what] = Rerun(best, error, repaired)
 
     def with_pool(self, *poses: Float) -> Target:
-        """The target with these first poses instead."""
+        """The target with these initial poses instead."""
         pool = tuple(Hypothesis(T, 1.0, f"re-run {k + 1}") for k, T in enumerate(poses))
         return replace(self.target, instance=replace(self.target.instance, hypotheses=pool))
 

@@ -1,6 +1,6 @@
 """What of a frame's data does not fit together, where there is no ground truth to show it; for page and batch.
 
-First poses show whether depth is in their unit, and answers whether the support plane is what supports the objects.
+Initial poses show whether depth is in their unit, and answers whether the support plane is what supports the objects.
 Measured: docs/decisions/data-checks.md.
 """
 

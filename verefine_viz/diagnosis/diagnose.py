@@ -14,18 +14,16 @@ from time import perf_counter
 from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.case import ALONE, Case, Lab
-from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.diagnosis.of_input import INPUT_TESTS
-from verefine_viz.diagnosis.of_scene import SCENE_TESTS, neighbour
-from verefine_viz.diagnosis.of_score import score
-from verefine_viz.diagnosis.of_search import SEARCH_TESTS, no_hypothesis
-from verefine_viz.diagnosis.truth import FrameTruth
-from verefine_viz.diagnosis.words import DATA_FIRST
+from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
+from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
+from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.diagnosis.input_causes import INPUT_TESTS
+from verefine_viz.diagnosis.scene_causes import SCENE_TESTS, neighbour
+from verefine_viz.diagnosis.score_causes import score
+from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
+from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.session.trace import Trace, trace_of
 
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""

@@ -10,9 +10,9 @@ from scipy.spatial import KDTree
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.diagnosis.errors_of import ErrorOf
-from verefine_viz.diagnosis.words import instead
-from verefine_viz.evaluation.errors import adds_mm
+from verefine_viz.diagnosis.case import ErrorOf
+from verefine_viz.diagnosis.causes import instead
+from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE = 0.02
 """Two surfaces are the same if nearly all of each lies closer to the other than this share of the diameter."""

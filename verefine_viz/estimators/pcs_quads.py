@@ -2,14 +2,44 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.estimators.pcs_bases import Base
-from verefine_viz.estimators.pcs_fit import fit_rms, rotation_of
-from verefine_viz.estimators.pcs_pairs import PairTable
+from verefine_viz.estimators.pcs_bases import Base, fit_rms, rotation_of
+
+# All pairs of a model's points in order of their distance: which are as long as a segment of a base.
+
+
+class PairTable(NamedTuple):
+    """Every two points of a cloud once, by their distance."""
+
+    distances_m: Float
+    """(N·(N-1)/2,) ascending [m]."""
+    pairs: NDArray[np.int32]
+    """(N·(N-1)/2, 2) indices of the points."""
+
+    @staticmethod
+    def build(points: Float) -> PairTable:
+        """The table of a cloud (N, 3)."""
+        distances = pdist(points).astype(np.float64)
+        order = np.argsort(distances, kind="stable")
+        first, second = np.triu_indices(len(points), 1)  # the order of pdist
+        return PairTable(distances[order], np.stack([first, second], axis=1)[order].astype(np.int32))
+
+    def of_length(self, length_m: float, tolerance_m: float) -> NDArray[np.int32]:
+        """Pairs (n, 2) that are longer than ``length_m - tolerance_m`` and shorter than ``length_m + tolerance_m``.
+
+        Each is there once; whoever cares about directions reads it both ways.
+        """
+        begin = np.searchsorted(self.distances_m, length_m - tolerance_m, side="right")
+        end = np.searchsorted(self.distances_m, length_m + tolerance_m, side="left")
+        return self.pairs[begin:end]
+
 
 TOLERANCE = 2.0
 """In δ: how much the length of a pair, its intermediate point and the residual of the fit may differ from the base."""

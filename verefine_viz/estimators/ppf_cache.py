@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 import platformdirs
 
-from verefine_viz.core.atomic import atomic
+from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.estimator_settings import PpfSettings
-from verefine_viz.core.input_files import read_input
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field
 from verefine_viz.estimators.ppf_cloud import Oriented, model_surface, thinned
 from verefine_viz.estimators.ppf_table import PairTable, pair_table
@@ -45,7 +44,7 @@ class Learnt(NamedTuple):
         return Oriented(self.table.points, self.table.normals)
 
 
-def learn(model: ObjectModel, settings: PpfSettings, patience: Patience = ENDLESS) -> Learnt:
+def learn(model: ObjectModel, settings: PpfSettings, progress: ProgressToken = NEVER_CANCELLED) -> Learnt:
     """Tables of ``model``, without the cache: a tenth to half a second, several on the finest grid.
 
     Raises:
@@ -55,7 +54,7 @@ def learn(model: ObjectModel, settings: PpfSettings, patience: Patience = ENDLES
     d = model.diameter_m
     angle_bin_rad = math.radians(settings.angle_bin_deg)
     cloud = thinned(surface, settings.step * d)
-    table = pair_table(cloud, settings.distance_bin * d, angle_bin_rad, settings.bin_limit, patience)
+    table = pair_table(cloud, settings.distance_bin * d, angle_bin_rad, settings.bin_limit, progress)
     return Learnt(table, surface_field(surface.points, d))
 
 

@@ -9,9 +9,67 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.ppf_cloud import Oriented
-from verefine_viz.estimators.ppf_features import local_rotation, pair_feature, turn_about_normal
+
+# What two oriented points have in common wherever they are, and the angle that is left. docs/methods.md 6.
+
+
+@njit(cache=True)
+def angle(cosine: float) -> float:
+    """The angle of a cosine that rounding may have pushed beyond 1 [rad]; π where it is NaN: it becomes an index."""
+    return np.arccos(min(1.0, max(-1.0, cosine)))  # In this order: NaN is not larger than −1.
+
+
+@njit(cache=True)
+def pair_feature(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> tuple[float, float, float, float]:
+    """Distance [m] and the angles n1-d, n2-d, n1-n2 [rad], where d points from the first to the second."""
+    x, y, z = p2[0] - p1[0], p2[1] - p1[1], p2[2] - p1[2]
+    distance = np.sqrt(x * x + y * y + z * z)
+    if distance == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return (
+        distance,
+        angle((n1[0] * x + n1[1] * y + n1[2] * z) / distance),
+        angle((n2[0] * x + n2[1] * y + n2[2] * z) / distance),
+        angle(n1[0] * n2[0] + n1[1] * n2[1] + n1[2] * n2[2]),
+    )
+
+
+@njit(cache=True)
+def local_rotation(normal: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) that turns ``normal`` onto +x; which one of the many is fixed by the normal alone."""
+    x, y, z = normal[0], normal[1], normal[2]
+    # Duff et al. 2017: an orthonormal basis without a singular direction.
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return np.array([[x, y, z], [1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])
+
+
+@njit(cache=True)
+def turn_about_normal(rotation: np.ndarray, p1: np.ndarray, p2: np.ndarray) -> float:
+    """The angle of ``p2`` about the x axis of p1's local frame [rad], in (-π, π]."""
+    x, y, z = p2[0] - p1[0], p2[1] - p1[1], p2[2] - p1[2]
+    return np.arctan2(
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
+    )
+
+
+@njit(cache=True)
+def pose_of_match(
+    p_cam: np.ndarray, rotation_cam: np.ndarray, p_obj: np.ndarray, rotation_obj: np.ndarray, turn_rad: float
+) -> np.ndarray:
+    """``T_cam_obj`` (4, 4) that lays p_obj and its normal on p_cam and its normal, turned about them."""
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    R = rotation_cam.T @ about_x @ rotation_obj
+    T = np.eye(4)
+    T[:3, :3] = R
+    T[:3, 3] = p_cam - R @ p_obj
+    return T
+
 
 AT_ONCE = 100
 """First points whose pairs are made between two looks at whether somebody still waits: a tenth of a second."""
@@ -41,7 +99,11 @@ class PairTable(NamedTuple):
 
 
 def pair_table(
-    cloud: Oriented, distance_bin_m: float, angle_bin_rad: float, bin_limit: int, patience: Patience = ENDLESS
+    cloud: Oriented,
+    distance_bin_m: float,
+    angle_bin_rad: float,
+    bin_limit: int,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> PairTable:
     """The table of a thinned model cloud.
 
@@ -51,7 +113,7 @@ def pair_table(
         angle_bin_rad: bin of each of the three angles [rad].
         bin_limit: most pairs kept in a bin, evenly spread over its pairs in order of their points; flat faces fill few
             bins with very many pairs, which would take nearly all of the time.
-        patience: asked on the way; the finest table of a large model takes seconds.
+        progress: asked on the way; the finest table of a large model takes seconds.
 
     Raises:
         Cancelled: nobody waits for it any more.
@@ -64,14 +126,14 @@ def pair_table(
     key = np.empty(n * (n - 1), dtype=np.int64)
     first = np.empty(n * (n - 1), dtype=np.uint16)
     turn = np.empty(n * (n - 1), dtype=np.float32)
-    for begin in patience.over(range(0, n, AT_ONCE)):
+    for begin in progress.over(range(0, n, AT_ONCE)):
         end = min(begin + AT_ONCE, n)
         _pairs(points, normals, rotations, distance_bin_m, angle_bin_rad, n_angles, begin, end, key, first, turn)
     sizes = np.bincount(key, minlength=n_distances * n_angles**3)
-    patience.ask()
+    progress.checkpoint()
     before = np.concatenate([[0], np.cumsum(sizes)])
     order = _in_bins(key, before)
-    patience.ask()
+    progress.checkpoint()
     kept = np.minimum(sizes, bin_limit)
     starts = np.concatenate([[0], np.cumsum(kept)])
     # The m-th pair kept of a bin is number ⌊m · size / kept⌋ of it.

@@ -15,17 +15,13 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.evaluation.answers import Answer, answers
-from verefine_viz.evaluation.coverage import OwnPart
-from verefine_viz.evaluation.matching import match_thresholds
-from verefine_viz.evaluation.mean_errors import adi_by_index_mm, adi_mm
+from verefine_viz.evaluation.answers import Answer, answers, match_thresholds
+from verefine_viz.evaluation.averages import IGNORED, RIGHT, THRESHOLDS, WRONG, Detections, Precision, Recalls, Tally
+from verefine_viz.evaluation.averages import PRECISION_THRESHOLDS as DETECTION_THRESHOLDS
+from verefine_viz.evaluation.ground_truth import VISIB_FRACT, Targets, Task, Truth, TruthImage, TruthSource
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
-from verefine_viz.evaluation.pose_table import Image, PoseTable
-from verefine_viz.evaluation.precision import IGNORED, RIGHT, WRONG, Detections, Precision
-from verefine_viz.evaluation.precision import THRESHOLDS as DETECTION_THRESHOLDS
-from verefine_viz.evaluation.recalls import THRESHOLDS, Recalls, Tally
-from verefine_viz.evaluation.targets import Targets, Task
-from verefine_viz.evaluation.truth import VISIB_FRACT, Truth, TruthImage, TruthSource
+from verefine_viz.evaluation.pose_table import Image, OwnPart, PoseTable
+from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm
 from verefine_viz.evaluation.vsd import DELTA_MM, DELTA_MM_ITODD
 
 MAX_PER_IMAGE = {"xyzibd": 200}

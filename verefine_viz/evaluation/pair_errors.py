@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.evaluation.depth import EMPTY, DepthPatch, model_depth
-from verefine_viz.evaluation.largest import mspd_px, mssd_mm
-from verefine_viz.evaluation.model import EvalModel
-from verefine_viz.evaluation.truth import Truth, TruthImage
-from verefine_viz.evaluation.vsd import TAUS, spheres_overlap_in_image, vsd
+from verefine_viz.evaluation.bop_model import EvalModel
+from verefine_viz.evaluation.ground_truth import Truth, TruthImage
+from verefine_viz.evaluation.vertex_errors import mspd_px, mssd_mm
+from verefine_viz.evaluation.vsd import EMPTY, TAUS, DepthPatch, model_depth, spheres_overlap_in_image, vsd
 
 NORMAL_WIDTH_PX = 640
 """MSPD is given for an image of this width [px]."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.scenes.results import ResultRow, method_of, read_lines
+from verefine_viz.core.geometry import RIGID_TOLERANCE
+from verefine_viz.evaluation.ground_truth import Targets
+from verefine_viz.scenes.results_csv import ResultRow, method_of, read_lines
 
 Image = tuple[int, int]
 """(scene_id, im_id)."""
@@ -87,3 +90,114 @@ def pose_table(name: str, rows: Sequence[ResultRow]) -> PoseTable:
         Ts_cam_obj[:, :3, 3] * 1e3,
         np.array([row.time_s for row in rows], dtype=np.float64),
     )
+
+
+# How much of what is asked for a results file speaks about, what of it is its own, rows that cannot be right.
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What of the targets a results file names at all, whatever its poses are worth."""
+
+    images: int
+    """Images of the targets with at least one estimate (localization: of an object that is asked for there)."""
+    images_asked: int
+    objects: int
+    """Objects of the targets with at least one estimate in an image where they are asked for; detection: 0."""
+    objects_asked: int
+    not_finite: int
+    """Rows with NaN or infinity in the pose: accepted by the official check, never right."""
+    not_ranked: int
+    """Rows whose score is NaN: accepted by the official check, but nobody knows which of several rows comes first."""
+    not_rigid: int
+    """Rows whose R is no rotation: accepted by the official check, errors are measured with R as it is."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every image and every object has an estimate."""
+        return self.images == self.images_asked and self.objects == self.objects_asked
+
+
+@dataclass(frozen=True)
+class Covered:
+    """What the run that wrote a results file was about, as its folder says."""
+
+    images: frozenset[Image]
+    objects: frozenset[int] | None = None
+    """BOP ids of the objects that it was to solve; None = all."""
+
+
+@dataclass(frozen=True)
+class OwnPart:
+    """The part of the targets that a results file is about, where this is not all of them."""
+
+    images: frozenset[Image]
+    known_from: Literal["run", "file"]
+    """run: the batch that wrote the file says what it covered. file: only that there is an estimate is known,
+    and an image without one may also be one in which nothing was found."""
+    objects: frozenset[int] | None = None
+    """Objects that count; None = all of these images."""
+
+    def holds(self, image: Image, obj_id: int) -> bool:
+        """Whether an object of an image belongs to it."""
+        return image in self.images and (self.objects is None or obj_id in self.objects)
+
+
+def coverage(table: PoseTable, targets: Targets) -> Coverage:
+    """What ``table`` says about ``targets``."""
+    images, objects = 0, set[int]()
+    for image, asked in targets.counts.items():
+        there = table.by_image.get(image, {})
+        found = asked.keys() & there.keys()
+        images += bool(found) if targets.task == "localization" else bool(there)
+        objects |= found
+    finite = np.isfinite(table.R).all(axis=(1, 2)) & np.isfinite(table.t_mm).all(axis=1)
+    R = table.R[finite]
+    apart = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    return Coverage(
+        images,
+        len(targets.counts),
+        len(objects),
+        len({obj_id for asked in targets.counts.values() for obj_id in asked}),
+        int((~finite).sum()),
+        int(np.isnan(table.scores).sum()),
+        int(((apart > RIGID_TOLERANCE) | (np.linalg.det(R) < 0)).sum()),
+    )
+
+
+def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> OwnPart | None:
+    """The part of ``targets`` that ``table`` is about; None where this is all of them, or nothing.
+
+    Args:
+        table: the estimates.
+        targets: what is asked for.
+        covered: what the run says it covered; None = it says nothing.
+    """
+    images = frozenset(targets.counts.keys() & (table.by_image.keys() if covered is None else covered.images))
+    objects = None if covered is None else covered.objects
+    asked = {obj_id for image in images for obj_id in targets.counts[image]}
+    if objects is not None and asked:
+        objects = None if asked <= objects else objects & asked
+    if not images or objects == frozenset() or (len(images) == len(targets.counts) and objects is None):
+        return None
+    return OwnPart(images, "file" if covered is None else "run", objects)
+
+
+def why_none(table: PoseTable, targets: Targets) -> str:
+    """How a table misses everything that is asked for, for people: in its scenes, its images, or its objects."""
+    mine, asked = ({scene_id for scene_id, _ in images} for images in (table.by_image, targets.counts))
+    if not mine & asked:
+        return f"it names {_listed('scene', mine)}, the targets {_listed('scene', asked)}"
+    both = mine & asked
+    mine, asked = ({im_id for s, im_id in images if s in both} for images in (table.by_image, targets.counts))
+    common = table.by_image.keys() & targets.counts.keys()
+    if not common:
+        return f"in {_listed('scene', both)} it names {_listed('image', mine)}, the targets {_listed('image', asked)}"
+    mine, asked = ({i for image in common for i in rows[image]} for rows in (table.by_image, targets.counts))
+    return f"in images asked for it names {_listed('object', mine)}, the targets {_listed('object', asked)}"
+
+
+def _listed(word: str, ids: Collection[int], most: int = 5) -> str:
+    """``scenes 48, 49, 50, 51, 52, …``."""
+    first = [*map(str, sorted(ids)[:most]), *(["…"] if len(ids) > most else [])]
+    return f"{word}{'s' * (len(ids) > 1)} {', '.join(first)}"

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Choice
+from verefine_viz.core.text_format import telling_digits
 from verefine_viz.methods.arms import ObjectState
 
 Numbers = list[float]
@@ -51,7 +51,7 @@ class Turns:
 
 @dataclass(frozen=True)
 class BestInitial:
-    """Always the arm whose first pose scored best (EXPL, paper Sec. V-A); the first on ties."""
+    """Always the arm whose initial pose scored best (EXPL, paper Sec. V-A); the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
         first = [arm.own_entries[0] for arm in state.arms]

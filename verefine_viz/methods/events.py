@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.records import Event, Iteration, Stage
-from verefine_viz.core.simulated import SimulatedPath, Tipping
+from verefine_viz.core.records import Event, Iteration, SimulatedPath, Stage, Tipping
+from verefine_viz.core.text_format import telling_digits
 from verefine_viz.methods.arms import ObjectState
-from verefine_viz.methods.chain import Draft
+from verefine_viz.methods.iteration_step import Draft
 
 STUCK_MM = 1e-6
 """A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""

@@ -15,9 +15,8 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.methods.bandit import Policy, next_choice
-from verefine_viz.methods.chain import Chain
 from verefine_viz.methods.events import events_of
-from verefine_viz.methods.judging import Judging
+from verefine_viz.methods.iteration_step import Chain, Judging
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class ObjectMethod:
     def judged_anew(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
         """The same with all its poses judged by this method, among ``fixed`` objects.
 
-        The mean of a hypothesis becomes that of its first pose, or the one that a person put in its place, and of
+        The mean of a hypothesis becomes that of its initial pose, or the one that a person put in its place, and of
         those that its iterations kept since.
         """
         hypotheses = state.target.instance.hypotheses

@@ -11,11 +11,7 @@ from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.bandit import BestInitial, Turns, Ucb
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.per_object import PerObject
-from verefine_viz.methods.phys_after import PhysAfter
-from verefine_viz.methods.phys_before import PhysBefore
-from verefine_viz.methods.pir import Pir
-from verefine_viz.methods.refine import Refine
-from verefine_viz.methods.sir import Sir
+from verefine_viz.methods.single_object import PhysAfter, PhysBefore, Pir, Refine, Sir
 from verefine_viz.methods.vf_breadth import VfBreadth
 from verefine_viz.methods.vf_depth import VfDepth
 

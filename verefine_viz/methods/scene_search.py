@@ -13,8 +13,8 @@ from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
 from verefine_viz.core.records import TIMING, Best, Event, Iteration, PlacedPose, Stage, TreeNode, TreeStep
 from verefine_viz.methods.arms import ObjectState
-from verefine_viz.methods.chain import Draft, refined, simulate
 from verefine_viz.methods.events import events_of
+from verefine_viz.methods.iteration_step import Draft, refined, simulate
 from verefine_viz.methods.search_tree import SearchTree
 
 NOT_OF_A_SEARCH = ("arm_switched", "new_best", "physics_worse")

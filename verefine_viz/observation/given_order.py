@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import InputError, SettingsError, quoted, unknown
-from verefine_viz.core.input_files import read_input
-from verefine_viz.core.jsonfile import parse_json
+from verefine_viz.core.json_files import parse_json
+from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import Problem
 from verefine_viz.observation.dependency_order import Groups
 from verefine_viz.observation.visible_parts import label

@@ -27,7 +27,7 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.physics.decomposition import LIMIT_S, TookTooLong, decomposed
 
 log = logging.getLogger(__name__)
@@ -90,7 +90,7 @@ class Collider:
 
 
 def collider(
-    model: ObjectModel, kind: ColliderKind, cache: Path | None = None, patience: Patience = ENDLESS
+    model: ObjectModel, kind: ColliderKind, cache: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
 
@@ -102,7 +102,7 @@ def collider(
         model: the model.
         kind: "decomposition" or "hull".
         cache: folder of built colliders; by default in the user's cache folder.
-        patience: asked where it has to be built.
+        progress: asked where it has to be built.
 
     Raises:
         ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it; or CoACD fails on it.
@@ -113,8 +113,8 @@ def collider(
     kept = _read(path)
     if kept is None:
         shape = "convex parts" if kind == "decomposition" else "hull"
-        patience.ask(f"Preparing the {shape} of {model.name} for physics; kept once they are made.")
-        kept = build(model, kind, patience)
+        progress.checkpoint(f"Preparing the {shape} of {model.name} for physics; kept once they are made.")
+        kept = build(model, kind, progress)
         _write(path, kept)
     return kept
 
@@ -126,7 +126,7 @@ def _built_with() -> str:
     return hashlib.sha256(" ".join(version(name) for name in names).encode()).hexdigest()[:8]
 
 
-def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) -> Collider:
+def build(model: ObjectModel, kind: ColliderKind, progress: ProgressToken = NEVER_CANCELLED) -> Collider:
     """The collider of ``model``, without the cache; see :func:`collider`."""
     name = f"object {model.obj_id} ({model.name})"
     mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
@@ -144,7 +144,7 @@ def build(model: ObjectModel, kind: ColliderKind, patience: Patience = ENDLESS) 
     deviation_m = deviation(parts, surface)
     if kind == "decomposition" and deviation_m > CONVEX_ENOUGH * model.diameter_m:
         try:
-            parts = _decomposed(name, mesh, model.diameter_m, patience) or parts
+            parts = _decomposed(name, mesh, model.diameter_m, progress) or parts
         except TookTooLong:
             took_too_long = True
         deviation_m = deviation(parts, surface)
@@ -203,12 +203,12 @@ def _directions(n: int) -> Float:
     return np.vstack([np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1), np.eye(3), -np.eye(3)])
 
 
-def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, patience: Patience) -> list[Float]:
+def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, progress: ProgressToken) -> list[Float]:
     """Convex parts of a hollow mesh; none if the decomposition gives nothing solid."""
     if len(mesh.faces) > DECOMPOSED_FACES:
         mesh = mesh.simplify_quadric_decimation(face_count=DECOMPOSED_FACES)
     parts = []
-    for part in decomposed(name, np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32), patience):
+    for part in decomposed(name, np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32), progress):
         with contextlib.suppress(QhullError):  # A sliver without volume carries nothing.
             parts.append(reduced_hull(part, HULL_TOLERANCE * diameter_m))
     return parts

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 
 MAX_PARTS = 16
 LIMIT_S = 60
@@ -32,14 +32,16 @@ class TookTooLong(Exception):
     """A mesh could not be taken apart within ``LIMIT_S``."""
 
 
-def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: Patience = ENDLESS) -> list[Float]:
+def decomposed(
+    name: str, vertices: Float, faces: NDArray[np.int32], progress: ProgressToken = NEVER_CANCELLED
+) -> list[Float]:
     """Vertices (n, 3) of each convex part of a mesh, the same bits at each call.
 
     Args:
         name: of the mesh, for messages.
         vertices: (V, 3).
         faces: (F, 3).
-        patience: asked ten times a second.
+        progress: asked ten times a second.
 
     Raises:
         TookTooLong: it takes more than ``LIMIT_S``.
@@ -60,7 +62,7 @@ def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: P
             stdin=mesh, stdout=answer, stderr=said, start_new_session=True, env={**os.environ, **settings},
         ) as child:  # fmt: skip
             try:
-                _wait(child, name, patience)
+                _wait(child, name, progress)
             except BaseException:
                 child.kill()
                 raise
@@ -78,10 +80,10 @@ def decomposed(name: str, vertices: Float, faces: NDArray[np.int32], patience: P
             return np.split(found["vertices"], found["splits"]) if len(found["vertices"]) else []
 
 
-def _wait(child: subprocess.Popen[bytes], name: str, patience: Patience) -> None:
+def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) -> None:
     """Until the process ends, saying every second for how long already."""
     doing = f"Preparing the convex parts of {name} for physics"
-    patience.once(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
+    progress.announce(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
     begun, told_s = time.monotonic(), 0
     while True:
         try:
@@ -89,7 +91,7 @@ def _wait(child: subprocess.Popen[bytes], name: str, patience: Patience) -> None
             return
         except subprocess.TimeoutExpired:
             now_s = int(time.monotonic() - begun)
-            patience.ask(
+            progress.checkpoint(
                 f"{doing}, {now_s} s so far; after {LIMIT_S} s of computing its hull is taken."
                 if now_s > told_s
                 else ""

@@ -9,21 +9,62 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
 from verefine_viz.core.arrays import Float, finite, frozen
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import collider
-from verefine_viz.physics.equilibrium import holds
 from verefine_viz.physics.proximity import Surface, nearness
 from verefine_viz.physics.simulator import checked_pose
-from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
+from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
+
+# Can contacts hold an object still? Contact forces inside friction cones against gravity, as a linear programme.
+
+CONE_SIDES = 8
+"""Sides of the pyramid inscribed in each friction cone; with 8 it loses at most 8 % of the friction."""
+
+
+def holds(points: Float, normals: Float, friction: Float, com: Float, gravity_direction: Float) -> bool:
+    """Whether forces at the contacts can balance gravity at the centre of mass.
+
+    Args:
+        points: contact points (n, 3) [m].
+        normals: (n, 3) unit normals pointing onto the object.
+        friction: (n,) coefficients μ of the contacts.
+        com: centre of mass (3,) [m].
+        gravity_direction: (3,) unit, down.
+
+    Source: docs/methods.md 7.2.
+    """
+    if len(points) == 0:
+        return False
+    arms = points - com
+    reach = max(float(np.linalg.norm(arms, axis=1).max()), 1e-9)
+    edges = _cone_edges(normals, friction)
+    torques = np.cross(arms[:, None, :] / reach, edges)
+    balance = np.concatenate([edges, torques], axis=2).reshape(-1, 6).T
+    weight = np.concatenate([-gravity_direction, np.zeros(3)])
+    solved = linprog(np.zeros(balance.shape[1]), A_eq=balance, b_eq=weight, bounds=(0, None), method="highs")
+    return bool(solved.status == 0)
+
+
+def _cone_edges(normals: Float, friction: Float) -> Float:
+    """Edges (n, CONE_SIDES, 3) of the pyramids inscribed in the friction cones."""
+    smallest = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    u = np.cross(normals, smallest)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(normals, u)
+    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
+    around = np.cos(angles)[:, None] * u[:, None, :] + np.sin(angles)[:, None] * v[:, None, :]
+    return normals[:, None, :] + friction[:, None, None] * around
+
 
 Light = Literal["green", "amber", "red"]
 
@@ -85,7 +126,7 @@ def plausibility(
     settings: PhysicsSettings | None = None,
     cache: Path | None = None,
     surface_of: Callable[[ObjectModel], Surface] = Surface,
-    patience: Patience = ENDLESS,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> Plausibility:
     """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
 
@@ -99,7 +140,7 @@ def plausibility(
         settings: the simulator's settings; defaults if None.
         cache: folder of colliders already built; by default in the user's cache folder.
         surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
-        patience: asked where a collider has to be built.
+        progress: asked where a collider has to be built.
 
     Raises:
         ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
@@ -108,9 +149,9 @@ def plausibility(
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
     normal = support.normal_world / np.linalg.norm(support.normal_world)
-    solid = collider(moving.model, "hull", cache, patience)
+    solid = collider(moving.model, "hull", cache, progress)
     if solid.mass_from == "parts":  # A closed mesh has its own centre of mass, however its collider is made.
-        solid = collider(moving.model, settings.collider, cache, patience)
+        solid = collider(moving.model, settings.collider, cache, progress)
     com = apply(T_world_obj, solid.com_obj[None])[0]
 
     # The plane: its distance to a mesh is a vertex's.

@@ -17,14 +17,14 @@ from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import FARTHEST_M, RIGID_TOLERANCE, apply, as_rigid, distance_m, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.protocols import Simulator
+from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.core.simulated import Contacts, SimulatedPath
-from verefine_viz.physics.bullet import pybullet
 from verefine_viz.physics.colliders import Collider, collider
-from verefine_viz.physics.standing import PLANE_ID, Motion, Touch
-from verefine_viz.physics.world import BodyKey, PlacedBody, World
+from verefine_viz.physics.stability import PLANE_ID, Motion, Touch
+from verefine_viz.physics.world import BodyKey, PlacedBody, World, pybullet
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +40,18 @@ class _Ground:
 class BulletSimulator:
     """Bullet with the paper's settings; same arguments, same bits, after any history and in any process."""
 
-    def __init__(self, settings: PhysicsSettings, cache: Path | None = None, patience: Patience = ENDLESS) -> None:
+    def __init__(
+        self, settings: PhysicsSettings, cache: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
+    ) -> None:
         """A world of its own.
 
         Args:
             settings: step, solver, mass, friction, collider and so on.
             cache: folder of colliders already built; by default in the user's cache folder.
-            patience: asked while a collider is built.
+            progress: asked while a collider is built.
         """
         self._settings = settings
-        self._patience = patience
+        self._progress = progress
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
@@ -66,7 +68,7 @@ class BulletSimulator:
         """
         found = self._colliders.get(model.mesh_hash)
         if found is None:
-            found = collider(model, self._settings.collider, self._cache, self._patience)
+            found = collider(model, self._settings.collider, self._cache, self._progress)
             self._colliders[model.mesh_hash] = found
         return found
 
@@ -255,3 +257,52 @@ def _transforms(poses: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Flo
     T[:, :3, :3] = np.array([pybullet.getMatrixFromQuaternion(quat) for _, quat in poses]).reshape(-1, 3, 3)
     T[:, 3, 3] = 1.0
     return T
+
+
+# Let an object fall until it lies still: how demo scenes are laid out.
+
+
+def settle_to_rest(
+    simulator: Simulator,
+    moving: Placed,
+    fixed: Sequence[Placed],
+    support: Support,
+    max_steps: int = 600,
+    still_steps: int = 15,
+    still_m: float = 2e-4,
+) -> SimulatedPath:
+    """The path of ``moving`` from a drop until it lies still.
+
+    Args:
+        simulator: the simulator; its steps are 1/60 s by default.
+        moving: the object and the pose it is let go in.
+        fixed: what lies there already.
+        support: plane and gravity.
+        max_steps: give up after so many steps; the path then ends in motion. 600 are 10 s.
+        still_steps: it lies still when over so many steps …
+        still_m: … no vertex of it moved further than this [m].
+
+    Returns:
+        The path up to the first moment at which it had lain still.
+    """
+    n_steps = min(60, max_steps)
+    # Answers depend on the arguments only, so a longer path starts with the shorter one: run again, twice as long.
+    while True:
+        path = simulator.settle(moving, fixed, support, n_steps)
+        end = _first_still(path.Ts_cam_obj, moving.model.vertices, still_steps, still_m)
+        if end is not None:
+            return SimulatedPath(path.Ts_cam_obj[: end + 1], path.contacts[:end])
+        if n_steps >= max_steps:
+            return path
+        n_steps = min(2 * n_steps, max_steps)
+
+
+def _first_still(Ts: Float, vertices: Float, still_steps: int, still_m: float) -> int | None:
+    """Index of the initial pose that differs little from all of the ``still_steps`` poses before it."""
+    corners = np.array(np.meshgrid(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))).reshape(3, -1)
+    tracks = Ts[:, :3, :3] @ corners + Ts[:, :3, 3:]
+    for end in range(still_steps, len(Ts)):
+        moved_m = np.linalg.norm(tracks[end - still_steps : end] - tracks[end], axis=1)
+        if moved_m.max() <= still_m:
+            return end
+    return None

@@ -10,15 +10,38 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from scipy.spatial import ConvexHull
 
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.physics.bullet import BulletClient, pybullet
 from verefine_viz.physics.colliders import Collider
+
+# pybullet, without the line about its build that it writes to stderr when it is imported.
+
+__all__ = ["BulletClient", "pybullet"]
+
+
+@contextmanager
+def _stderr_closed() -> Iterator[None]:
+    """The line comes from C, so the file descriptor is what has to point elsewhere."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+with _stderr_closed():
+    import pybullet
+    from pybullet_utils.bullet_client import BulletClient
+
 
 Vector = Sequence[float]
 MAX_BODIES = 48

@@ -12,8 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Iteration, Stage, StageName
-from verefine_viz.core.simulated import Contacts
+from verefine_viz.core.records import Contacts, Iteration, Stage, StageName
 from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry
 
 

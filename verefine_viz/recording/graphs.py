@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import rerun as rr
 
-from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
+from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.records import Iteration, TreeStep
 from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout

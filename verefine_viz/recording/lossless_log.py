@@ -23,9 +23,8 @@ import ormsgpack
 
 from verefine_viz.core.arrays import Float, frozen
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line
-from verefine_viz.core.input_files import read_input
-from verefine_viz.core.records import Iteration
-from verefine_viz.core.simulated import Contacts, SimulatedPath, Tipping
+from verefine_viz.core.paths import read_input
+from verefine_viz.core.records import Contacts, Iteration, SimulatedPath, Tipping
 
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 ENTRY = "entry"

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.colormaps import ANGLE, CLASS_PALETTE, EMPTY, FIT, Scale, depth_scale, difference_scale, rgb
+from verefine_viz.core.palette import ANGLE, CLASS_PALETTE, EMPTY, FIT, Scale, depth_scale, difference_scale, rgb
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage

@@ -123,7 +123,7 @@ def _recorded_instances(recorded: Recorded, problem: Problem) -> Sequence[int]:
             raise InputError(f"{name} was made of {branch.name}, which frame {problem.frame} does not hold (any more)")
         if len(instance.hypotheses) != branch.n_arms:
             raise InputError(
-                f"{name} was made from {branch.n_arms} first poses of {branch.name}, its session now gives "
+                f"{name} was made from {branch.n_arms} initial poses of {branch.name}, its session now gives "
                 f"{len(instance.hypotheses)}: the results files or the data set have changed since"
             )
     return [b.instance_id for b in recorded.layout.branches]

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, Json, ValidationError
 from rerun.chunk import Chunk
 
 from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.input_files import open_input
+from verefine_viz.core.paths import open_input
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities

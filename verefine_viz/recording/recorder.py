@@ -19,7 +19,7 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import add_s_mm
+from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawing import Drawing
 from verefine_viz.recording.graphs import log_dependencies

@@ -31,13 +31,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from verefine_viz.core.algorithm_settings import IcpSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.refiner_settings import IcpSettings
 from verefine_viz.refiners.icp_kernel import ALL_ITERATIONS, PUBLISHED, TOLERANCE, icp_loop, refined_pose
 from verefine_viz.refiners.nearest import NearestIndex, model_index, neighbours_first
 

@@ -11,18 +11,170 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
+from verefine_viz.core.algorithm_settings import TricpSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.refiner_settings import TricpSettings
-from verefine_viz.refiners.nearest import NearestIndex, model_index
-from verefine_viz.refiners.trimmed_afar import Leaves
-from verefine_viz.refiners.trimmed_kernel import trimmed_loop, unexplained
+from verefine_viz.refiners.icp_kernel import apply, point_step
+from verefine_viz.refiners.nearest import NearestIndex, model_index, nearest_of_all
+
+# Exact nearest neighbours of points that lie far from the cloud, where :mod:`nearest` compares every point.
+#
+# The cloud is halved again and again into leaves of a few points; a query looks only into leaves whose box is not too
+# far to hold the nearest. Trimmed ICP has no gate, so that any observed point may lie anywhere.
+
+LEAF = 32
+"""Most points of a leaf."""
+
+
+class Leaves(NamedTuple):
+    """What a query needs."""
+
+    points: Float
+    """(N, 3) the cloud."""
+    bounds: Float
+    """(L, 2, 3) lowest and highest coordinates of each leaf's points."""
+    starts: NDArray[np.int64]
+    """(L + 1,) where each leaf's members begin."""
+    members: NDArray[np.int64]
+    """(N,) indices into ``points``, leaf by leaf."""
+
+    @staticmethod
+    def build(points: Float) -> Leaves:
+        """The leaves of a cloud (N, 3) of at least one point."""
+        points = np.array(points, dtype=np.float64, order="C")
+        leaves = [np.arange(len(points))]
+        while max(map(len, leaves)) > LEAF:
+            halves: list[NDArray[np.int64]] = []
+            for leaf in leaves:
+                axis = int(np.argmax(np.ptp(points[leaf], axis=0)))
+                halves += np.array_split(leaf[np.argsort(points[leaf, axis], kind="stable")], 2)
+            leaves = halves
+        bounds = np.array([[points[leaf].min(axis=0), points[leaf].max(axis=0)] for leaf in leaves])
+        return Leaves(points, bounds, np.cumsum([0, *map(len, leaves)]), np.concatenate(leaves))
+
+
+@njit(cache=True)
+def nearest_from_afar(x: float, y: float, z: float, leaves: Leaves) -> tuple[int, float]:
+    """The nearest point's index and squared distance to (x, y, z); the first in the cloud on ties."""
+    first, least = 0, np.inf
+    for leaf in range(len(leaves.bounds)):
+        bound = _to_box(x, y, z, leaves.bounds[leaf])
+        if bound < least:
+            first, least = leaf, bound
+    best, best_squared = _better(x, y, z, leaves, first, 0, np.inf)
+    for leaf in range(len(leaves.bounds)):
+        if leaf != first and _to_box(x, y, z, leaves.bounds[leaf]) <= best_squared:
+            best, best_squared = _better(x, y, z, leaves, leaf, best, best_squared)
+    return best, best_squared
+
+
+@njit(cache=True)
+def _to_box(x: float, y: float, z: float, bounds: np.ndarray) -> float:
+    """Squared distance of a point to a box (2, 3); 0 inside."""
+    dx = max(bounds[0, 0] - x, x - bounds[1, 0], 0.0)
+    dy = max(bounds[0, 1] - y, y - bounds[1, 1], 0.0)
+    dz = max(bounds[0, 2] - z, z - bounds[1, 2], 0.0)
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True)
+def _better(
+    x: float, y: float, z: float, leaves: Leaves, leaf: int, best: int, best_squared: float
+) -> tuple[int, float]:
+    """The nearer of the best so far and the leaf's points."""
+    points = leaves.points
+    for k in range(leaves.starts[leaf], leaves.starts[leaf + 1]):
+        i = leaves.members[k]
+        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < best_squared or (squared == best_squared and i < best):
+            best, best_squared = i, squared
+    return best, best_squared
+
+
+# The loop of trimmed ICP, compiled as one call. docs/methods.md 4.2. Single-threaded, same bits every time.
+
+NEAR_ONLY = -1.0
+"""A limit that no distance keeps: beyond its cubes the index then gives up at once."""
+
+
+@njit(cache=True)
+def trimmed_loop(
+    source: np.ndarray, index: NearestIndex, leaves: Leaves, n_used: int, energy_ratio: float, max_passes: int
+) -> tuple[np.ndarray, np.ndarray, int, float]:
+    """Fits ``source`` onto the indexed cloud; returns R (3, 3), t (3,), passes and the energy of the last one [m²].
+
+    Args:
+        source: (N, 3) cloud that moves.
+        index: of the cloud that stays.
+        leaves: of the same cloud.
+        n_used: how many of the source points, the best matching ones, a fit uses; 3 to N.
+        energy_ratio: a pass that leaves more than this share of the energy before is the last.
+        max_passes: most passes.
+    """
+    n = len(source)
+    R, t = np.eye(3), np.zeros(3)
+    match = np.zeros(n, dtype=np.int64)
+    squared = np.empty(n)
+    moved = np.empty((n, 3))
+    kept = np.ones(n, dtype=np.bool_)
+    energy, previous = 0.0, np.inf
+    for k in range(max_passes):
+        for i in range(n):
+            moved[i, 0], moved[i, 1], moved[i, 2] = apply(R, t, source[i])
+        nearest_of_all(moved, NEAR_ONLY, index, match, squared)
+        for i in range(n):
+            if squared[i] == np.inf:
+                match[i], squared[i] = nearest_from_afar(moved[i, 0], moved[i, 1], moved[i, 2], leaves)
+        energy = _keep_best(squared, n_used, kept)
+        # From where the points were at first, not from where the last pass left them: errors do not add up.
+        R, t = point_step(source, index.points, match, kept, n_used)
+        if not energy < energy_ratio * previous:
+            return R, t, k + 1, energy
+        previous = energy
+    return R, t, max_passes, energy
+
+
+@njit(cache=True)
+def _keep_best(squared: np.ndarray, n_used: int, kept: np.ndarray) -> float:
+    """Marks the ``n_used`` smallest, the first ones where several are as large as the last; their sum."""
+    n = len(squared)
+    if n_used >= n:
+        return squared.sum()
+    limit = np.partition(squared, n_used - 1)[n_used - 1]
+    total, n_kept = 0.0, 0
+    for i in range(n):
+        kept[i] = squared[i] < limit
+        if kept[i]:
+            total += squared[i]
+            n_kept += 1
+    for i in range(n):
+        if n_kept == n_used:
+            break
+        if squared[i] == limit:
+            kept[i] = True
+            total += limit
+            n_kept += 1
+    return total
+
+
+@njit(cache=True)
+def unexplained(points: np.ndarray, index: NearestIndex, limit_m: float) -> np.ndarray:
+    """Which of ``points`` (N, 3) have no point of the indexed cloud within ``limit_m``; (N,) bool."""
+    limit_squared = limit_m * limit_m
+    found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+    nearest_of_all(points, limit_squared, index, found, squared)
+    return squared > limit_squared
+
 
 FEWEST_POINTS = 3
 """Fewer points do not define a pose."""

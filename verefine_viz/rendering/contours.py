@@ -13,9 +13,8 @@ from scipy import ndimage
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.colormaps import Image, depth_scale
 from verefine_viz.core.geometry import apply
-from verefine_viz.core.palette import RGB
+from verefine_viz.core.palette import RGB, Image, depth_scale
 from verefine_viz.core.problem import Target
 
 WIDTH_PX, HEIGHT_PX = 360, 270

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.map_kernel import draw_at
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth
-from verefine_viz.rendering.results import (
+from verefine_viz.rendering.score_sums import (
     NOTHING_PLACED,
     PIXELS,
     as_combinations,
@@ -66,10 +66,12 @@ class CpuVerifier:
 
     name = "cpu"
 
-    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None, patience: Patience = ENDLESS) -> None:
+    def __init__(
+        self, settings: ScoreSettings, cache_folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
+    ) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _Scene | None = None
         """Of the last call; it is mostly that of the next one as well."""

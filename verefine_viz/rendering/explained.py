@@ -16,8 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.prepared import MeshStore, intrinsics
 from verefine_viz.rendering.rasterizer import draw_frame
@@ -34,7 +34,7 @@ class ExplainedPixels:
         explained_m: float,
         score: ScoreSettings,
         cache_folder: Path | None = None,
-        patience: Patience = ENDLESS,
+        progress: ProgressToken = NEVER_CANCELLED,
     ) -> None:
         """Draws with the meshes and pixel centres of the verification score.
 
@@ -42,11 +42,11 @@ class ExplainedPixels:
             explained_m: a pixel whose observed and drawn depth differ by more than this is unexplained [m].
             score: how meshes are simplified and where pixel centres lie.
             cache_folder: folder of simplified meshes; by default in the user's cache folder.
-            patience: asked where one has to be made.
+            progress: asked where one has to be made.
         """
         self._explained_m = explained_m
         self._settings = score
-        self._meshes = MeshStore(score.simplify_mm, cache_folder, patience)
+        self._meshes = MeshStore(score.simplify_mm, cache_folder, progress)
         self._observed: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
 
     def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:

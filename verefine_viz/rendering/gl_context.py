@@ -83,3 +83,20 @@ def probe() -> GlInfo | UnavailableError:
     thread.start()
     thread.join()
     return found[0] if found else UnavailableError(f"OpenGL failed; {HOW_TO_GET_GL}")
+
+
+# What OpenGL this machine has, for people.
+
+__all__ = ["GlInfo", "gl_info", "gl_problem"]
+
+
+def gl_info() -> GlInfo | None:
+    """Renderer, vendor and version, or None where there is no usable OpenGL; never raises. Looked up once."""
+    found = probe()
+    return found if isinstance(found, GlInfo) else None
+
+
+def gl_problem() -> str | None:
+    """Why there is no usable OpenGL and how to get it, in one line; None where there is."""
+    found = probe()
+    return None if isinstance(found, GlInfo) else str(found)

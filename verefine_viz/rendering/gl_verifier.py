@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering import kernels
 from verefine_viz.rendering.gl_context import create_context
 from verefine_viz.rendering.gl_passes import GlPasses
 from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
-from verefine_viz.rendering.results import (
+from verefine_viz.rendering.score_sums import (
     NOTHING_PLACED,
     PIXELS,
     as_combinations,
@@ -35,10 +35,12 @@ class GlVerifier:
 
     name = "gl"
 
-    def __init__(self, settings: ScoreSettings, cache_folder: Path | None = None, patience: Patience = ENDLESS) -> None:
+    def __init__(
+        self, settings: ScoreSettings, cache_folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
+    ) -> None:
         self.settings = settings
         self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder, patience)
+        self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
         self._passes: GlPasses | None = None
         self._owner: threading.Thread | None = None
         self._placed_key: tuple[object, ...] | None = None

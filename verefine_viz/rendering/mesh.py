@@ -82,7 +82,7 @@ def render_meshes(meshes: tuple[RenderMesh, ...]) -> RenderMeshes:
 def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bool_] | None = None) -> RenderMesh:
     """Prepares a mesh (V, 3), (F, 3) for drawing; triangles without area are left out.
 
-    ``closed`` (F,) is what :func:`~verefine_viz.rendering.closed.closed_faces` found; without it all backs are drawn.
+    ``closed`` (F,) is what :func:`~verefine_viz.rendering.simplify.closed_faces` found; without it all backs are drawn.
     """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)

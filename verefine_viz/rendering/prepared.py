@@ -14,8 +14,8 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Instance, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.kernels import OBJECTS, OWN
 from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes, render_meshes
@@ -126,11 +126,13 @@ def _together(parts: tuple[PreparedTarget, ...], whole_frame: bool) -> PreparedT
 
 
 class MeshStore:
-    """Scoring meshes by the model's mesh hash; ``patience`` is asked where one has to be made."""
+    """Scoring meshes by the model's mesh hash; ``progress`` is asked where one has to be made."""
 
-    def __init__(self, simplify_mm: float, folder: Path | None = None, patience: Patience = ENDLESS) -> None:
+    def __init__(
+        self, simplify_mm: float, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
+    ) -> None:
         self._simplify_mm = simplify_mm
-        self._patience = patience
+        self._progress = progress
         self._folder = folder
         self._meshes: dict[str, RenderMesh] = {}
         self._joined: dict[tuple[str, ...], RenderMeshes] = {}
@@ -138,7 +140,7 @@ class MeshStore:
     def get(self, model: ObjectModel) -> RenderMesh:
         mesh = self._meshes.get(model.mesh_hash)
         if mesh is None:
-            mesh = scoring_mesh(model, self._simplify_mm, self._folder, self._patience)
+            mesh = scoring_mesh(model, self._simplify_mm, self._folder, self._progress)
             self._meshes[model.mesh_hash] = mesh
         return mesh
 

@@ -10,15 +10,67 @@ from typing import Any
 import fast_simplification
 import numpy as np
 import platformdirs
+import trimesh
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
-from verefine_viz.rendering.closed import closed_faces, parts
+from verefine_viz.core.paths import atomic
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+
+# Which triangles of a mesh belong to a closed surface, whose back is never seen from outside.
+#
+# A surface without border that does not cut itself, and whose faces look outward, bounds a solid: whatever looks at it
+# from outside meets a face turned toward it first. Its faces that are turned away need not be drawn.
+
+MOST_FACES = 30_000
+"""Larger parts count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
+
+
+def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(F,) whether each of the faces (F, 3) is part of a closed surface; parts are judged by themselves.
+
+    Vertices at the same place must be one vertex.
+    """
+    closed = np.zeros(len(faces), np.bool_)
+    if len(faces) == 0:
+        return closed
+    part_of = parts(len(vertices), faces)
+    by_part = np.argsort(part_of, kind="stable")
+    for part in np.split(by_part, np.cumsum(np.bincount(part_of))[:-1]):
+        used, own = np.unique(faces[part], return_inverse=True)
+        closed[part] = len(part) <= MOST_FACES and _bounds_a_solid(vertices[used], own.reshape(-1, 3).astype(np.int32))
+    return closed
+
+
+def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
+    return np.unique(connected_components(edges, directed=False)[1][faces[:, 0]], return_inverse=True)[1]
+
+
+def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not (mesh.is_watertight and mesh.is_winding_consistent):
+        return False
+    # Not trimesh's own volume, which divides by it as well and warns where it is 0.
+    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return volume > 0 and not _cuts_itself(vertices, faces)
+
+
+def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    # open3d takes seconds to import, and is needed only where no cached mesh exists.
+    import open3d as o3d
+
+    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
+    return bool(mesh.is_self_intersecting())
+
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +95,7 @@ def cache_folder() -> Path:
 
 
 def scoring_mesh(
-    model: ObjectModel, simplify_mm: float, folder: Path | None = None, patience: Patience = ENDLESS
+    model: ObjectModel, simplify_mm: float, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> RenderMesh:
     """The mesh to score ``model`` with.
 
@@ -51,7 +103,7 @@ def scoring_mesh(
         model: its mesh is never changed.
         simplify_mm: largest deviation between the two surfaces, either way [mm]; 0 keeps every triangle.
         folder: the cache; None = :func:`cache_folder`. A damaged or unwritable cache costs time only.
-        patience: asked where the mesh has to be made, before each try to make it with fewer triangles.
+        progress: asked where the mesh has to be made, before each try to make it with fewer triangles.
 
     Raises:
         Cancelled: nobody waits for it any more; nothing is kept.
@@ -61,14 +113,16 @@ def scoring_mesh(
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        patience.ask(f"Preparing the mesh of {model.name} to score; kept once it is made.")
-        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, patience)
+        progress.checkpoint(f"Preparing the mesh of {model.name} to score; kept once it is made.")
+        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
         cached = vertices, faces, closed_faces(vertices, faces)
         _write(file, *cached)
     return render_mesh(*cached)
 
 
-def simplified(vertices: Float, faces: Faces, tolerance_m: float, patience: Patience = ENDLESS) -> tuple[Float, Faces]:
+def simplified(
+    vertices: Float, faces: Faces, tolerance_m: float, progress: ProgressToken = NEVER_CANCELLED
+) -> tuple[Float, Faces]:
     """The coarsest mesh found whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
     vertices, faces = _welded(vertices, faces)
     is_small = _in_small_part(vertices, faces)
@@ -81,7 +135,7 @@ def simplified(vertices: Float, faces: Faces, tolerance_m: float, patience: Pati
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
     while enough > 1.05 * too_few + 1:
-        patience.ask()
+        progress.checkpoint()
         target = max(too_few + 1, int(np.sqrt(too_few * enough)))
         # The library's thresholds are absolute: it is given a mesh of size 1.
         coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)

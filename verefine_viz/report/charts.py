@@ -10,11 +10,10 @@ import plotly.graph_objects as go
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
-from verefine_viz.diagnosis.words import cause_title
-from verefine_viz.report.difference import SAME, Difference
-from verefine_viz.report.gallery import Curve
-from verefine_viz.report.loaded import Loaded
-from verefine_viz.report.numbers import THRESHOLDS, recall_curve, stage_times
+from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.report.failure_cards import Curve
+from verefine_viz.report.run_difference import SAME, Difference
+from verefine_viz.report.run_results import THRESHOLDS, Loaded, recall_curve, stage_times
 
 MOST_POINTS = 4000
 """Of a scatter plot; of more, an even choice is drawn."""

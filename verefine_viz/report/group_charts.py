@@ -9,10 +9,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.report.charts import css, new_figure, rounded, stage_bars
-from verefine_viz.report.comparison import Curve, Line
-from verefine_viz.report.numbers import THRESHOLDS
+from verefine_viz.report.group_comparison import Curve, Line
+from verefine_viz.report.run_results import THRESHOLDS
 
 GREY = "#98a3b5"
 GROUP_COLORS = (

@@ -6,15 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from verefine_viz.batch.doubts import doubts_in_words
-from verefine_viz.report import group_charts, group_words, words
-from verefine_viz.report.comparison import Comparison, Line
-from verefine_viz.report.gallery import Gallery
+from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.report import group_charts
+from verefine_viz.report import group_sentences as group_words
+from verefine_viz.report import run_sentences as words
+from verefine_viz.report.bootstrap import Spread
+from verefine_viz.report.failure_cards import Gallery
+from verefine_viz.report.group_comparison import Comparison, Line
 from verefine_viz.report.groups import Groups, differing
 from verefine_viz.report.html import figure_json, filled, gallery_context
-from verefine_viz.report.loaded import data_set
-from verefine_viz.report.objects import MOST_HARD, Share, by_frame, hardest, heat
-from verefine_viz.report.spread import Spread
+from verefine_viz.report.object_results import MOST_HARD, Share, by_frame, hardest, heat
+from verefine_viz.report.run_results import data_set
 from verefine_viz.session.files import session_toml
 
 

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.batch.journal import read_run
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_file import read_run
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
-from verefine_viz.report.loaded import Loaded, data_set, load
+from verefine_viz.report.run_results import Loaded, data_set, load
 
 Seeds = tuple[int, int]
 """hypotheses.seed and method.seed of a run."""

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.colormaps import Image, difference_scale
-from verefine_viz.core.palette import CLASS_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import CLASS_COLORS, RGB, SIDE_COLORS, STAGE_COLORS, Image, difference_scale
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.rendering.contours import (
     HEIGHT_PX,
@@ -22,7 +21,7 @@ from verefine_viz.rendering.contours import (
     outline,
     window_around,
 )
-from verefine_viz.rendering.scene import render_scene
+from verefine_viz.rendering.rendered_scene import render_scene
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.geometry import as_rigid, transform
-from verefine_viz.core.jsonfile import (
+from verefine_viz.core.json_files import (
     id_of,
     integer_of,
     number_of,
@@ -28,9 +28,17 @@ from verefine_viz.core.jsonfile import (
     read_json,
     read_numbered,
 )
-from verefine_viz.core.listing import listed
-from verefine_viz.scenes.images import find_image, read_color, read_depth, read_mask, size_text
-from verefine_viz.scenes.intrinsics import depth_scale_of, intrinsics_notes, intrinsics_of
+from verefine_viz.core.text_format import listed
+from verefine_viz.scenes.image_files import (
+    depth_scale_of,
+    find_image,
+    intrinsics_notes,
+    intrinsics_of,
+    read_color,
+    read_depth,
+    read_mask,
+    size_text,
+)
 from verefine_viz.scenes.models import ModelLibrary
 
 MaskFolder = Literal["mask_visib", "mask"]

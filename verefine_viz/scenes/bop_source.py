@@ -1,4 +1,4 @@
-"""Problems out of a BOP folder: frames, instances, models and first poses put together."""
+"""Problems out of a BOP folder: frames, instances, models and initial poses put together."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ from pathlib import Path
 from verefine_viz.calibration.camera_check import truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
-from verefine_viz.core.listing import LONGEST_NUMBERS, listed
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
+from verefine_viz.core.text_format import LONGEST_NUMBERS, listed
+from verefine_viz.observation.observed_frame import observe, segment_cloud
 from verefine_viz.scenes.bop import BopDataset, BopImage
 from verefine_viz.scenes.detections import DetectionsFile
-from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
+from verefine_viz.scenes.hypothesis_pool import (
+    check_asked,
+    check_covered,
+    file_notes,
+    perturbed,
+    pools_of_object,
+    results_of,
+)
 from verefine_viz.scenes.instance_notes import instance_notes, unit_notes
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import check_covered, file_notes, pools_of_object, results_of
 from verefine_viz.scenes.segments import (
     Segment,
     Segments,
@@ -43,7 +47,7 @@ class BopSource:
 
     Args:
         scene: which frames and objects; ``dataset`` and a path in ``masks`` are absolute.
-        hypotheses: where first poses come from; ``files`` are absolute.
+        hypotheses: where initial poses come from; ``files`` are absolute.
 
     Raises:
         VerefineError: the data set, a frame, an object or a results file does not exist or is damaged.
@@ -64,7 +68,7 @@ class BopSource:
         self._chosen = self._holding(chosen) if scene.objects else chosen
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
 
-    def check_first_poses(self) -> tuple[str, ...]:
+    def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
         return check_covered(self._results, self._hypotheses, self._chosen, self._wanted_objects)
 
@@ -72,7 +76,7 @@ class BopSource:
         """See :class:`SceneSource`."""
         return self._asked_for(all_left_out(self._dataset, *parse_frame(frame), why, self._detections is not None))
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
         """The problem of one frame, also of one that ``frames`` does not list.
 
         Trouble with a single instance (no mask, no model, no hypothesis, …) becomes a note and the others go on; what
@@ -83,22 +87,22 @@ class BopSource:
             Cancelled: nobody waits for it any more. Models that were read are kept.
         """
         ids = parse_frame(frame)
-        patience.ask(f"Reading the pictures of frame {frame}.")
+        progress.checkpoint(f"Reading the pictures of frame {frame}.")
         image = self._dataset.image(*ids)
         of_frame = self._segments(ids, image.camera)
         segments, notes = of_frame.found, of_frame.notes
-        patience.ask()
+        progress.checkpoint()
         masks = [segment.mask for segment in segments]
         scene, up_notes = self._scene, ()
         if scene.gravity == "world" and image.R_world_cam is None and self._dataset.knows_up(ids[0]):
             scene, up_notes = scene.model_copy(update={"gravity": "plane"}), (WITHOUT_UP,)
         observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, image.R_world_cam)
         wanted = self._wanted(segments, frame)
-        models, faults, model_notes = self._models(wanted, patience)
+        models, faults, model_notes = self._models(wanted, progress)
         solvable = [s for s in wanted if s.obj_id in models]
         if not solvable:
             raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")
-        patience.ask()
+        progress.checkpoint()
         without_model = tuple(self._left_out(s, faults[s.obj_id]) for s in wanted if s.obj_id in faults)
         pools = self._pools(ids, segments, models, image.camera)
         instances = tuple(self._instance(segment, image, pools[segment.instance_id]) for segment in solvable)
@@ -135,13 +139,13 @@ class BopSource:
         return wanted
 
     def _models(
-        self, segments: Sequence[Segment], patience: Patience
+        self, segments: Sequence[Segment], progress: ProgressToken
     ) -> tuple[dict[int, ObjectModel], dict[int, str], list[str]]:
         """The models of these objects, what is wrong with those that have none, and notes."""
         models: dict[int, ObjectModel] = {}
         faults: dict[int, str] = {}
         notes: list[str] = []
-        for obj_id in patience.over(sorted({s.obj_id for s in segments}), "Reading the objects' models."):
+        for obj_id in progress.over(sorted({s.obj_id for s in segments}), "Reading the objects' models."):
             try:
                 models[obj_id] = self._dataset.models.get(obj_id)
                 notes.extend(self._dataset.models.notes(obj_id))

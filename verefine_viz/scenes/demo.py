@@ -10,21 +10,16 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.observation.frame import observe
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.scenes.demo_failures import FAILURES
+from verefine_viz.observation.observed_frame import observe, segment_cloud
+from verefine_viz.scenes.demo_layout import CAMERA, DemoScene, MaskFault, Picture, prepare, settled, take_picture
 from verefine_viz.scenes.demo_models import demo_model, demo_obj_id
-from verefine_viz.scenes.demo_scene import DemoScene, MaskFault, prepare, settled
-from verefine_viz.scenes.demo_scenes import SCENES
-from verefine_viz.scenes.demo_view import CAMERA, Picture, take_picture
-from verefine_viz.scenes.perturb import perturbed
-from verefine_viz.scenes.pool import pools_of_object, results_of
-from verefine_viz.scenes.segments import Segment
+from verefine_viz.scenes.demo_scenes import FAILURES, SCENES
+from verefine_viz.scenes.hypothesis_pool import perturbed, pools_of_object, results_of
+from verefine_viz.scenes.segments import Segment, silhouette
 from verefine_viz.scenes.sensor import sense
-from verefine_viz.scenes.silhouette import silhouette
 
 _ALL: dict[str, DemoScene] = {**SCENES, **FAILURES}
 
@@ -57,17 +52,17 @@ def demo_problem(
     settings: SceneSettings,
     hypotheses: HypothesesSettings,
     frame: str = "0/0",
-    patience: Patience = ENDLESS,
+    progress: ProgressToken = NEVER_CANCELLED,
 ) -> Problem:
     """A frame of a built-in scene.
 
     Args:
         name: one of :func:`demo_names`.
         settings: seed, masks, objects, gravity and cloud sizes; the rest does not concern built-in scenes.
-        hypotheses: where first poses come from. A scene that is about bad first poses brings its own, and says so in
-            the problem's notes; results files win over both.
+        hypotheses: where initial poses come from. A scene about bad initial poses brings its own, and says so in the
+            problem's notes; results files win over both.
         frame: one of :func:`demo_frames`.
-        patience: asked on the way; objects fall into their places when a scene is first made.
+        progress: asked on the way; objects fall into their places when a scene is first made.
 
     Raises:
         InputError: no such scene or frame, none of the wanted objects is in it, or a results file cannot be read.
@@ -84,8 +79,8 @@ def demo_problem(
         )
     view = int(frame.split("/")[1])
     T_world_cam = scene.views[view].T_world_cam
-    placed = _placed(scene, T_world_cam, settings, patience)
-    patience.ask("Taking the picture of the scene.")
+    placed = _placed(scene, T_world_cam, settings, progress)
+    progress.checkpoint("Taking the picture of the scene.")
     colors = take_picture(placed, T_world_cam)
     looks_through = any(item.seen_as for item in scene.items)
     seen = take_picture(_as_seen(scene, placed, settings), T_world_cam) if looks_through else colors
@@ -95,7 +90,7 @@ def demo_problem(
         points_world = apply(T_world_cam, points.reshape(-1, 3)).reshape(points.shape)
         depth_m = np.where(scene.blind(seen.labels, points_world), np.float32(0), depth_m)
 
-    patience.ask()
+    progress.checkpoint()
     segments = _segments(scene, placed, seen, settings)
     observation = observe(
         CAMERA, depth_m, colors.rgb, [s.mask for s in segments], settings, R_world_cam=T_world_cam[:3, :3]
@@ -136,11 +131,11 @@ def _scene(name: str) -> DemoScene:
     return _ALL[name]
 
 
-def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, patience: Patience) -> list[Placed]:
+def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, progress: ProgressToken) -> list[Placed]:
     T_cam_world = inverse(T_world_cam)
     models = [demo_model(item.model, settings.model_points, settings.seed) for item in scene.items]
-    prepare(scene.items, patience)
-    patience.ask("Letting the objects of the scene fall into their places.")
+    prepare(scene.items, progress)
+    progress.checkpoint("Letting the objects of the scene fall into their places.")
     poses = settled(scene.items)
     return [Placed(k, m, T_cam_world @ T) for k, (m, T) in enumerate(zip(models, poses, strict=True))]
 
@@ -198,24 +193,24 @@ def _pools(
         return pools
     if settings.source != "perturb":  # An estimator looks for them, once the frame is there.
         return {s.instance_id: () for s in segments}
-    return {s.instance_id: _first_poses(scene, placed[s.instance_id], T_world_cam, settings, view) for s in segments}
+    return {s.instance_id: _initial_poses(scene, placed[s.instance_id], T_world_cam, settings, view) for s in segments}
 
 
-def _first_poses(
+def _initial_poses(
     scene: DemoScene, truth: Placed, T_world_cam: Float, settings: HypothesesSettings, view: int
 ) -> tuple[Hypothesis, ...]:
     n, seed = settings.max_per_object, (settings.seed, 0, view, truth.instance_id)
-    if scene.first_poses is None:
+    if scene.initial_poses is None:
         return perturbed(truth.T_cam_obj, n, settings.rotation_deg, settings.translation_mm, seed)
     T_cam_world = inverse(T_world_cam)
-    poses = scene.first_poses(T_world_cam @ truth.T_cam_obj, T_world_cam, np.random.default_rng(seed))
+    poses = scene.initial_poses(T_world_cam @ truth.T_cam_obj, T_world_cam, np.random.default_rng(seed))
     return tuple(Hypothesis(T_cam_world @ T, 1.0 - 0.01 * k, text) for k, (T, text) in enumerate(poses[:n]))
 
 
 def _notes(scene: DemoScene, settings: HypothesesSettings) -> tuple[str, ...]:
     notes = [scene.note] if scene.note else []
-    if scene.first_poses is not None and settings.source == "perturb":
+    if scene.initial_poses is not None and settings.source == "perturb":
         notes.append(
-            "the first poses belong to this scene; hypotheses.rotation_deg and translation_mm do not change them"
+            "the initial poses belong to this scene; hypotheses.rotation_deg and translation_mm do not change them"
         )
     return tuple(notes)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from verefine_viz.scenes.demo_scene import DemoScene, Item
-from verefine_viz.scenes.demo_view import Viewpoint
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
+from verefine_viz.scenes.demo_layout import DemoScene, Item, MaskFault, Viewpoint
 
 _AROUND = (
     Viewpoint(azimuth_deg=-90, elevation_deg=40, distance_m=0.80),
@@ -48,3 +52,147 @@ SCENES: dict[str, DemoScene] = {
     ),
 }
 """By name; the first is what the app opens with."""
+
+
+# Built-in scenes in which something goes wrong, one for each way: what they set up is the cause, never the result.
+
+Z = np.array([0.0, 0.0, 1.0])
+
+NamedPoses = tuple[tuple[Float, str], ...]
+
+
+JUG_AXIS_OBJ = np.array([-0.0251, 0.0, 0.0])
+"""A point on the axis of the jug's body, in the jug's frame [m]."""
+
+
+def _turned(
+    T_world_obj: Float,
+    axis_world: Float,
+    angle_deg: float,
+    shift_mm: tuple[float, float, float],
+    pivot_obj: Float | None = None,
+) -> Float:
+    """Turned about the object's origin (or another of its points) and moved, both in the world."""
+    turn = axis_angle(axis_world, np.deg2rad(angle_deg))
+    arm = T_world_obj[:3, :3] @ (np.zeros(3) if pivot_obj is None else pivot_obj)
+    t = T_world_obj[:3, 3] + arm - turn @ arm + np.array(shift_mm) * 1e-3
+    return transform(turn @ T_world_obj[:3, :3], t)
+
+
+def _all_far(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+    """Upside down or on a side, and beside the object."""
+    poses = []
+    for angle_deg in (118.0, 141.0, 96.0, 160.0, 127.0):
+        heading = rng.uniform(0, 2 * np.pi)
+        axis = np.array([np.cos(heading), np.sin(heading), 0.0])
+        x, y, _ = 42.0 * random_unit_vector(rng)
+        poses.append((_turned(T_world_obj, axis, angle_deg, (x, y, 25.0)), f"estimator, {angle_deg:g}° off"))
+    return tuple(poses)
+
+
+def _near_the_quarter(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+    """Turned about the vertical by a little more than half of a quarter turn."""
+    return tuple(
+        (_turned(T_world_obj, Z, angle_deg, (dx, dy, 4.0)), f"estimator, {angle_deg:g}° about the vertical")
+        for angle_deg, dx, dy in ((56.0, 4, -3), (60.0, -5, 2), (-58.0, 3, 4))
+    )
+
+
+def _leaning(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+    """Leaning over so far that the centre of mass is beside the edge it stands on, that edge on the table."""
+    poses = []
+    for heading_deg, lean_deg in ((0.0, 24.0), (180.0, 26.0)):
+        axis = T_world_obj[:3, 1] * (1.0 if heading_deg == 0.0 else -1.0)
+        T = _turned(T_world_obj, axis, lean_deg, (0, 0, 0))
+        half = np.array([0.025, 0.030, 0.090])
+        lowest_m = T[2, 3] - float(np.abs(T[2, :3]) @ half)
+        T[2, 3] -= lowest_m - 0.0005
+        poses.append((T, f"estimator, leaning {lean_deg:g}°"))
+    return tuple(poses)
+
+
+def _handle_anywhere(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+    """Turned about the vertical, also to where the handle is behind the jug."""
+    axis = T_world_obj[:3, 2]
+    return tuple(
+        (
+            _turned(T_world_obj, axis, angle_deg, (dx, dy, 2.0), JUG_AXIS_OBJ),
+            f"estimator, {angle_deg:g}° about the vertical",
+        )
+        for angle_deg, dx, dy in ((8.0, 4, 3), (60.0, -4, 5), (125.0, 4, -4), (-80.0, -5, -3), (165.0, 3, 5))
+    )
+
+
+def _late_bloomer(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+    """Four poses that fit well and are wrong (a quarter turn), and a right one that is off by some way."""
+    wrong = tuple(
+        (_turned(T_world_obj, Z, angle_deg, (dx, dy, 0.0)), f"estimator A, {angle_deg:g}° about the vertical")
+        for angle_deg, dx, dy in ((90.0, 2, 1), (-90.0, 1, -2), (87.0, -2, 1), (93.0, -1, -2))
+    )
+    right = _turned(T_world_obj, np.array([1.0, 0.4, 0.3]), 7.0, (5, -4, 4))
+    return (*wrong, (right, "estimator B, 7° and 8 mm off"))
+
+
+def _glossy_table(labels: NDArray[np.int32], points_world: Float) -> Mask:
+    """The table mirrors: no depth on it but for blots a few centimetres wide."""
+    x, y = points_world[..., 0], points_world[..., 1]
+    blots = np.sin(61 * x + 2 * np.sin(37 * y)) + np.sin(53 * y + 2 * np.sin(43 * x)) > 1.25
+    return (labels == -1) & ~blots
+
+
+FAILURES: dict[str, DemoScene] = {
+    "failure_no_hypothesis_near": DemoScene(
+        "Failure: no hypothesis was near",
+        (Item("duck", yaw_deg=-60),),
+        (Viewpoint(distance_m=0.5),),
+        initial_poses=_all_far,
+        note="every initial pose is upside down or on its side",
+    ),
+    "failure_icp_slides": DemoScene(
+        "Failure: ICP turned to the wrong side",
+        (Item("carton", yaw_deg=-55),),
+        (Viewpoint(elevation_deg=42, distance_m=0.5),),
+        initial_poses=_near_the_quarter,
+        note="the carton is square: but for its slanting top, a quarter turn looks the same",
+    ),
+    "failure_simulation_topples": DemoScene(
+        "Failure: the simulation toppled it",
+        (Item("tall box", yaw_deg=20),),
+        (Viewpoint(elevation_deg=35, distance_m=0.62, look_at_m=(0, 0, 0.07)),),
+        initial_poses=_leaning,
+        note="the initial poses lean too far to stand",
+    ),
+    "failure_score_prefers_wrong": DemoScene(
+        "Failure: the score prefers a wrong pose",
+        (Item("jug", yaw_deg=-40, seen_as="jug without handle"),),
+        (Viewpoint(elevation_deg=38, distance_m=0.55),),
+        initial_poses=_handle_anywhere,
+        note="the jug's handle is of glass: depth sensor and detector see the table through it",
+    ),
+    "failure_arm_starved": DemoScene(
+        "Failure: a promising arm got no budget",
+        (Item("carton", yaw_deg=-55),),
+        (Viewpoint(elevation_deg=42, distance_m=0.5),),
+        initial_poses=_late_bloomer,
+        note="four initial poses fit well and are a quarter turn off; the fifth is right but for 7° and 8 mm",
+    ),
+    "failure_mask_leaks": DemoScene(
+        "Failure: the mask leaks onto a neighbour",
+        (Item("can", -0.03, 0.0), Item("bottle", 0.038, 0.012, is_asked_for=False)),
+        (Viewpoint(elevation_deg=38, distance_m=0.55, look_at_m=(0, 0, 0.06)),),
+        mask_faults={0: MaskFault(leaks_onto=1)},
+        note="the can's mask covers the bottle beside it as well",
+    ),
+    "failure_wrong_plane": DemoScene(
+        "Failure: the wrong table plane",
+        (
+            Item("cereal", -0.09, 0.02, 70),
+            Item("board", 0.18, -0.02, 3, is_asked_for=False),
+            Item("panel", 0.0, 0.30, 0, is_asked_for=False),
+        ),
+        (Viewpoint(elevation_deg=40, distance_m=0.85, look_at_m=(0.03, 0.03, 0.05)),),
+        blind=_glossy_table,
+        note="the table mirrors and gives little depth; the board beside the box is 30 mm higher",
+    ),
+}
+"""By name."""

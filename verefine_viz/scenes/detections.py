@@ -11,8 +11,8 @@ from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.jsonfile import integer_of, number_of, read_json
-from verefine_viz.scenes.images import size_text
+from verefine_viz.core.json_files import integer_of, number_of, read_json
+from verefine_viz.scenes.image_files import size_text
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from verefine_viz.core.geometry import FARTHEST_M, distance_m
-from verefine_viz.core.listing import listed
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Instance
+from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.frames import FrameIds
-from verefine_viz.scenes.pool import ResultsFile
+from verefine_viz.scenes.hypothesis_pool import ResultsFile
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 FAR = 2.5
-"""First poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
+"""Initial poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
 but the worst of 36 real ones (YCB-V, four methods) lay at 1.16 times the depth."""
 TENFOLD = (5, 20)
 """So many times further than its pose lies depth, where t is in centimetres: 10, give or take the object's size."""
@@ -36,7 +36,7 @@ def instance_notes(
         ids: of the frame.
         instances: of the frame.
         models: by obj_id.
-        source: where first poses come from (``hypotheses.source``).
+        source: where initial poses come from (``hypotheses.source``).
         files: results files that they come from.
     """
     notes: list[str] = []
@@ -64,7 +64,7 @@ def instance_notes(
 
 
 def within_reach(instance: Instance, model: ObjectModel) -> tuple[Instance, tuple[str, ...]]:
-    """The instance without first poses that are further away than ``FARTHEST_M``, and a sentence about these."""
+    """The instance without initial poses that are further away than ``FARTHEST_M``, and a sentence about these."""
     far = [h for h in instance.hypotheses if distance_m(h.T_cam_obj) > FARTHEST_M]
     if not far:
         return instance, ()
@@ -107,8 +107,8 @@ def without(instance: Instance, model: ObjectModel) -> str:
     return f"{_name(instance, model)} has no hypothesis: "
 
 
-def is_about_first_poses(note: str, instance: Instance, model: ObjectModel) -> bool:
-    """Whether a note says something of the first poses that an instance has, or that it has none."""
+def is_about_initial_poses(note: str, instance: Instance, model: ObjectModel) -> bool:
+    """Whether a note says something of the initial poses that an instance has, or that it has none."""
     is_far = note.startswith(f"{_name(instance, model)}: ") and _FAR_FROM_DEPTH in note
     return is_far or note.startswith(without(instance, model))
 
@@ -118,7 +118,7 @@ def _name(instance: Instance, model: ObjectModel) -> str:
 
 
 def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], files: Sequence[ResultsFile]) -> str:
-    """Why no row of ``files`` is a first pose of an instance."""
+    """Why no row of ``files`` is an initial pose of an instance."""
     rows = {file.method: len(file.rows.get((*ids, instance.obj_id), ())) for file in files}
     where, n = f"for object {instance.obj_id} of this frame in", sum(rows.values())
     if n == 0:
@@ -130,7 +130,7 @@ def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], 
 
 
 def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator[str]:
-    """What is not where the depth inside the mask, ``seen_m``, is: first poses, the ground truth."""
+    """What is not where the depth inside the mask, ``seen_m``, is: initial poses, the ground truth."""
     away_m = [float(h.T_cam_obj[2, 3]) for h in instance.hypotheses]
     far = [k for k, z_m in enumerate(away_m) if z_m <= 0 or z_m > max(FAR * seen_m, seen_m + diameter_m)]
     if far:

@@ -11,12 +11,108 @@ import numpy as np
 import trimesh
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, in_one_line, quoted, unknown
-from verefine_viz.core.jsonfile import id_of, read_json, read_numbered
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line, quoted, unknown
+from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
+from verefine_viz.core.json_files import id_of, key_of, number_of, numbers_of, position_of, read_json, read_numbered
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
-from verefine_viz.scenes.symmetries import symmetry_transforms
-from verefine_viz.scenes.units import checked_unit, diameter_mm_of
+
+# An object's symmetries as ``models_info.json`` tells them. Source: notes on the official toolkit's rules.
+
+CONTINUOUS_STEPS = 64
+"""Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
+
+
+def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int = CONTINUOUS_STEPS) -> Float:
+    """All transforms (S, 4, 4) [m] of the object frame that leave the object looking the same; the identity first.
+
+    Discrete ones D and the steps C of all continuous axes (one after another, not multiplied) combine to C·D.
+
+    Args:
+        info: the object's entry of models_info.json (millimetres).
+        where: what to call the entry in an error.
+        continuous_steps: rotations per continuous axis.
+
+    Raises:
+        InputError: an entry is incomplete or no rigid transform.
+    """
+    discrete = [np.eye(4)]
+    for k, values in enumerate(_list(info, "symmetries_discrete", where)):
+        place = f"{where}: symmetries_discrete[{k}]"
+        T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4).copy()
+        T[:3, 3] *= 1e-3
+        try:
+            check_reach(T[:3, 3], place)
+            discrete.append(as_rigid(T, place))
+        except ShapeError as error:
+            raise InputError(str(error)) from None
+    continuous = [
+        T
+        for k, entry in enumerate(_list(info, "symmetries_continuous", where))
+        for T in _rotations(entry, f"{where}: symmetries_continuous[{k}]", continuous_steps)
+    ]
+    if not continuous:
+        return np.stack(discrete)
+    return np.stack([C @ D for D in discrete for C in continuous])
+
+
+def _rotations(entry: Any, where: str, n_steps: int) -> list[Float]:
+    axis = numbers_of(entry, "axis", 3, where)
+    offset_m = position_of(entry, "offset", where) * 1e-3
+    if not np.linalg.norm(axis) > 0:
+        raise InputError(f"{where}: 'axis' is zero, expected a direction")
+    turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))
+    return [transform(R, offset_m - R @ offset_m) for R in turns]
+
+
+def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
+    value = key_of(info, key, where) if key in info else []
+    if not isinstance(value, list):
+        raise InputError(f"{where}: {key!r} is a JSON {type(value).__name__}, expected a list")
+    return value
+
+
+# The unit of a mesh file, checked against the diameter that models_info.json states for the object.
+
+SIZE_TOLERANCE = 1.2
+"""Ratio between a mesh's own and its stated diameter above which a person is told."""
+
+DIAMETER_MM = (1e-3, 1e6)
+"""Least and largest diameter that models_info.json may state [mm]."""
+
+
+def diameter_mm_of(info: Any, where: str) -> float:
+    """The diameter of an object's entry in models_info.json [mm].
+
+    Raises:
+        InputError: there is none, or it is out of ``DIAMETER_MM``.
+    """
+    low, high = DIAMETER_MM
+    return number_of(info, "diameter", where, low, high, f"millimetres > 0, {low:g} to {high:g}")
+
+
+def checked_unit(file: str, own_m: float, stated_m: float | None) -> tuple[float, str]:
+    """What a mesh must be multiplied by, and what a person should know about its size.
+
+    1000 where its size says that its unit is metres and was read as millimetres, 0.001 for the reverse, else 1.
+
+    Args:
+        file: name of the mesh file, for people.
+        own_m: the mesh's diameter, in the unit that its format stands for [m].
+        stated_m: the object's diameter by models_info.json [m]; None = it states none.
+    """
+    if stated_m is None:
+        if 0.002 < own_m < 20:
+            return 1.0, ""
+        return 1.0, f"{file} is {own_m * 1e3:.4g} mm across; check its unit (models_info.json states no diameter)"
+    if own_m == 0 or 1 / SIZE_TOLERANCE < own_m / stated_m < SIZE_TOLERANCE:
+        return 1.0, ""
+    contradiction = f"{file} is {own_m * 1e3:.4g} mm across, models_info.json says {stated_m * 1e3:.4g} mm"
+    for factor, unit in ((1000.0, "metres"), (0.001, "millimetres")):
+        if 1 / SIZE_TOLERANCE < own_m * factor / stated_m < SIZE_TOLERANCE:
+            return factor, f"{contradiction}: its unit was taken to be {unit}"
+    return 1.0, f"{contradiction}; one of them is wrong"
+
 
 LONGEST_NAME = 200
 """Of an object [characters]."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import LeftOut, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.estimates import check_asked
 from verefine_viz.scenes.frames import parse_frame, repeated_notes
+from verefine_viz.scenes.hypothesis_pool import check_asked
 
 
 class SceneSource(Protocol):
@@ -25,20 +25,20 @@ class SceneSource(Protocol):
         """What a person should know about the choice of frames and objects."""
         ...
 
-    def check_first_poses(self) -> tuple[str, ...]:
-        """Looks at what can be known about first poses before a frame is read; what a person should know about them.
+    def check_initial_poses(self) -> tuple[str, ...]:
+        """Looks at what can be known about initial poses before a frame is read; what a person should know about them.
 
         Raises:
             VerefineError: they come out of results files that have none for any object of any of the frames.
         """
         ...
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
         """The problem of one frame.
 
         Args:
             frame: which.
-            patience: asked before anything that may take seconds, and on the way.
+            progress: checked before anything that may take seconds, and on the way.
 
         Raises:
             VerefineError: the frame does not exist or cannot be used; the message is one line.
@@ -101,14 +101,14 @@ class DemoSource:
         self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or available
         self.notes: tuple[str, ...] = repeated_notes(scene.frames)
 
-    def check_first_poses(self) -> tuple[str, ...]:
+    def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
-        from verefine_viz.scenes.pool import check_covered, file_notes, results_of
+        from verefine_viz.scenes.hypothesis_pool import check_covered, file_notes, results_of
 
         files, frames = results_of(self._hypotheses), [parse_frame(frame) for frame in self.frames]
         return (*file_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
-    def problem(self, frame: str, patience: Patience = ENDLESS) -> Problem:
+    def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
         """A frame of the scene; the same object at each call.
 
         Raises:
@@ -120,7 +120,7 @@ class DemoSource:
         if frame not in self._problems:
             from verefine_viz.scenes.demo import demo_problem
 
-            self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame, patience)
+            self._problems[frame] = demo_problem(self._scene.demo, self._scene, self._hypotheses, frame, progress)
         return self._problems[frame]
 
     def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:

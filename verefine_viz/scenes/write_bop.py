@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.jsonfile import write_json
+from verefine_viz.core.json_files import write_json
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import Instance, Problem
-from verefine_viz.scenes.images import write_image
-from verefine_viz.scenes.ply import ply_bytes, size_entry
-from verefine_viz.scenes.silhouette import silhouette
+from verefine_viz.scenes.image_files import write_image
+from verefine_viz.scenes.meshes import ply_bytes, size_entry
+from verefine_viz.scenes.segments import silhouette
 
 TARGET_VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""

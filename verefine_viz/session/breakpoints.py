@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from verefine_viz.core.breakpoint_settings import MOST, BreakpointSettings
-from verefine_viz.core.digits import telling_digits
+from verefine_viz.core.algorithm_settings import MOST, BreakpointSettings
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.evaluation.errors import add_s_mm
+from verefine_viz.core.text_format import telling_digits
+from verefine_viz.evaluation.pose_errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
 """Breakpoints with a threshold, and its unit as it is written behind the number."""

@@ -1,12 +1,10 @@
-"""Two runs of one frame against each other: where they part.
-
-Pure: two traces in, sentences out. "A" and "B" are the two runs; every sentence tells what B does otherwise.
-"""
+"""Two runs of one frame against each other: aligned iterations, and where they part."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -14,9 +12,189 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.records import Iteration
-from verefine_viz.session.alignment import Moment, Timeline
-from verefine_viz.session.trace import Trace
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.session.engine import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A run from the outside: what it started from, what it did, and its answers on the way."""
+
+    problem: Problem
+    initial: Mapping[int, tuple[float, ...]]
+    """Scores of the hypotheses before iteration 1, by instance_id; none where the pool is empty."""
+    iterations: tuple[Iteration, ...]
+    """1, 2, …"""
+    answers: tuple[Mapping[int, Best], ...]
+    """By instance_id, after 0, 1, 2, … iterations; an object without hypotheses has none."""
+    n_planned: int
+    """Iterations that the whole run will have."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing more will come."""
+        return len(self.iterations) >= self.n_planned
+
+    @property
+    def instance_ids(self) -> tuple[int, ...]:
+        return tuple(i.instance_id for i in self.problem.instances)
+
+    @cached_property
+    def own(self) -> Mapping[int, tuple[Iteration, ...]]:
+        """The iterations of each instance, by instance_id."""
+        found: dict[int, list[Iteration]] = {i: [] for i in self.instance_ids}
+        for iteration in self.iterations:
+            found.setdefault(iteration.instance_id, []).append(iteration)
+        return {i: tuple(own) for i, own in found.items()}
+
+
+def trace_of(run: Run) -> Trace:
+    """All that ``run`` did so far."""
+    problem = run.problem
+    ids = [i.instance_id for i in problem.instances]
+    states = [run.state_at(k) for k in range(run.length + 1)]
+    initial = {
+        i: tuple(float(s) for s in scores.score) if scores is not None else ()
+        for i, scores in zip(ids, states[0].initial, strict=True)
+    }
+    answers = tuple({i: best for i, best in zip(ids, state.best, strict=True) if best is not None} for state in states)
+    planned = run.length if run.is_done else max(run.n_iterations, run.length + 1)
+    return Trace(problem, initial, run.iterations, answers, planned)
+
+
+def refiner_calls(iteration: Iteration) -> int:
+    """Calls of the refiner that an iteration spent on its own object.
+
+    Those that only complete a scene in a roll-out are not counted, as in the paper's comparison with PHYSIM-MCTS
+    (docs/methods.md 3.3); :func:`rollout_calls` has them.
+    """
+    return sum(stage.name == "refined" for stage in iteration.stages)
+
+
+def rollout_calls(iteration: Iteration) -> int:
+    """Calls of the refiner that only completed a scene."""
+    return len(iteration.tree.rollout) if iteration.tree is not None else 0
+
+
+# Which iteration of one run stands beside which of another.
+#
+# Runs differ in length and in the order in which they take the objects, so iteration 17 of one says nothing about
+# iteration 17 of the other. What can be compared is an object after the same effort: the refiner calls spent on it. A
+# timeline is a walk through such moments. Along it each object goes forward in both runs, in the order of the first
+# run;
+# what only the second has is put in as early as its own order allows. Where both runs have the same structure, moment
+# k
+# is iteration k of both.
+
+Key = tuple[int, int, int]
+"""(instance_id, refiner calls spent on it, which of several iterations with that number): names a moment while both
+runs grow."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One object after the same number of refiner calls in both runs."""
+
+    key: Key
+    a: int | None
+    """Index of A's iteration of this moment, from 1; None where A has none, and stays where it was."""
+    b: int | None
+
+    @property
+    def instance_id(self) -> int:
+        return self.key[0]
+
+    @property
+    def calls(self) -> int:
+        return self.key[1]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """All moments of two runs; place 0 is before the first."""
+
+    moments: tuple[Moment, ...]
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    @cached_property
+    def _places(self) -> dict[Key, int]:
+        return {m.key: k for k, m in enumerate(self.moments, 1)}
+
+    @cached_property
+    def _of_a(self) -> dict[int, int]:
+        return {m.a: k for k, m in enumerate(self.moments, 1) if m.a is not None}
+
+    def place(self, key: Key | None) -> int | None:
+        """Where that moment is, from 1; None = there is no such moment."""
+        return self._places.get(key) if key is not None else None
+
+    def of_a(self, index: int) -> int:
+        """Where A's iteration ``index`` is; 0 before the first."""
+        return self._of_a.get(index, 0)
+
+    def a_at(self, place: int) -> int:
+        """The latest iteration that A has made at that place; 0 = none."""
+        return max((m.a for m in self.moments[:place] if m.a is not None), default=0)
+
+    def latest(self, place: int, instance_id: int) -> tuple[int, int]:
+        """The last iterations of A and of B on an object up to a place; 0 = none yet."""
+        a = b = 0
+        for moment in self.moments[:place]:
+            if moment.instance_id == instance_id:
+                a, b = moment.a or a, moment.b or b
+        return a, b
+
+
+def keys_of(iterations: Sequence[Iteration]) -> tuple[Key, ...]:
+    """The moment at which each iteration is."""
+    calls: dict[int, int] = {}
+    seen: dict[tuple[int, int], int] = {}
+    keys: list[Key] = []
+    for iteration in iterations:
+        own = iteration.instance_id
+        calls[own] = calls.get(own, 0) + refiner_calls(iteration)
+        n = seen.get((own, calls[own]), 0)
+        seen[own, calls[own]] = n + 1
+        keys.append((own, calls[own], n))
+    return tuple(keys)
+
+
+def aligned(a: Trace, b: Trace) -> Timeline:
+    """The timeline of two runs: every iteration of both is in one moment."""
+    keys_a, keys_b = keys_of(a.iterations), keys_of(b.iterations)
+    in_b = {key: k for k, key in enumerate(keys_b, 1)}
+    in_a = set(keys_a)
+    only_b = [key for key in keys_b if key not in in_a]
+    last_of_a = {key[0]: k for k, key in enumerate(keys_a)}
+    moments: list[Moment] = []
+    placed: set[Key] = set()
+
+    def put(key: Key, k: int | None) -> None:
+        moments.append(Moment(key, k, in_b.get(key)))
+        placed.add(key)
+
+    def follows(key: Key, now: int) -> bool:
+        """Whether B alone goes on here: A is through with the object, and B's iteration before is placed."""
+        before = keys_b[in_b[key] - 2] if in_b[key] > 1 else None
+        return last_of_a.get(key[0], -1) <= now and (before is None or before in placed)
+
+    for now, key in enumerate(keys_a):
+        for waiting in [w for w in only_b if w[0] == key[0] and w < key]:
+            put(waiting, None)
+            only_b.remove(waiting)
+        put(key, now + 1)
+        while only_b and follows(only_b[0], now):
+            put(only_b.pop(0), None)
+    for key in only_b:
+        put(key, None)
+    return Timeline(tuple(moments))
+
+
+# Two runs of one frame against each other: where they part.
+#
+# Pure: two traces in, sentences out. "A" and "B" are the two runs; every sentence tells what B does otherwise.
 
 Kind = Literal["start", "missing", "hypothesis", "placed", "stages", "pose", "kept", "score", "answer"]
 
@@ -103,7 +281,7 @@ def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
         for j, (f_a, f_b) in enumerate(zip(a.initial.get(own, ()), b.initial.get(own, ()), strict=False)):
             if f_a != f_b and same_pose(ours[j].T_cam_obj, theirs[j].T_cam_obj):
                 yield Difference(
-                    0, own, "score", f"scores the first pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
+                    0, own, "score", f"scores the initial pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
                 )
 
 

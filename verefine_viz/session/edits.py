@@ -8,9 +8,9 @@ import numpy as np
 
 from verefine_viz.core.errors import InputError, ShapeError, unknown
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid
-from verefine_viz.core.listing import listed
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import Change, Edit
+from verefine_viz.core.text_format import listed
 
 
 def edits_of(edits: Sequence[Edit], problem: Problem, is_only_frame: bool = False) -> tuple[Edit, ...]:

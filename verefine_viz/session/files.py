@@ -2,24 +2,185 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 import tomli_w
 from pydantic import ValidationError
 
-from verefine_viz.core.atomic import atomic
-from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.input_files import open_input
-from verefine_viz.core.places import at_home
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.settings import Session
-from verefine_viz.session.kept_begun import check_holds_a_frame
-from verefine_viz.session.mistakes import first_mistake, written_in
-from verefine_viz.session.sources import Layer, check_sources
+from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
+from verefine_viz.core.paths import at_home, atomic, open_input
+from verefine_viz.core.settings import PUBLISHED, Session
+
+Layer = tuple[str, Mapping[str, Any]]
+"""Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
+
+_READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
+"""The source (of the same section) that looks at a field."""
+_ESTIMATORS = ("ppf", "pcs")
+"""Sections that only an estimator of their name looks at."""
+
+
+def check_sources(session: Session, layers: Sequence[Layer]) -> None:
+    """Looks whether what was written down is read by the chosen sources.
+
+    A source that was written together with a field, or over it, was chosen by somebody who knew; one that nobody wrote,
+    or that was there before the field was, was forgotten.
+
+    Args:
+        session: what the layers add up to.
+        layers: the later wins.
+
+    Raises:
+        SettingsError: a field is set that its section's source does not look at, and the source was not chosen with it;
+            or a results file is named twice.
+    """
+    for (section, field), reader in _READ_BY.items():
+        chosen = getattr(session, section)
+        at = _last(layers, section, field)
+        if getattr(chosen, field) and chosen.source != reader and _last(layers, section, "source") < at:
+            name, source = f"{section}.{field}", f"{section}.source"
+            raise SettingsError(
+                f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not look at it; '
+                f'set {source} = "{reader}", or leave {name} out'
+            )
+    hypotheses = session.hypotheses
+    twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
+    if twice and hypotheses.source == "results":
+        where = layers[_last(layers, "hypotheses", "files")][0]
+        raise SettingsError(f"{where}: hypotheses.files names {twice[0]} twice; name each file once")
+    if _last(layers, "hypotheses", "source") >= 0:
+        return
+    for name in _ESTIMATORS:
+        at = max((k for k, (_, raw) in enumerate(layers) if raw.get(name)), default=-1)
+        if at >= 0 and name not in (kind for *_, kind in hypotheses.estimate):
+            raise SettingsError(
+                f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{hypotheses.source}" and does not look '
+                f'at it; set hypotheses.source = "{name}", or say "{hypotheses.source}" there if that is meant'
+            )
+
+
+def _last(layers: Sequence[Layer], section: str, field: str) -> int:
+    """Number of the last layer in which a field was written, from 0; -1 where none has it."""
+    written = (raw.get(section) for _, raw in layers)
+    return max((k for k, fields in enumerate(written) if isinstance(fields, Mapping) and field in fields), default=-1)
+
+
+# What is wrong with a field of a session, and who wrote it, in one line.
+
+
+def written_in(layers: Sequence[Layer], error: ValidationError) -> str:
+    """The layer that has what is wrong: the last in which the field stands."""
+    location = error.errors()[0]["loc"]
+    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
+
+
+def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
+    """How many steps towards a field the settings have."""
+    for k, part in enumerate(location):
+        if not isinstance(raw, Mapping) or part not in raw:
+            return k
+        raw = raw[part]
+    return len(location)
+
+
+def first_mistake(error: ValidationError) -> str:
+    """The first thing that is wrong, in one line."""
+    detail = error.errors()[0]
+    field = _field(detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        names = _siblings(detail["loc"])
+        return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
+    if detail["type"] == "tuple_type":
+        return f"{field} = {quoted(detail['input'])}: expected a list{_example(detail['loc'], detail['input'])}"
+    if detail["type"] == "model_type":
+        return f"{field} = {quoted(detail['input'])}: expected a section, [{field}]"
+    # A field of several kinds (a word or a vector) fails once for each of them.
+    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
+    if detail["loc"][:2] == ("scene", "objects"):
+        ways = ["expected the id of an object, as 5 for obj_000005.ply"]
+    return f"{field} = {quoted(detail['input'])}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
+
+
+def _field(location: tuple[int | str, ...]) -> str:
+    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
+    return ".".join(str(part) for part in location if not (isinstance(part, str) and _KIND.search(part)))
+
+
+_KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
+"""One of the kinds that a field may be of; pydantic appends it to the field."""
+
+
+def _unit(field: str) -> str:
+    unit = _UNITS.get(field.rpartition("_")[2])
+    return f", in {unit}" if unit else ""
+
+
+_UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
+
+
+def _example(location: tuple[int | str, ...], value: Any) -> str:
+    """The list that somebody meant who wrote its only entry, or nothing."""
+    if value == "":
+        return ", []"
+    model: Any = Session
+    for part in location:
+        model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
+    kind = next(iter(get_args(model)), None)
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    is_only_entry = get_origin(model) is tuple and kind is type(value)
+    return f", {json.dumps([value], ensure_ascii=False)}" if is_only_entry else ""
+
+
+def _siblings(location: tuple[int | str, ...]) -> list[str]:
+    model: Any = Session
+    for part in location[:-1]:
+        model = getattr(model.model_fields.get(part), "annotation", None)
+        if not hasattr(model, "model_fields"):
+            return []
+    return sorted(model.model_fields)
+
+
+# Tells a folder of kept frames in which no frame is whole yet, by its session file.
+
+CAPTURE_HEAD = (
+    "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
+)
+"""How the session file of such a folder begins; until the first frame is nearly whole it holds nothing else."""
+SCENE_ID = 1
+
+
+def scene_folder(folder: Path) -> Path:
+    """Where the frames of a folder are."""
+    return folder / "test" / f"{SCENE_ID:06d}"
+
+
+def check_holds_a_frame(path: Path, text: str, raw: Mapping[str, Any]) -> None:
+    """
+    Args:
+        path: of a session file.
+        text: of the file.
+        raw: what it says.
+
+    Raises:
+        InputError: it is that of a folder in which the first frame was begun and not finished.
+    """
+    if not text.startswith(CAPTURE_HEAD):
+        return
+    scene = scene_folder(path.parent)
+    # The camera is the last file of a frame. A copy of the session elsewhere has no scene beside it.
+    if not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file()):
+        raise InputError(
+            f"{path.parent} holds no whole frame yet: keep_frame is still writing the first one, or its program was "
+            "stopped in the middle; keep a frame there again, which makes it anew, and then open this session"
+        )
+
 
 Raw = Mapping[str, Any]
 TYPED = "command line"

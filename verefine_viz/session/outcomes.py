@@ -9,9 +9,8 @@ from typing import Literal
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
-from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.session.comparison import name_of
-from verefine_viz.session.trace import Trace, refiner_calls, rollout_calls
+from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.session.comparison import Trace, name_of, refiner_calls, rollout_calls
 
 ErrorsOf = Callable[[Target, Float], PoseErrors | None]
 EVEN_MM = 0.1

@@ -8,20 +8,20 @@ from functools import cached_property
 from typing import Any
 
 from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
-from verefine_viz.observation.dependency import dependency_graph
+from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
-from verefine_viz.scenes.estimates import asked_estimators
-from verefine_viz.scenes.instance_notes import is_about_first_poses, within_reach
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
+from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.session.engine import Run
@@ -33,12 +33,12 @@ class Toolbox:
 
     Args:
         session: what is needed for.
-        patience: asked before anything that may take seconds, and on the way. What is cancelled can be asked for again.
+        progress: has checkpoints before and during anything that may take seconds. What is cancelled can be repeated.
     """
 
-    def __init__(self, session: Session, patience: Patience = ENDLESS) -> None:
+    def __init__(self, session: Session, progress: ProgressToken = NEVER_CANCELLED) -> None:
         self.session = session
-        self._patience = patience
+        self._progress = progress
 
     @cached_property
     def source(self) -> SceneSource:
@@ -46,7 +46,7 @@ class Toolbox:
 
     @cached_property
     def verifier(self) -> Verifier:
-        return make_verifier(self.session.score, self._patience)
+        return make_verifier(self.session.score, self._progress)
 
     @cached_property
     def simulator(self) -> BulletSimulator | None:
@@ -59,7 +59,7 @@ class Toolbox:
 
     @cached_property
     def estimators(self) -> Mapping[str, Estimator]:
-        """Those that the session's first poses come from, by name."""
+        """Those that the session's initial poses come from, by name."""
         h = self.session.hypotheses
         names = {h.source} & {"ppf", "pcs"} | {name for *_, name in h.estimate}
         from verefine_viz.estimators.registry import make_estimator
@@ -71,14 +71,14 @@ class Toolbox:
         s = self.session
         if method_of(s.method.name).has_tree:
             physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
-            pixels = ExplainedPixels(s.mcts.explained_m, s.score, patience=self._patience)
+            pixels = ExplainedPixels(s.mcts.explained_m, s.score, progress=self._progress)
             return make_physim_mcts(
                 s.mcts, self._simulator(physics), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
             )
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps)
 
     def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
-        return BulletSimulator(physics, patience=self._patience) if physics.enabled else None
+        return BulletSimulator(physics, progress=self._progress) if physics.enabled else None
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ class Toolbox:
             VerefineError: the frame cannot be used, or lacks what the session names in it.
             Cancelled: nobody waits for it any more.
         """
-        problem = self._with_estimates(self._solvable(self.source.problem(frame, self._patience)))
+        problem = self._with_estimates(self._solvable(self.source.problem(frame, self._progress)))
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
         return self.ordered(_within_reach(problem))
@@ -171,10 +171,10 @@ class Toolbox:
             name = wanted.get(instance.instance_id, h.source)
             if name in self.estimators:
                 who = f"{target.model.name} (#{instance.instance_id})"
-                self._patience.ask(f"Looking for first poses of {who} with {name}.")
-                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._patience)
+                self._progress.checkpoint(f"Looking for initial poses of {who} with {name}.")
+                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._progress)
                 instances[k] = replace(instance, hypotheses=pool)
-                notes = [note for note in notes if not is_about_first_poses(note, instance, target.model)]
+                notes = [note for note in notes if not is_about_initial_poses(note, instance, target.model)]
                 if not pool:
                     notes.append(f"{who} has no hypothesis: {name} found none in its {len(instance.points_cam)} points")
         return replace(problem, instances=tuple(instances), notes=tuple(notes))
@@ -191,7 +191,7 @@ class Toolbox:
         return self._sharing(session.model_copy(update={"edits": (), "changes": ()}))
 
     def _sharing(self, session: Session) -> Toolbox:
-        other = Toolbox(session, self._patience)
+        other = Toolbox(session, self._progress)
         other.__dict__["source"] = self.source
         if other.session.score == self.session.score:
             other.__dict__["verifier"] = self.verifier
@@ -232,7 +232,7 @@ class Toolbox:
 
 
 def _within_reach(problem: Problem) -> Problem:
-    """The same without first poses that are too far away to be any; each instance's are noted."""
+    """The same without initial poses that are too far away to be any; each instance's are noted."""
     found = [within_reach(target.instance, target.model) for target in problem.targets]
     notes = tuple(note for _, said in found for note in said)
     if not notes:

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.errors import SettingsError, unknown
-from verefine_viz.core.presets import PUBLISHED
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import PUBLISHED, Session
 from verefine_viz.session.files import parsed_toml, resolve
 
 SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")

@@ -1,10 +1,10 @@
-"""What each part of the method is worth, over the error of the first pose. Source: Sec. V-A, Fig. 4."""
+"""What each part of the method is worth, over the error of the initial pose. Source: Sec. V-A, Fig. 4."""
 
 from __future__ import annotations
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.studies.disturb import disturbed
-from verefine_viz.studies.study import Claim, Curve, Panel, Prepare, Study
+from verefine_viz.studies.disturb import disturbed, occluded, without_top
+from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
 ITERATIONS = 5
 """K, refiner calls per hypothesis."""
@@ -28,7 +28,7 @@ def ablation(quick: bool = False) -> Study:
     five = tuple(Curve(label, {"method": {"name": name, "iterations": ITERATIONS}}) for label, name in SEVERAL)
     panels = []
     for error, unit in (("rotation", "°"), ("translation", "mm")):
-        label = f"{error} error of the first pose [{unit}]"
+        label = f"{error} error of the initial pose [{unit}]"
         physics = (Claim("PIR", "PhysBefore"), Claim("PIR", "PhysAfter")) if error == "rotation" else ()
         panels.append(
             Panel(
@@ -36,7 +36,7 @@ def ablation(quick: bool = False) -> Study:
                 label,
                 xs,
                 one,
-                _first_poses(error, 1),
+                _initial_poses(error, 1),
                 (*physics, Claim("SIR", "PIR"), Claim("SIR", "refiner alone")),
                 "physics between the refiner's calls beats physics before or after them; supervision (SIR) beats both",
             )
@@ -47,17 +47,52 @@ def ablation(quick: bool = False) -> Study:
                 label,
                 xs,
                 (*five, sir),
-                _first_poses(error, HYPOTHESES),
+                _initial_poses(error, HYPOTHESES),
                 (Claim("RIR", "EVEN"), Claim("RIR", "EXPL"), Claim("RIR", "SIR, first hypothesis")),
                 "choosing by the bandit (RIR) beats an even share and all on the best first score",
             )
         )
-    return Study("ablation", "Ablation: error of the first poses (paper, Fig. 4)", tuple(panels))
+    return Study("ablation", "Ablation: error of the initial poses (paper, Fig. 4)", tuple(panels))
 
 
-def _first_poses(error: str, n: int) -> Prepare:
+def _initial_poses(error: str, n: int) -> Prepare:
     def prepare(problem: Problem, x: float, seed: int) -> Problem:
         rotation_deg, translation_mm = (x, 0.0) if error == "rotation" else (0.0, x)
         return disturbed(problem, n, rotation_deg, translation_mm, seed)
+
+    return prepare
+
+
+# How much depth may be missing. Source: Sec. V-B, Fig. 5.
+
+ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
+"""Error of the initial poses."""
+TREND = "the refiner alone loses most as depth goes; what physics adds (SIR, RIR) lasts longest"
+
+
+def robustness(quick: bool = False) -> Study:
+    """Two diagrams: depth lost behind rectangles, or above a height.
+
+    ``quick``: four shares instead of ten.
+    """
+    xs = tuple(x / 100 for x in range(0, 91, 30 if quick else 10))
+    curves = tuple(
+        Curve(label, {"method": {"name": name, "iterations": ITERATIONS}})
+        for label, name in (*SINGLE, *SEVERAL)
+        if name not in ("even", "expl")
+    )
+    claims = (Claim("SIR", "refiner alone"), Claim("RIR", "refiner alone"), Claim("RIR", "SIR"))
+    label = "share of the object's depth that is missing"
+    panels = (
+        Panel("occlusion", label, xs, curves, _with_loss(by_height=False), claims, TREND),
+        Panel("material", label, xs, curves, _with_loss(by_height=True), claims, TREND),
+    )
+    return Study("robustness", "Robustness: missing depth (paper, Fig. 5)", panels)
+
+
+def _with_loss(by_height: bool) -> Prepare:
+    def prepare(problem: Problem, x: float, seed: int) -> Problem:
+        first = disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
+        return without_top(first, x) if by_height else occluded(first, x, seed)
 
     return prepare

@@ -1,4 +1,4 @@
-"""First poses with a known error, and frames with missing depth. Source: Sec. V-A, V-B (docs/methods.md 8.1)."""
+"""Initial poses with a known error, and frames with missing depth. Source: Sec. V-A, V-B (docs/methods.md 8.1)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.observation.normals import estimate_normals
-from verefine_viz.observation.segment import segment_cloud
-from verefine_viz.scenes.perturb import perturbed
+from verefine_viz.observation.observed_frame import segment_cloud
+from verefine_viz.scenes.hypothesis_pool import perturbed
 
 _RECTANGLE = (0.1, 0.35)
 """Sides of a rectangle as a share of the sides of the object's bounding box: smallest, largest."""
 
 
 def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
-    """The same frame with ``n`` first poses per object, each off by exactly this error.
+    """The same frame with ``n`` initial poses per object, each off by exactly this error.
 
     Raises:
         InputError: no object has a ground-truth pose.

@@ -11,9 +11,9 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from verefine_viz.core.errors import InputError, UnavailableError
-from verefine_viz.core.lock import try_lock
-from verefine_viz.studies.solve import Outcome
-from verefine_viz.studies.study import Unit
+from verefine_viz.core.paths import try_lock
+from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.study_plan import Unit
 
 
 class Journal:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from verefine_viz.core.errors import Cancelled, VerefineError
-from verefine_viz.core.patience import Patience
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.refiners.foreign import raised_by_refiner
-from verefine_viz.session.compiling import told_of_compiling
+from verefine_viz.refiners.registry import raised_by_refiner
+from verefine_viz.session.kernel_compilation import told_of_compiling
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
@@ -32,18 +32,17 @@ from verefine_viz.viewer.worker import STOP, Cancellation, RequestQueue
 
 
 def real_parts(
-    patience: Patience,
+    progress: ProgressToken,
 ) -> tuple[Callable[[Session], Tools], Callable[..., Any], Callable[..., Any], tuple[str, ...]]:
     """The toolbox, the checks of plausibility and overlap, and the built-in scenes."""
-    from verefine_viz.physics.overlap import overlap
     from verefine_viz.physics.plausibility import plausibility
-    from verefine_viz.physics.proximity import Surfaces
+    from verefine_viz.physics.proximity import Surfaces, overlap
     from verefine_viz.scenes.demo import demo_names
     from verefine_viz.session.toolbox import Toolbox
 
     surfaces = Surfaces()
-    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, patience=patience))
-    checks = partial(plausibility, surface_of=surfaces, patience=patience), partial(overlap, surface_of=surfaces)
+    make_tools = cast(Callable[[Session], Tools], partial(Toolbox, progress=progress))
+    checks = partial(plausibility, surface_of=surfaces, progress=progress), partial(overlap, surface_of=surfaces)
     return make_tools, *checks, tuple(demo_names())
 
 
@@ -88,7 +87,7 @@ class App:
         self._first = first
         self._requests = RequestQueue(lambda: self._telling.cancelling())
         self._meanwhile = Cancellation(self._requests, self._look_around)
-        self._patience = Patience(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
+        self._progress = ProgressToken(lambda *told: self._telling.tell(*told), self._meanwhile.is_wanted)
         self._page: Page | None = None
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -197,11 +196,11 @@ class App:
         self._telling.shown()
 
     def _open(self) -> None:
-        keeping = Exporter(self.server, self._folder, self._patience)
+        keeping = Exporter(self.server, self._folder, self._progress)
         make_tools, plausibility, overlap, demos = self._make_tools, None, None, ()
         if make_tools is None:
             self._telling.tell("Loading the simulator, the renderer and the refiner.")
-            make_tools, plausibility, overlap, demos = real_parts(self._patience)
+            make_tools, plausibility, overlap, demos = real_parts(self._progress)
         self.debugger = Debugger(
             self._session,
             self._path,
@@ -211,7 +210,7 @@ class App:
             keep=keeping,
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
-            patience=self._patience,
+            progress=self._progress,
             overlap=overlap,
         ).carry_out(self._first)
         self._telling.tell("Drawing the first picture.")

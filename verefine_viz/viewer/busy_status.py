@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from time import monotonic
 
-from verefine_viz.session.compiling import COMPILING
+from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer.drawing.markup import block, text
 from verefine_viz.viewer.panels.run_panel import RunPanel
 from verefine_viz.viewer.web.server import Server
@@ -36,7 +36,7 @@ class BusyStatus:
         """Whether kernels were not there yet."""
 
     def tell(self, doing: str, share: float | None = None) -> None:
-        """Before something that may take seconds, and on the way; see :class:`core.patience.Patience`."""
+        """Before something that may take seconds, and on the way; see :class:`core.progress.ProgressToken`."""
         if not doing and monotonic() - self._told_at < BETWEEN_S:
             return
         self._doing, self._share, self._told_at = doing or self._doing, share, monotonic()

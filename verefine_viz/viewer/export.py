@@ -9,9 +9,9 @@ from pathlib import Path
 import viser
 from PIL import Image as PilImage
 
-from verefine_viz.core.atomic import atomic
 from verefine_viz.core.errors import Cancelled, InputError, VerefineError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.paths import atomic
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
@@ -34,11 +34,11 @@ class Exporter:
     Args:
         server: whose 3D scene is exported.
         folder: where sessions lie; exports go to its ``runs`` folder.
-        patience: asked before each iteration of a recording is written.
+        progress: checked before each iteration of a recording is written.
     """
 
-    def __init__(self, server: viser.ViserServer, folder: Path, patience: Patience = ENDLESS) -> None:
-        self._server, self._folder, self._patience = server, folder, patience
+    def __init__(self, server: viser.ViserServer, folder: Path, progress: ProgressToken = NEVER_CANCELLED) -> None:
+        self._server, self._folder, self._progress = server, folder, progress
 
     def __call__(self, state: State, command: c.Command) -> WrittenFile:
         """Writes one file, says which, and hands an export to the browser that asked for it."""
@@ -86,7 +86,7 @@ class Exporter:
         return path
 
     def _write_results(self, state: State, path: Path) -> None:
-        from verefine_viz.scenes.results import ResultRow, write_results
+        from verefine_viz.scenes.results_csv import ResultRow, write_results
 
         run = state.workspace.run
         problem = run.problem
@@ -112,7 +112,7 @@ class Exporter:
         recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.
-            run.fork(run.length, watchers=(ReportsProgress(self._patience, run.length), recorder)).close()
+            run.fork(run.length, watchers=(ReportsProgress(self._progress, run.length), recorder)).close()
         except Cancelled:
             recorder.close()
             path.unlink(missing_ok=True)
@@ -121,16 +121,16 @@ class Exporter:
 
 @dataclass(frozen=True)
 class ReportsProgress:
-    """Watches a history of ``n`` iterations go by, and asks for patience before each."""
+    """Watches a history of ``n`` iterations go by, and asks before each."""
 
-    patience: Patience
+    progress: ProgressToken
     n: int
 
     def on_start(self, state: RunState) -> None:
-        self.patience.ask(f"Writing the recording of {counted(self.n, 'iteration')}.")
+        self.progress.checkpoint(f"Writing the recording of {counted(self.n, 'iteration')}.")
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
-        self.patience.ask(share=(iteration.index - 1) / self.n)
+        self.progress.checkpoint(share=(iteration.index - 1) / self.n)
 
     def on_finish(self, state: RunState) -> None:
         """Nothing is left to wait for."""

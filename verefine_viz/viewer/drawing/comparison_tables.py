@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from verefine_viz.core.palette import SIDE_COLORS
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.session.comparison import Difference
 from verefine_viz.session.outcomes import Answer, Effort, Outcome, Winner
 from verefine_viz.viewer import comparison_commands as s

@@ -9,7 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB
-from verefine_viz.physics.standing import PLANE_ID
+from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import in_focus

@@ -9,8 +9,8 @@ from typing import Any
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.records import Stage
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.evaluation.turning import turning_on
-from verefine_viz.physics.standing import PLANE_ID
+from verefine_viz.evaluation.pose_errors import turning_on
+from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table, table_of, text
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed
@@ -33,7 +33,7 @@ def score_table(a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", 
     """The parts of the scores of two poses, and by how much they differ.
 
     Args:
-        a: the first pose, None = there is none.
+        a: the initial pose, None = there is none.
         b: the second pose.
         of: whose they are, as ready HTML.
         short: with the pixels as bars only.

@@ -12,8 +12,17 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 from PIL import ImageDraw, ImageFont
 
-from verefine_viz.core.colormaps import ANGLE, CLASS_PALETTE, FIT, Image, Scale, depth_scale, difference_scale, rgb
-from verefine_viz.core.palette import CLASS_COLORS
+from verefine_viz.core.palette import (
+    ANGLE,
+    CLASS_COLORS,
+    CLASS_PALETTE,
+    FIT,
+    Image,
+    Scale,
+    depth_scale,
+    difference_scale,
+    rgb,
+)
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import MAP_NAMES, MapName

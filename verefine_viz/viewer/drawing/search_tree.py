@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from verefine_viz.core.colormaps import lookup_table
-from verefine_viz.core.palette import RGB
+from verefine_viz.core.palette import RGB, lookup_table
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import Row, carries, swatch, table, text
 from verefine_viz.viewer.snapshot.search_tree import Node, Tree

@@ -12,7 +12,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.rendering.contours import background, data_uri, outline, window_around
-from verefine_viz.scenes.silhouette import silhouette
+from verefine_viz.scenes.segments import silhouette
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.viewer.state.gallery import Entry, Gallery
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.places import at_home
+from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.session.variants import parsed, settings_between, variant

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.places import at_home
+from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import Session
-from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.comparison_commands import OpenRecording

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from verefine_viz.core.dependency import DependencyGraph
-from verefine_viz.core.dependency_settings import DependencySettings
+from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 

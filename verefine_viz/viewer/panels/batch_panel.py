@@ -10,7 +10,7 @@ import viser
 
 from verefine_viz.batch.index import ORDERS, Order
 from verefine_viz.core.palette import RGB
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import BatchFilter, Command
 from verefine_viz.viewer.drawing.markup import carries, choice, filled, link, number, ready, sentence, warning

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from verefine_viz.batch.misled import misled
+from verefine_viz.batch.ranking_auc import misled
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, sentence, text

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import viser
 
-from verefine_viz.core.dependency import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.palette import RGB
+from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.commands import CutDependency, Focus, MoveInOrder, ResetOrder
 from verefine_viz.viewer.drawing.markup import carries, link, sentence, text, warning

@@ -8,8 +8,7 @@ from math import acos, degrees
 import numpy as np
 import viser
 
-from verefine_viz.core.colormaps import rgb
-from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, rgb
 from verefine_viz.rendering.png import indexed_png
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MAP_NAMES, MapName

@@ -8,8 +8,8 @@ from typing import Any, Literal
 import viser
 
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.listing import first_of
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.files import AT_ITS_START, changed, resolve

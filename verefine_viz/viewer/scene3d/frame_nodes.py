@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.colormaps import Image, class_image, difference_scale
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.palette import Image, class_image, difference_scale
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors

@@ -11,7 +11,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.simulated import Contacts
+from verefine_viz.core.records import Contacts
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
 from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, drawn_stage
 from verefine_viz.viewer.scene3d.frame_nodes import (

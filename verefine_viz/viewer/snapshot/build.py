@@ -14,7 +14,7 @@ from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison import comparison_snapshot
 from verefine_viz.viewer.snapshot.deferred_physics import known_physics, others_of, work_out
@@ -121,7 +121,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
     if options.whole_scene and len(scene.objects) > 1:
         map_target = scene_target(work.problem)
-        first = _first_poses(branch) if answer else None
+        first = _initial_poses(branch) if answer else None
         a, b = compared_scenes(evaluator, scene, options, branch.settings, deep, first)
     else:
         map_target = target
@@ -331,7 +331,7 @@ def _summary(branch: Branch, shown: Branch) -> BranchSummary:
     return BranchSummary(branch.name, run.length, run.n_iterations, tuple(state.best), tuple(errors), other_scale)
 
 
-def _first_poses(branch: Branch) -> dict[int, Float]:
+def _initial_poses(branch: Branch) -> dict[int, Float]:
     """By instance_id: the best pose before the first iteration."""
     state = branch.run.state_at(0)
     pairs = zip(state.problem.targets, state.best, strict=True)

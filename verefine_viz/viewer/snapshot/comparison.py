@@ -11,11 +11,9 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
-from verefine_viz.evaluation.errors import PoseErrors
-from verefine_viz.session.alignment import Moment, Timeline
-from verefine_viz.session.comparison import Differences, name_of
+from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.session.comparison import Differences, Moment, Timeline, Trace, name_of
 from verefine_viz.session.outcomes import Effort, Outcome, effort_of, outcomes
-from verefine_viz.session.trace import Trace
 from verefine_viz.session.variants import scores_alike, settings_between
 from verefine_viz.viewer.comparison_commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
@@ -28,7 +26,7 @@ class RunAtMoment:
     """One run at the moment that is shown, for the object in focus."""
 
     iteration: int
-    """The one that the pose drawn comes from; 0 = a initial pose."""
+    """The one that the pose drawn comes from; 0 = an initial pose."""
     arm: int
     """The hypothesis that the pose drawn belongs to, from 0."""
     stage: StageName

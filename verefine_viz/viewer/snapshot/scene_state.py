@@ -11,7 +11,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Best, Iteration, SceneRecord
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 
 Phase = Literal["waiting", "working", "placed", "rolled out", "done", "no pose"]
 Errors = Callable[[Target, Float], PoseErrors | None]

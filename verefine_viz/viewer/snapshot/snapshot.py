@@ -16,7 +16,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.errors import PoseErrors
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command

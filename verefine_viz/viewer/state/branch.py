@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Verifier, Watcher
 from verefine_viz.core.settings import Change, Session
-from verefine_viz.session.alignment import Key
+from verefine_viz.session.comparison import Key
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
 from verefine_viz.viewer.commands import Changes

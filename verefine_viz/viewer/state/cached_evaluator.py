@@ -18,7 +18,7 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
 from verefine_viz.evaluation.answers import CORRECT
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 
 T = TypeVar("T")
 Key = tuple[Any, ...]
@@ -110,7 +110,7 @@ class CachedEvaluator:
         return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
 
     def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
-        """What :meth:`plausibility` said if it was asked before, else None."""
+        """What :meth:`plausibility` said if it was checked before, else None."""
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
         return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
 
@@ -122,7 +122,7 @@ class CachedEvaluator:
         return self._remember(_pair(one, other), lambda: evaluator(one, other))
 
     def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
-        """Whether :meth:`overlap` was asked before (or need not be), and what it said."""
+        """Whether :meth:`overlap` was checked before (or need not be), and what it said."""
         if self._overlap is None or not are_near(one, other):
             return True, None
         key = _pair(one, other)

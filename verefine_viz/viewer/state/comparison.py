@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from verefine_viz.session.alignment import Timeline, aligned
-from verefine_viz.session.comparison import Differences, differences
+from verefine_viz.session.comparison import Differences, Timeline, Trace, aligned, differences, trace_of
 from verefine_viz.session.engine import Run
-from verefine_viz.session.trace import Trace, trace_of
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.comparison_commands import RunB
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice

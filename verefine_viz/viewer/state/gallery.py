@@ -8,13 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.batch.doubts import doubts_in_words
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, run_folders
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.words import cause_title
+from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.commands import OpenAt
 

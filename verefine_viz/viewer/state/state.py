@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.patience import ENDLESS, Patience
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.session.engine import Run
@@ -84,7 +84,7 @@ class State:
         keep: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         sessions: lists the session files at hand.
         batch: whose answers are listed; None = no batch.
-        patience: asked before anything that may take seconds.
+        progress: checked before anything that may take seconds.
         overlap: tells how deep one placed object is in another; None = not known.
     """
 
@@ -98,10 +98,10 @@ class State:
         keep: Callable[[State, Command], WrittenFile] | None = None,
         sessions: Callable[[], tuple[str, ...]] = tuple,
         batch: Gallery | None = None,
-        patience: Patience = ENDLESS,
+        progress: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility, patience, overlap)
+        self.workspace = Workspace(session, path, make_tools, plausibility, progress, overlap)
         self.browsing = Browsing(batch, self.workspace)
         self.comparison = Comparison(self.workspace)
         self.running = Running()

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.breakpoint_settings import BreakpointSettings
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.listing import first_of, listed
-from verefine_viz.core.patience import ENDLESS, Patience
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Change, Edit, Session
-from verefine_viz.scenes.estimates import asked_estimators
+from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
@@ -146,7 +146,7 @@ class Workspace:
         path: its file, if it has one.
         make_tools: builds the real or fake parts from a session.
         plausibility: see :class:`CachedEvaluator`.
-        patience: asked before anything that may take seconds.
+        progress: checked before anything that may take seconds.
         overlap: see :class:`CachedEvaluator`.
     """
 
@@ -156,17 +156,17 @@ class Workspace:
         path: Path | None,
         make_tools: Callable[[Session], Tools],
         plausibility: Callable[..., Any] | None = None,
-        patience: Patience = ENDLESS,
+        progress: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
     ) -> None:
         self._make_tools = make_tools
-        self._patience = patience
+        self._progress = progress
         self._plausibility, self._overlap = plausibility, overlap
         self.open(session, path)
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""
-        self._patience.ask("Reading the scene: models, pictures, initial poses.")
+        self._progress.checkpoint("Reading the scene: models, pictures, initial poses.")
         tools = self._make_tools(session)
         frames = tools.frames
         if not frames:
@@ -293,7 +293,7 @@ class Workspace:
         from verefine_viz.recording.reader import read_recording
 
         recorded = read_recording(path)
-        self._patience.ask("Reading the scene: models, pictures, initial poses.")
+        self._progress.checkpoint("Reading the scene: models, pictures, initial poses.")
         scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
         session = recorded.session.model_copy(update={"scene": scene})
         tools = self._make_tools(session)
@@ -317,7 +317,7 @@ class Workspace:
 
     def new_branch(self, name: str, tools: Tools, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
-        self._patience.ask(preparing(problem, tools.session))
+        self._progress.checkpoint(preparing(problem, tools.session))
         return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._evaluators(tools))
 
     def _begin(self, tools: Tools, problem: Problem) -> FrameWork:

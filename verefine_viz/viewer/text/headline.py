@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.records import Best, Iteration, Stage, TreeStep
 from verefine_viz.core.settings import Edit
-from verefine_viz.evaluation.errors import add_s_mm
+from verefine_viz.core.text_format import telling_digits
+from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import ClosedPass, SceneState, labels_of
 from verefine_viz.viewer.snapshot.search_tree import Tree, tree_of

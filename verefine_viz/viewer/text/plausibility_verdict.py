@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-from verefine_viz.core.listing import first_of
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import method_of
-from verefine_viz.physics.standing import IMPOSSIBLE_M, PLANE_ID
+from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import method_name

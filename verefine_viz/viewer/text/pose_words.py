@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.digits import telling_digits
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.diagnosis.of_score import preferred
-from verefine_viz.evaluation.errors import PoseErrors, pose_errors
-from verefine_viz.evaluation.turning import Turning, turning_on
+from verefine_viz.core.text_format import telling_digits
+from verefine_viz.diagnosis.score_causes import preferred
+from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
 from verefine_viz.viewer.text.display_names import in_focus, method_name

@@ -1,0 +1,203 @@
+"""Solving one frame: the one code path behind every kind of batch."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from verefine_viz.batch.machine import temporary_folder
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, frame_name
+from verefine_viz.batch.summary import frame_result, left_out_row
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.paths import NO_ROOM, atomic
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Iteration
+from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.session.engine import Run
+from verefine_viz.session.toolbox import Toolbox
+
+# Why objects of a frame came out wrong, written into their rows.
+
+
+def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
+    """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and whose true pose is known.
+
+    Where the data of such a frame do not fit together, that is said as well.
+    """
+    doubts = result.doubts
+    try:
+        diagnoses = diagnose(run, toolbox)
+        found: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
+        # Those of the frame stand in each.
+        doubts = diagnoses[0].doubts if diagnoses else doubts
+    except Exception as error:
+        # The answers are there all the same.
+        why = f"no diagnosis: {type(error).__name__}: {error}"
+        found = {row.instance_id: ("", why) for row in result.objects if row.has_truth and row.is_correct is not True}
+    rows = []
+    for row in result.objects:
+        cause, sentence = found.get(row.instance_id, ("", ""))
+        rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
+    return result.model_copy(update={"objects": tuple(rows), "doubts": doubts})
+
+
+def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """Runs the session's method on one frame, records it below ``out``, and says what came out.
+
+    Whatever goes wrong is part of the answer: a frame that fails must not stop the others.
+    """
+    return _answered(toolbox, frame, out, explain=False)
+
+
+def explain_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """The same, with the causes of wrong answers where ground truth is known; their re-runs take time."""
+    return _answered(toolbox, frame, out, explain=True)
+
+
+def _answered(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
+    started = time.perf_counter()
+    try:
+        result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd", explain)
+    except VerefineError as error:
+        result = failed_frame(frame, str(error), toolbox.session)
+    except Exception as error:
+        result = unforeseen(toolbox, frame, out, error)
+    return result.model_copy(update={"seconds": time.perf_counter() - started})
+
+
+def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> FrameResult:
+    """The result of a frame that failed for a reason nobody foresaw; its traceback is kept below ``out``."""
+    log = out / "errors" / f"{frame_name(frame)}.txt"
+    # On a full disk the frame fails all the same, just without its traceback.
+    with suppress(InputError), atomic(log) as part:
+        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    if isinstance(error, OSError) and error.errno in NO_ROOM and error.filename is None:
+        disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
+        return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
+    where = f" (see errors/{log.name})" if log.is_file() else ""
+    return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)
+
+
+def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> FrameResult:
+    keep, watch = toolbox.session.recording.keep, _Stopwatch()
+    with watch("read"):
+        problem = toolbox.problem(frame)
+    recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier_of)
+    booked = _Booked(recorder, watch)
+    try:
+        with watch("start"):
+            run = toolbox.run(problem, [booked] if keep == "all" else [])
+        with watch("iterate"):
+            run.finish()
+        with watch("summarise"):
+            result = frame_result(run, toolbox.session)
+        if keep == "failures" and result.is_failure:
+            run.fork(run.length, watchers=[booked])  # the recorder sees the whole history
+    except BaseException:
+        # What there is of the recording is kept where it can be; that it ends for another reason is what is told.
+        with suppress(VerefineError):
+            recorder.close()
+        raise
+    with watch("record"):
+        recorder.close()
+    if explain and any(row.has_truth and row.is_correct is not True and row.was_asked_for for row in result.objects):
+        with watch("explain"):
+            result = with_causes(result, run, toolbox)
+    return result.model_copy(update={"stages_ms": watch.stages_ms})
+
+
+class _Stopwatch:
+    """Milliseconds by stage; a stage within another takes its time from it."""
+
+    def __init__(self) -> None:
+        self.stages_ms: dict[str, float] = {}
+        self._stage = ""
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        outer, self._stage = self._stage, stage
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            ms = 1e3 * (time.perf_counter() - started)
+            self._stage = outer
+            self._add(stage, ms)
+            if outer:
+                self._add(outer, -ms)
+
+    def _add(self, stage: str, ms: float) -> None:
+        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + ms
+
+
+class _Booked:
+    """A recorder whose time is booked as such: it watches while a run starts and goes on."""
+
+    def __init__(self, recorder: Recorder, watch: _Stopwatch) -> None:
+        self._recorder, self._watch = recorder, watch
+
+    def on_start(self, state: RunState) -> None:
+        with self._watch("record"):
+            self._recorder.on_start(state)
+
+    def on_iteration(self, state: RunState, iteration: Iteration) -> None:
+        with self._watch("record"):
+            self._recorder.on_iteration(state, iteration)
+
+    def on_finish(self, state: RunState) -> None:
+        with self._watch("record"):
+            self._recorder.on_finish(state)
+
+
+# Initial poses of one frame, with the session's estimator: what ``verefine-viz estimate`` asks workers for.
+
+
+def estimate_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """All hypotheses of a frame as estimates, with the estimator's confidence as their score."""
+    started = time.perf_counter()
+    try:
+        result = _pools(toolbox.problem(frame), toolbox.session.hypotheses.source)
+    except VerefineError as error:
+        result = failed_frame(frame, str(error), toolbox.session)
+    except Exception as error:
+        result = unforeseen(toolbox, frame, out, error)
+    return result.model_copy(update={"seconds": time.perf_counter() - started})
+
+
+def _pools(problem: Problem, estimator: str) -> FrameResult:
+    rows, estimates = [], []
+    for target in problem.targets:
+        instance = target.instance
+        rows.append(
+            ObjectRow(
+                scene_id=problem.scene_id,
+                im_id=problem.im_id,
+                instance_id=instance.instance_id,
+                obj_id=instance.obj_id,
+                name=target.model.name,
+                method=estimator,
+                status="ok" if instance.hypotheses else "no_answer",
+                diameter_mm=target.model.diameter_m * 1e3,
+                visib_fract=instance.visib_fract,
+                n_hypotheses=len(instance.hypotheses),
+                message="" if instance.hypotheses else f"{estimator} found no hypothesis",
+            )
+        )
+        estimates += [
+            Estimate(obj_id=instance.obj_id, score=h.confidence, T_cam_obj=tuple(float(x) for x in h.T_cam_obj.ravel()))
+            for h in instance.hypotheses
+        ]
+    rows += [left_out_row(problem, one, estimator) for one in problem.left_out]
+    return FrameResult(
+        frame=problem.frame,
+        failed=False,
+        seconds=0.0,
+        objects=tuple(rows),
+        estimates=tuple(estimates),
+        n_unreadable=sum(one.is_unreadable for one in problem.left_out),
+    )

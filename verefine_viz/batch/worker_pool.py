@@ -1,0 +1,200 @@
+"""Worker processes, a frame each at a time. One that dies takes at most its frame with it."""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import connection, get_context
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
+from verefine_viz.batch.rows import FrameResult, failed_frame
+from verefine_viz.batch.tasks import TaskName
+from verefine_viz.batch.worker import work
+from verefine_viz.core.settings import Session
+
+TRIES = 2
+"""How often a frame is given out whose worker dies: the reason may have been another process (out of memory)."""
+
+
+@dataclass
+class _Worker:
+    process: BaseProcess
+    channel: connection.Connection
+    out: Path
+    """Folder of the batch whose session it has."""
+    frame: str = ""
+
+    def give(self, frame: str, session: Session, out: Path) -> None:
+        self.frame = frame
+        # If the process has just died, the channel says so when it is read.
+        with suppress(OSError):
+            if self.out != out:
+                self.channel.send((session, out))
+            self.channel.send(frame)
+        self.out = out
+
+    def answer(self) -> FrameResult | str | None:
+        """What it found, or what takes long meanwhile; None where it died instead."""
+        try:
+            return self.channel.recv()
+        except (EOFError, OSError):
+            self.channel.close()
+            self.process.join()
+            return None
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.channel.close()
+
+
+class Pool:
+    """Workers for one session at a time. The first starts at once, so that it imports while others prepare.
+
+    Args:
+        session: what they work on.
+        out: the folder of the batch.
+        n_workers: most processes at a time.
+        task: what they do with each frame.
+        limit_bytes: a worker that holds more than this after a frame is replaced by a new one; None: its share of
+            the machine's memory.
+    """
+
+    def __init__(
+        self, session: Session, out: Path, n_workers: int, task: TaskName = "solve", limit_bytes: int | None = None
+    ) -> None:
+        self._session, self._out, self._n_workers, self._task = session, out, n_workers, task
+        self._given_limit_bytes = limit_bytes
+        self._peak_bytes = 0
+        self._n_renewed = 0
+        self._most = 1
+        self._tries: dict[str, int] = {}
+        self._again: deque[str] = deque()
+        self._said: set[str] = set()
+        self._workers = [self._started()]
+
+    @property
+    def needs(self) -> str:
+        return f"{self._most} × {gigabytes(self._peak_bytes)} in workers" if self._peak_bytes else ""
+
+    @property
+    def warning(self) -> str:
+        if self._peak_bytes <= self._limit_bytes:
+            return ""
+        renewed = f"{self._n_renewed} {'was' if self._n_renewed == 1 else 'were'}"
+        return (
+            f"a worker needs {gigabytes(self._peak_bytes)}, and {self._most} of them may take "
+            f"{gigabytes(self._limit_bytes)} each: {renewed} started anew to free memory; "
+            "fewer --workers, or a higher --worker-memory-gb, is faster"
+        )
+
+    @property
+    def _limit_bytes(self) -> int:
+        """What a worker may hold: memory is shared by those that there are, which few frames keep few."""
+        return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most)
+
+    def turn_to(self, session: Session, out: Path) -> None:
+        """From now on frames are those of another batch; processes stay, which spares seconds of imports each."""
+        self._session, self._out = session, out
+        self._tries.clear()
+        self._again.clear()
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str]:
+        """See :class:`Workers`."""
+        waiting = iter(frames)
+        idle, busy = list(self._workers), list[_Worker]()
+
+        def give_out() -> None:
+            while len(busy) < self._n_workers:
+                # Frames that cost a worker come last, so that the others are done whatever happens.
+                frame = next(waiting, None) or (self._again.popleft() if self._again else None)
+                if frame is None:
+                    return
+                busy.append(idle.pop() if idle else self._added())
+                busy[-1].give(frame, self._session, self._out)
+
+        give_out()
+        while busy:
+            ready = connection.wait([worker.channel for worker in busy])
+            for worker in [w for w in busy if w.channel in ready]:
+                result = worker.answer()
+                if isinstance(result, str):
+                    if result not in self._said:
+                        self._said.add(result)
+                        yield result
+                    continue
+                busy.remove(worker)
+                if result is not None and self._fits(worker):
+                    idle.append(worker)
+                else:
+                    self._remove(worker)
+                if result is None and self._may_try_again(worker.frame):
+                    self._again.append(worker.frame)
+                elif result is None:
+                    result = failed_frame(worker.frame, _last_words(worker.process.exitcode), self._session)
+                give_out()
+                if result is not None:
+                    yield result
+
+    def close(self) -> None:
+        """Ends all workers, also in the middle of a frame."""
+        for worker in self._workers:
+            worker.kill()
+        for worker in self._workers:
+            worker.process.join()
+        self._workers = []
+
+    def _may_try_again(self, frame: str) -> bool:
+        self._tries[frame] = self._tries.get(frame, 0) + 1
+        return self._tries[frame] < TRIES
+
+    def _fits(self, worker: _Worker) -> bool:
+        pid = worker.process.pid
+        if pid is None:
+            return True
+        self._peak_bytes = max(self._peak_bytes, peak_bytes(pid) or 0)
+        fits = (resident_bytes(pid) or 0) <= self._limit_bytes
+        self._n_renewed += not fits
+        return fits
+
+    def _remove(self, worker: _Worker) -> None:
+        worker.kill()
+        worker.process.join()
+        self._workers.remove(worker)
+
+    def _added(self) -> _Worker:
+        self._workers.append(self._started())
+        self._most = max(self._most, len(self._workers))
+        return self._workers[-1]
+
+    def _started(self) -> _Worker:
+        # spawn: an OpenGL context does not survive a fork.
+        context = get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=work, args=(theirs, self._session, self._out, self._task), daemon=True)
+        with interrupts_ignored():
+            process.start()
+        theirs.close()
+        return _Worker(process, ours, self._out)
+
+
+@contextmanager
+def interrupts_ignored() -> Iterator[None]:
+    """Processes started inside do not react to Ctrl-C; this process ends them."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _last_words(exit_code: int | None) -> str:
+    if exit_code is not None and exit_code < 0:
+        return (
+            f"the worker process was killed by {signal.Signals(-exit_code).name} (out of memory, or a library crashed)"
+        )
+    return f"the worker process ended with exit code {exit_code}"

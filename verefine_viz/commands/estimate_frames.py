@@ -1,0 +1,98 @@
+"""What ``verefine-viz estimate`` does: run a session's estimator over its frames and write what it finds."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from verefine_viz.batch.batch_command import unreadable
+from verefine_viz.batch.jobs import check_outside
+from verefine_viz.batch.progress import shown_progress
+from verefine_viz.batch.rows import ObjectRow, read_frames_csv
+from verefine_viz.batch.run_batch import Outcome, Place, run_batch
+from verefine_viz.core.algorithm_settings import DependencySettings
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.paths import atomic, check_file, clear_parts
+from verefine_viz.core.settings import Session
+from verefine_viz.estimators.registry import ESTIMATORS
+from verefine_viz.session.files import load_session
+
+WITHOUT = ("left_out", "no_answer")
+"""How an object without a pose is marked."""
+SHOWN = 10
+"""Objects without a pose that are named; the others are counted."""
+
+
+def write_pools(
+    path: Path, out: Path, overrides: Mapping[str, Any], n_workers: int = 1, retry_failed: bool = False
+) -> int:
+    """Estimates every frame of the session at ``path`` into the results file ``out``; the exit code.
+
+    Frames that fail and objects whose files cannot be read are listed and make it 1; the others are written. Where
+    nothing was found in any frame there is nothing to write. Beside ``out`` lies a journal while something is missing,
+    so that the next start goes on.
+
+    Raises:
+        VerefineError: the session or ``out`` cannot be used.
+    """
+    session = _only_estimating(load_session(path, overrides))
+    if session.hypotheses.source not in ESTIMATORS:
+        raise SettingsError(
+            f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "
+            "say --hypotheses.source ppf"
+        )
+    check_file(out, "pool.csv")
+    check_outside(out, session)
+    clear_parts(out.parent, out.name)
+    journal = out.with_name(f"{out.name}.journal")
+    with shown_progress(out.name, Console(stderr=True)) as tell:
+        outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")
+    rows = read_frames_csv(journal / "frames.csv")
+    n_found = sum(row.n_hypotheses for row in rows)
+    if n_found:
+        with atomic(out) as part:
+            shutil.copyfile(journal / "results.csv", part)
+    # What can be mended comes first: only the first ones are named.
+    lacking = sorted((row for row in rows if row.status in WITHOUT), key=lambda row: WITHOUT.index(row.status))
+    _print_summary(outcome, n_found, [_without(row) for row in lacking], out)
+    if outcome.is_whole:
+        shutil.rmtree(journal)
+    return 0 if outcome.is_whole and n_found else 1
+
+
+def _without(row: ObjectRow) -> str:
+    number = "" if row.instance_id is None else f" (#{row.instance_id})"
+    why = f", {row.message}" if row.status == "left_out" else ""
+    return f"{row.frame}: no hypothesis for {row.name}{number}{why}"
+
+
+def _only_estimating(session: Session) -> Session:
+    """The same without what estimators do not need, and what could therefore only fail: simulator and given order."""
+    physics = session.physics.model_copy(update={"enabled": False})
+    return session.model_copy(update={"physics": physics, "dependency": DependencySettings()})
+
+
+def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    numbers = outcome.totals
+    before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""
+    counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_found} hypotheses"
+    where = f"Results in {out}" if n_found else f"Nothing was found, so {out} was not written"
+    console.print(escape(f"{counts}; {outcome.seconds:.1f} s. {where}"))
+    for line in without[:SHOWN]:
+        console.print(escape(f"frame {line}"))
+    if len(without) > SHOWN:
+        console.print(f"… and {len(without) - SHOWN} more objects without a hypothesis")
+    for frame, why in outcome.failures:
+        console.print(escape(f"frame {frame} failed: {why}"))
+    if outcome.n_failed:
+        console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
+    if outcome.n_unreadable:
+        console.print(unreadable(outcome.n_unreadable, "see above"))
+    for line in (*outcome.notes, *outcome.faults):
+        console.print(escape(line))

@@ -1,0 +1,283 @@
+"""How scores are printed for people: tables, and what should be known about them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterator, Sequence
+from io import TextIOWrapper
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
+from rich.console import Console
+from rich.markup import escape
+from rich.measure import Measurement
+from rich.table import Table
+
+from verefine_viz.batch.folder import SESSION_FILE
+from verefine_viz.batch.index import is_batch_folder
+from verefine_viz.batch.progress import counted_bar
+from verefine_viz.commands.score_json import evaluation_json
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.paths import open_input
+from verefine_viz.evaluation.answers import correct_share, mean_errors
+from verefine_viz.evaluation.averages import Precision, Recalls
+from verefine_viz.evaluation.bop_scores import Scores
+from verefine_viz.evaluation.ground_truth import Task
+from verefine_viz.evaluation.pose_table import Coverage, Covered
+from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
+from verefine_viz.session.files import load_session
+
+# Which frames and objects a batch covered, as its folder says.
+
+
+def covered_by(results: Path) -> Covered | None:
+    """The frames of the batch that wrote a results.csv, failed ones too, and the objects that its session names.
+
+    None where the file does not lie in a batch's folder, or where its frames.csv cannot be read.
+    """
+    folder = results.absolute().parent
+    if results.name != "results.csv" or not is_batch_folder(folder):
+        return None
+    try:
+        # Two columns of many: the rows are not checked as they are for the page.
+        with TextIOWrapper(open_input(folder / "frames.csv"), encoding="utf-8", newline="") as file:
+            images = frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
+    except (VerefineError, OSError, ValueError, KeyError, TypeError, csv.Error):
+        return None
+    return Covered(images, _covered_objects(folder / SESSION_FILE))
+
+
+def _covered_objects(session: Path) -> frozenset[int] | None:
+    """What the session asks for; None = all, also where it cannot be read."""
+    try:
+        return frozenset(load_session(session).scene.objects) or None
+    except VerefineError:
+        return None
+
+
+# Tables in a terminal: narrow, and numbers are never cut.
+
+SHORTEST = 12
+"""What stays of a name at least [characters]."""
+
+
+def narrow_table(names: Sequence[str], numbers: Sequence[str]) -> Table:
+    """A table without lines: ``names`` are the columns of texts, ``numbers`` those behind them."""
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    for name in names:
+        table.add_column(name, overflow="ellipsis", no_wrap=True)
+    for name in numbers:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def print_whole(title: str, table: Table, cut: str) -> None:
+    """Prints a table whose column ``cut`` gives way where the terminal is too narrow; others stay whole.
+
+    Where even that is not enough, lines are longer than the terminal is wide.
+    """
+    console = Console(highlight=False)
+    console.print(f"[italic]{escape(title)}[/]", soft_wrap=True)
+    too_wide = _width(console, table) - console.width
+    if too_wide > 0:
+        column = next(c for c in table.columns if c.header == cut)
+        longest = max(cell_len(str(cell)) for cell in (column.header, *column.cells))
+        column.max_width = max(longest - too_wide, min(longest, SHORTEST))
+    Console(highlight=False, width=max(console.width, _width(console, table))).print(table)
+
+
+def _width(console: Console, table: Table) -> int:
+    """How wide a table is if nothing is cut."""
+    return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+
+
+OWN = {"run": "only the images that each run covered", "file": "only the images that each file names"}
+"""Which images a score is about that is not about all targets, by how these are known."""
+OWN_OBJECTS = "only the images and objects that each run was to solve"
+"""The same, where a run was to solve some objects only."""
+
+
+def print_scores(
+    files: Sequence[Path],
+    dataset: Path,
+    split: str,
+    targets: Path | None,
+    task: Task | None,
+    workers: int,
+    as_json: bool,
+    per_object: bool,
+) -> None:
+    """Scores the files and prints what was found.
+
+    Raises:
+        VerefineError: a file or the data set cannot be used.
+    """
+    with counted_bar("images") as tell:
+        found = evaluate_files(
+            files, dataset, split, targets, task, workers, lambda done, total: tell("images", done, total), covered_by
+        )
+    if as_json:
+        print(json.dumps(evaluation_json(found), indent=2, ensure_ascii=False, allow_nan=False))
+        return
+    console = Console(highlight=False)
+    for title, table in _overviews(found):
+        print_whole(title, table, "method")
+    if per_object:
+        for title, table in _by_object(found):
+            print_whole(title, table, "object")
+    for line in (*_remarks(found), *found.notes):
+        console.print(escape(line), soft_wrap=True)
+    console.print(f"measured in {found.seconds:.1f} s")
+
+
+def _overviews(found: Evaluation) -> Iterator[tuple[str, Table]]:
+    """Titles and tables: the official score, runs over fewer images before it, files that name fewer after it."""
+    runs, files = (list(_own(found, how)) for how in OWN)
+    if runs:
+        few = any(own and own.objects for own in found.own)
+        yield (
+            _title(found, OWN_OBJECTS if few else OWN["run"]),
+            _overview(runs, ("images", "objects") if few else ("images",)),
+        )
+    n_targets, is_all = found.scores[0].counts.targets, not runs and not files
+    official = " (official score)" if found.is_official else ""
+    asked = f"{n_targets} targets" if is_all else f"all {n_targets} targets{official}"
+    yield _title(found, f"{found.targets}, {asked}"), _overview([(score, ()) for score in found.scores])
+    if files:
+        yield _title(found, OWN["file"]), _overview(files, ("images",))
+
+
+def _own(found: Evaluation, how: str) -> Iterator[tuple[Scores, tuple[str, ...]]]:
+    """Scores over the part that is a file's own, and how many of all images and objects this holds."""
+    for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
+        if own is not None and score.own is not None and own.known_from == how:
+            of = f"/{covered.objects_asked}" if covered.objects_asked else ""
+            objects = "all" if own.objects is None else f"{len(own.objects)}{of}"
+            yield score.own, (f"{len(own.images)}/{covered.images_asked}", objects)
+
+
+def _title(found: Evaluation, what: str) -> str:
+    return f"{found.dataset}/{found.split}, {what}: {_measure(found.scores[0])} [%]"
+
+
+def _overview(shown: Sequence[tuple[Scores, tuple[str, ...]]], about: tuple[str, ...] = ()) -> Table:
+    """A row for each of some scores; ``about`` names those of the cells beside it that need to be said."""
+    is_timed = any(score.mean_time_s >= 0 for score, _ in shown)
+    heads = (*about, *_heads(shown[0][0]), "missing", *(["s/image"] if is_timed else []))
+    table = narrow_table(["method"], heads)
+    for score, covered in shown:
+        seconds = [f"{score.mean_time_s:.3g}" if score.mean_time_s >= 0 else "-"] if is_timed else []
+        table.add_row(escape(score.name), *covered[: len(about)], *_numbers(score), str(score.counts.missing), *seconds)
+    return table
+
+
+def _measure(score: Scores) -> str:
+    return "average recall" if score.precision is None else "mean average precision"
+
+
+def _heads(score: Scores) -> tuple[str, ...]:
+    if score.precision is not None:
+        return "mAP", "MSSD", "MSPD", "MSSD 2-20 mm"
+    return "AR", "VSD", "MSSD", "MSPD", "ADD(-S)", "r̄ °", "t̄ mm"
+
+
+def _numbers(score: Scores) -> list[str]:
+    if score.precision is not None:
+        return _precisions(score.precision)
+    assert score.recalls is not None
+    return [*_recalls(score.recalls), *_means(score)]
+
+
+def _precisions(p: Precision) -> list[str]:
+    return [_percent(x) for x in (p.map, p.mssd, p.mspd, p.mssd_mm)]
+
+
+def _recalls(r: Recalls) -> list[str]:
+    return [_percent(x) for x in (r.ar, r.ar_vsd, r.ar_mssd, r.ar_mspd)]
+
+
+def _means(score: Scores, obj_id: int | None = None) -> list[str]:
+    mine = [a for a in score.answers if obj_id in (None, a.obj_id)]
+    return [_percent(correct_share(mine)), *("-" if math.isnan(x) else f"{x:.1f}" for x in mean_errors(mine))]
+
+
+def _percent(share: float) -> str:
+    return "-" if math.isnan(share) else f"{100 * share:.1f}"
+
+
+def _by_object(found: Evaluation) -> Iterator[tuple[str, Table]]:
+    """Titles and tables, one for each file; of a run over fewer images or objects, only over these."""
+    for score, own, covered in zip(found.scores, found.own, found.coverage, strict=True):
+        if own is not None and score.own is not None and own.known_from == "run":
+            only = "" if own.objects is None else f"object {', '.join(map(str, sorted(own.objects)))} in "
+            what = f"{only}the {len(own.images)} of {covered.images_asked} images that the run covered"
+            yield f"{score.name}, {what}: {_measure(score)} [%]", _objects(score.own, found.names)
+        else:
+            yield f"{score.name}: {_measure(score)} [%]", _objects(score, found.names)
+
+
+def _objects(score: Scores, names: dict[int, str]) -> Table:
+    table = narrow_table(["#", "object"], [*_heads(score), "targets" if score.precision else "missing"])
+    for obj_id, precision in score.precision_by_object.items():
+        numbers = *_precisions(precision), str(precision.n_targets)
+        table.add_row(str(obj_id), escape(names.get(obj_id, "")), *numbers)
+    for obj_id, recalls in score.recalls_by_object.items():
+        missing = sum(a.row is None for a in score.answers if a.obj_id == obj_id)
+        numbers = *_recalls(recalls), *_means(score, obj_id), f"{missing}/{recalls.n_targets}"
+        table.add_row(str(obj_id), escape(names.get(obj_id, "")), *numbers)
+    return table
+
+
+def _remarks(found: Evaluation) -> list[str]:
+    """What a person should know about each results file, a sentence each, and what the columns mean."""
+    lines = []
+    by_file = any(own is not None and own.known_from == "file" for own in found.own)
+    for score, covered, own in zip(found.scores, found.coverage, found.own, strict=True):
+        lines += [f"{score.name}: {what}" for what in (*_covered(covered, score), *_rows(score))]
+        if by_file and own is None and not covered.is_whole:
+            lines.append(
+                f"{score.name}: has no row in the table about {OWN['file'].removeprefix('only ')}, as its run covered "
+                "all images: where it has no estimate, it found nothing"
+            )
+    if found.scores[0].task == "localization":
+        lines.append(
+            "ADD(-S): targets with less than 10 % of the diameter, over all vertices of the model (in frames.csv "
+            "over points sampled on its surface, which differs by some percent); r̄, t̄: mean errors of those "
+            "with a pose; missing: those without"
+        )
+    return lines
+
+
+def _covered(covered: Coverage, score: Scores) -> list[str]:
+    """What a file says nothing about, and which of its rows are no poses."""
+    lines, counts = [], score.counts
+    if not covered.is_whole or counts.missing:
+        objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
+        lines.append(
+            f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for, "
+            f"{counts.answered} of {counts.targets} instances; a score over all of them counts the others as not found"
+        )
+    if covered.not_finite:
+        lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")
+    if covered.not_ranked:
+        lines.append(
+            f"{covered.not_ranked} rows have no number as score, so which of several rows come first is chance"
+        )
+    if covered.not_rigid:
+        lines.append(f"in {covered.not_rigid} rows R is no rotation; errors are measured with R as it is written")
+    return lines
+
+
+def _rows(score: Scores) -> list[str]:
+    """What became of rows that were not scored."""
+    counts, lines = score.counts, []
+    if counts.unasked:
+        ids = "scenes, images or objects that the targets do not name"
+        lines.append(f"{counts.unasked} of {counts.rows} rows are about {ids}, and were ignored")
+    if counts.surplus:
+        limit = "the instances asked for" if score.task == "localization" else "the limit of an image"
+        lines.append(f"{counts.surplus} rows beyond {limit} were left out, the lowest scores")
+    return lines

@@ -1,0 +1,198 @@
+"""Settings of refiners, estimators, tree search, dependency graph and breakpoints."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from verefine_viz.core.setting_types import (
+    Count,
+    Index,
+    InputPath,
+    LargeCount,
+    Length,
+    LengthOrNone,
+    Order,
+    Seed,
+    Settings,
+    Share,
+    Weight,
+)
+
+
+class IcpSettings(Settings):
+    """Point-to-point (or point-to-plane) ICP. docs/methods.md 4.1."""
+
+    metric: Literal["point", "plane"] = "point"
+    """Distance that a step minimises."""
+    stop: Literal["published", "max_iterations", "tolerance"] = "max_iterations"
+    """published: stops after 2 inner iterations, as the authors' PCL settings do. max_iterations: always runs them all.
+    tolerance: until the step is below 1e-6."""
+    max_iterations: Count = 10
+    """Inner iterations per refiner call."""
+    gate: Literal["shrinking", "published"] = "shrinking"
+    """Largest distance of a correspondence. published: 0.1 × the observed cloud's largest extent, which leaves far
+    starts untouched. shrinking: starts at 0.5 of it and tightens to the published gate."""
+    matches: Literal["same_side", "all"] = "same_side"
+    """Which correspondences within the gate count. all: every one (published). same_side: those whose observed and
+    model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
+
+
+class TricpSettings(Settings):
+    """Trimmed ICP. docs/methods.md 4.2."""
+
+    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""
+    energy_ratio: Share = 0.99
+    """A pass that leaves more than this share of the energy before is the last."""
+    max_passes: Count = 50
+    """Most passes of a call."""
+    explained_m: LengthOrNone = 0.008
+    """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
+
+
+# What can be set of the estimators, which propose initial poses from depth and model alone.
+
+
+class PpfSettings(Settings):
+    """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
+
+    step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Grid of model and scene points as a share of the diameter."""
+    distance_bin: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    """Bin of distances as a share of the diameter."""
+    angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
+    """Bin of the three angles [deg]."""
+    bin_limit: LargeCount = 1000
+    """Most model pairs kept in a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
+    reference_every: Count = 5
+    """Every n-th scene point is a reference."""
+    turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
+    """Bins of the turn about the reference's normal, 360° together."""
+    peaks: Annotated[int, Field(ge=1, le=100)] = 4
+    """Most poses that a reference proposes."""
+    cluster_share: Share = 0.1
+    """Poses nearer than this share of the diameter, and …"""
+    cluster_deg: Annotated[float, Field(gt=0, lt=180, allow_inf_nan=False)] = 18.0
+    """… turned by less than this are one hypothesis [deg]."""
+    candidates: Count = 60
+    """Clusters with most votes that are ranked by their agreement with the depth image."""
+    tolerance: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.03
+    """Depths that differ by less than this share of the diameter agree."""
+    seed: Seed = 0
+    """Seeds the points drawn on the model."""
+
+
+class PcsSettings(Settings):
+    """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
+
+    delta_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.0035
+    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
+    grid_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.005
+    """Side of the grid that thins segment and model [m]."""
+    part_share: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.1
+    """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
+    leaves such. 0 keeps all (published code)."""
+    samples: Annotated[int, Field(ge=1, le=2000)] = 300
+    """Points of the model, spread evenly, of which those that lie on the segment are counted."""
+    spacing_m: LengthOrNone = 0.014
+    """Those of them that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
+    power of the number of points. 0 takes all (published code)."""
+    bases: LargeCount = 100
+    """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
+    quads: LargeCount = 1000
+    """Most quads of a base that are looked at, a random choice."""
+    keep_share: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
+    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
+    cluster is often none of the good poses."""
+    bins: Count = 2000
+    """Most bins, the best ones, that go into the clusters."""
+    seed: Seed = 0
+    """Seeds bases, quads and clusters."""
+
+
+# What can be set of the tree search over a whole scene.
+
+
+class MctsSettings(Settings):
+    """PHYSIM-MCTS, the system that the paper compares with. docs/methods.md 3."""
+
+    expansions: LargeCount = 50
+    """Budget in expansions per object."""
+    seconds: Annotated[float, Field(gt=0, le=86_400, allow_inf_nan=False)] | None = None
+    """Budget in computing time per cluster instead [s]; results then depend on the machine."""
+    exploration_px: Weight = 5000.0
+    """α, weight of the exploration term [px]."""
+    explained_m: Length = 0.010
+    """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
+    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    """Trim of its trimmed ICP."""
+    physics: Literal["published", "session"] = "published"
+    """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
+
+
+# What can be set of the order in which the objects of a scene are solved.
+
+
+class DependencySettings(Settings):
+    """Which objects touch, hide or carry which, and hence in which order they are solved. docs/methods.md 2."""
+
+    rule: Literal["recommended", "published"] = "recommended"
+    """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
+    one pixel form a cluster, lower tops come first."""
+    order: Order = ()
+    """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
+    is there twice, as [[8, 2], [3]]."""
+    order_file: InputPath = ""
+    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file."""
+    cut: tuple[tuple[Index, Index], ...] = ()
+    """Pairs of instances between which no edge is to count."""
+    contact_m: Length = 0.015
+    """Visible clouds nearer than this may touch [m]."""
+    border_px: Annotated[int, Field(ge=1, le=100)] = 3
+    """Width of the common border of two masks [px]."""
+    occlusion_m: Length = 0.010
+    """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
+    footprint_share: Share = 0.1
+    """An object lies over another if more than this share of its footprint does."""
+    base_m: Length = 0.020
+    """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
+
+
+# Settings of breakpoints.
+
+MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
+"""The largest number of each breakpoint that has one; what happens never exceeds it."""
+
+
+class ThresholdSettings(Settings):
+    """Breakpoints with a number; unset = never."""
+
+    score_falls_by: Annotated[float, Field(ge=0, le=MOST["score_falls_by"])] | None = None
+    """The accepted score is lower than the arm's previous one by more than this [score]."""
+    jump_mm: Annotated[float, Field(ge=0, le=MOST["jump_mm"])] | None = None
+    """The accepted pose moved further than this [mm]."""
+    jump_deg: Annotated[float, Field(ge=0, le=MOST["jump_deg"])] | None = None
+    """The accepted pose turned further than this [deg]."""
+    error_grows_by_mm: Annotated[float, Field(ge=0, le=MOST["error_grows_by_mm"])] | None = None
+    """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
+
+
+class BreakpointSettings(ThresholdSettings):
+    """When a running method should stop and wait; unset = never."""
+
+    simulated_rejected: bool = False
+    """The refined pose was kept instead of the simulated one, by however little: the usual case."""
+    refined_rejected: bool = False
+    """The simulated pose was kept instead of the refined one."""
+    arm_switched: bool = False
+    """The bandit chose another hypothesis than before."""
+    unstable: bool = False
+    """The object touches something and would tip: its centre of mass is outside its support after the simulation."""
+    physics_worse: bool = False
+    """The simulated pose scores at least 0.2 less than the pose it began with."""
+    empty_render: bool = False
+    """A pose rendered to nothing, or its score was not a number."""
+    waiting: ThresholdSettings = ThresholdSettings()
+    """Numbers of breakpoints that are off, for when they are switched on: the page keeps them."""

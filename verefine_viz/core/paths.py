@@ -1,0 +1,285 @@
+"""Paths, input files, whole-or-nothing writes and lock files."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import stat
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from verefine_viz.core.errors import InputError, quoted
+
+LEVELS_BELOW = 3
+"""How far below a folder, named by mistake, what was meant is looked for."""
+_ABOUT_PLACES = (
+    errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
+)  # fmt: skip
+"""What the system says about a place, not about what is written there."""
+
+
+def at_home(text: str) -> Path:
+    """The path that a person typed: "~" is the home folder; "~name" stays as it is where nobody is called so."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        return Path(text)
+
+
+def why_not(path: Path, error: OSError) -> str:
+    """What is wrong with which part of a path that could not be made or written: "/a/b is a file, not a folder"."""
+    said = error.strerror or str(error)
+    if error.errno not in _ABOUT_PLACES:
+        return said
+    there = _there(path)
+    if there.is_symlink() and not there.exists():
+        return f"{there} is a link to {there.readlink()}, which does not exist"
+    is_folder = there.is_dir()
+    if there == path and is_folder and error.errno in (errno.EISDIR, errno.ENOTEMPTY, errno.EEXIST):
+        return f"{there} is a folder"
+    if not is_folder and (there != path or error.errno in (errno.EEXIST, errno.ENOTDIR)):
+        return f"{there} is a file, not a folder"
+    shown = Path.cwd() if there == Path() else there
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"no permission to write {'in ' if is_folder else ''}{shown}"
+    return f"{shown} is read-only" if error.errno == errno.EROFS else f"nothing can be made in {shown} ({said})"
+
+
+def check_folder(path: Path, option: str = "--out") -> None:
+    """Tries whether a folder that an option names can be made and written to; nothing is left behind.
+
+    Raises:
+        InputError: it is a file, or cannot be made or written to.
+    """
+    if _there(path) == path and path.is_file():
+        raise InputError(f"{option} {path} is a file, expected a folder")
+    _try(path, f"{option} {path}", option)
+
+
+def check_file(path: Path, example: str, option: str = "--out") -> None:
+    """The same for a file that an option names.
+
+    Args:
+        path: the file.
+        example: a name that it could have.
+        option: the option.
+
+    Raises:
+        InputError: it is a folder, or cannot be written.
+    """
+    if _there(path) == path and path.is_dir():
+        raise InputError(f"{option} {path} is a folder, expected the name of a file, for example {path / example}")
+    if is_special(path):
+        raise InputError(f"{option} {path} is a device or a pipe, expected the name of a file, for example {example}")
+    _try(path.parent, f"{option} {path}", option)
+
+
+def is_special(path: Path) -> bool:
+    """Whether something lies there whose place a file must not take: a device, a pipe, a socket."""
+    try:
+        return path.exists() and not (path.is_file() or path.is_dir())
+    except OSError:
+        return False
+
+
+def _try(folder: Path, what: str, option: str) -> None:
+    try:
+        with suppress(FileNotFoundError):
+            os.stat(folder)  # noqa: PTH116 (a name that is too long, a loop of links)
+        with tempfile.TemporaryFile(dir=_there(folder)):
+            pass
+    except OSError as error:
+        why = why_not(folder / "file", error)
+        raise InputError(f"cannot write to {what}: {why}; choose another {option}") from None
+
+
+def _there(path: Path) -> Path:
+    """The longest part of a path that exists, also if it is a link to nothing."""
+    # Without an error where nobody may look.
+    return next((place for place in (path, *path.parents) if os.path.lexists(place)), path)
+
+
+# Opens input files: a pipe, a device, a loop of links or a NUL in a name is one clear line and no hang.
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def open_input(path: Path, label: str = "") -> BinaryIO:
+    """The regular file at ``path``, open for reading; the caller closes it.
+
+    Args:
+        path: the file; links are followed.
+        label: what the file is, before its path in messages ("session file").
+
+    Raises:
+        InputError: it is missing, cannot be read, or is no regular file.
+    """
+    name = f"{label} {path}".lstrip()
+    try:
+        # Before it is opened: opening a device can do something, and opening a pipe waits for its other end.
+        _check_regular(os.stat(path), name)  # noqa: PTH116
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise InputError(f"{name} does not exist") from None
+    except ValueError:
+        raise InputError(f"{label} {quoted(str(path))} is no path: it holds a NUL character".lstrip()) from None
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    try:
+        _check_regular(os.fstat(descriptor), name)  # It may have been replaced in between.
+    except InputError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
+def read_input(path: Path, label: str = "") -> bytes:
+    """All bytes of the regular file at ``path``; as :func:`open_input`.
+
+    Raises:
+        InputError: it is missing, cannot be read, or is no regular file.
+    """
+    with open_input(path, label) as file:
+        try:
+            return file.read()
+        except OSError as error:
+            raise InputError(f"{label} {path} cannot be read: {error.strerror}".lstrip()) from None
+
+
+def check_input(path: Path, label: str = "") -> None:
+    """Nothing, if ``path`` can be opened by a library that takes a path; as :func:`open_input`.
+
+    Raises:
+        InputError: it is missing, cannot be read, or is no regular file.
+    """
+    open_input(path, label).close()
+
+
+def _check_regular(status: os.stat_result, name: str) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kind = next((kind for is_kind, kind in _KINDS if is_kind(status.st_mode)), "something else")
+        raise InputError(f"{name} is {kind}, expected a file")
+
+
+# Files are written whole or not at all.
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says when a disk, a quota or a file is full."""
+_PART = re.compile(r".+\.(\d+)-\d+\.part")
+"""The name of a half-written file: the file's own, then its writer's process and thread."""
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A path to write to, beside ``path``; it takes the place of ``path`` when the block ends without an error.
+
+    Raises:
+        InputError: the file cannot be written; nothing half-written stays.
+    """
+    # Named after its writer: two processes, or threads, that write the same file must not share what is half-written.
+    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.part")
+    if is_special(path):
+        raise InputError(f"cannot write {path}: it is a device or a pipe, expected a file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {why_not(path, error)}") from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def clear_parts(folder: Path, of: str = "") -> None:
+    """Removes what killed processes left half-written in a folder; what others are just writing stays.
+
+    Args:
+        folder: it need not be there.
+        of: how the names of the files begin that are meant.
+    """
+    for part in folder.glob("*.part"):
+        writer = _PART.fullmatch(part.name)
+        if writer and part.name.startswith(of) and not _is_running(int(writer[1])):
+            with suppress(OSError):
+                part.unlink()
+
+
+def _is_running(pid: int) -> bool:
+    if pid == os.getpid():
+        return True
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True  # It belongs to another user.
+    return True
+
+
+# Lock files: held by one process at a time, released by the system when that process ends, however it ends.
+#
+# A lock file may be one that holds something (a journal). It is opened without being emptied, and never through a
+# link:
+# what a link leads to belongs to somebody else.
+
+
+def try_lock(file: Path) -> BinaryIO | None:
+    """Takes the lock; None where another process holds it.
+
+    Args:
+        file: is made if it is not there; its folder is there.
+
+    Returns:
+        The file, open for reading and writing; closing it lets go of the lock.
+
+    Raises:
+        InputError: it is a link, no regular file, or cannot be written.
+    """
+    lock = _opened(file)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        return None
+    return lock
+
+
+def wait_for_lock(file: Path) -> BinaryIO:
+    """As :func:`try_lock`, but waits until no other process holds it."""
+    lock = _opened(file)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    except BaseException:
+        lock.close()
+        raise
+    return lock
+
+
+def _opened(file: Path) -> BinaryIO:
+    # Not blocking: opening a pipe would wait for its other end.
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(file, flags, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP and file.is_symlink():
+            raise InputError(
+                f"cannot write {file}: it is a link to {file.readlink()}, expected a file; remove the link"
+            ) from None
+        raise InputError(f"cannot write {file}: {why_not(file, error)}") from None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise InputError(f"cannot write {file}: it is no regular file, expected one")
+    return os.fdopen(descriptor, "r+b")

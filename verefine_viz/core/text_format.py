@@ -1,0 +1,58 @@
+"""Lists of names in one line, and how many decimals a sentence needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import accumulate
+
+LONGEST = 220
+"""A list of names in a message is cut when it is longer [characters]."""
+LONGEST_NUMBERS = 100
+"""The same of numbers, which say less."""
+MOST_NAMED = 6
+"""Files or folders that a message names, where long paths would hide what it says."""
+
+
+def listed(names: Iterable[object]) -> str:
+    """Names in one line, numbers as "1-21, 30"; of more than a line takes the first ones, and how many there are."""
+    names = list(names)
+    numbers = [name for name in names if isinstance(name, int)]
+    are_numbers = len(numbers) == len(names)
+    texts, most = (_ranges(numbers), LONGEST_NUMBERS) if are_numbers else ([str(name) for name in names], LONGEST)
+    whole = ", ".join(texts)
+    if len(whole) <= most or len(texts) == 1:
+        return whole or "none"
+    n_shown = max(1, sum(end - 2 <= most for end in accumulate(len(text) + 2 for text in texts)))
+    return f"{', '.join(texts[:n_shown])}, … ({len(names)} in all)"
+
+
+def first_of(names: Sequence[object], most: int, between: str = ", ") -> str:
+    """The first ``most`` names, and how many more there are, as in: ``a, b and 3 more``; "" of none.
+
+    Sentences are set apart by ``between = "; "``, the last one too.
+    """
+    shown = between.join(str(name) for name in names[:most])
+    n_more = len(names) - most
+    return f"{shown}{';' * (between == '; ')} and {n_more} more" if n_more > 0 else shown
+
+
+def _ranges(numbers: Iterable[int]) -> list[str]:
+    """["1-21", "30", "31"] of 1, 2, …, 21, 30, 31: from four numbers on, those that follow each other are one."""
+    runs: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return [text for run in runs for text in ([f"{run[0]}-{run[-1]}"] if len(run) > 3 else map(str, run))]
+
+
+# How many decimals a sentence needs, so that what it compares can be told apart.
+
+
+def telling_digits(lead: float) -> int:
+    """As many decimals as it takes to see that one of two numbers, or of two sums of two, is larger by ``lead`` ≥ 0.
+
+    Two where that shows, or where nothing does; six at most.
+    """
+    return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead > 0 else 2)

@@ -1,0 +1,201 @@
+"""Causes that lie in what the method was given: an unknown symmetry, poses in metres, the depth image, the mask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.errors import NoSupportError
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Target
+from verefine_viz.diagnosis.case import Case
+from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.diagnosis.pose_units import UNITS, of_another_unit
+from verefine_viz.diagnosis.symmetry import undeclared_turn
+from verefine_viz.observation.normals import estimate_normals
+from verefine_viz.observation.observed_frame import segment_cloud
+from verefine_viz.observation.support_plane import Gravity, find_support
+
+MISSING_SHARE = 0.4
+"""More of the object's pixels without depth are worth a re-run."""
+LEAK_SHARE = 0.12
+"""More of the mask beside the object is worth a re-run."""
+MISS_SHARE = 0.25
+"""More of the object beside the mask is worth a re-run."""
+BORDER_PX = 2
+"""Masks are not expected to be more exact than this [px]."""
+
+
+def symmetric(case: Case) -> Finding | None:
+    """The object has the same shape where the estimate is, and its model declares no such symmetry."""
+    if case.answer is None:
+        return None
+    found = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_true, case.threshold)
+    if found is None:
+        return None
+    return Finding(
+        Cause.SYMMETRIC,
+        found.in_words(case.name),
+        {"turn_deg": found.turn_deg, "error": found.error, "error_with_symmetry": found.error_with_symmetry},
+        True,
+    )
+
+
+def unit(case: Case) -> Finding | None:
+    """Initial poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
+    diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
+    units = [of_another_unit(h.T_cam_obj, case.T_true, diameter_m) for h in given]
+    wrong = [name for name in units if name]
+    if not wrong:
+        return None
+    poses = [_in_millimetres(h.T_cam_obj, name) for h, name in zip(given, units, strict=True)]
+    again = case.rerun("initial poses in millimetres", case.with_pool(*poses))
+    whose = "The translation of the only hypothesis"
+    if len(units) > 1:
+        whose = f"The translation{'s' * (len(wrong) > 1)} of {len(wrong)} of {len(units)} hypotheses"
+    factor = UNITS[wrong[0]]
+    return Finding(
+        Cause.UNIT,
+        f"{whose} of the {case.name} look{'s' * (len(wrong) == 1)} like {wrong[0]}, where millimetres are expected; "
+        f"with {factor:g} × t {instead(again.error, case.error)}.",
+        {
+            "hypotheses": float(len(units)),
+            "hypotheses_in_another_unit": float(len(wrong)),
+            "factor": factor,
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        again.repaired,
+    )
+
+
+def _in_millimetres(T_est: Float, unit: str) -> Float:
+    return transform(T_est[:3, :3], UNITS.get(unit, 1.0) * T_est[:3, 3])
+
+
+def depth(case: Case) -> Finding | None:
+    """Depth is missing on the object, lies beside it, or has another scale; decided by a re-run with it put right."""
+    off = case.frame.registration
+    if off.is_off:
+        return _unregistered(case)
+    outline = case.frame.outline(case.instance_id)
+    if not outline.any():
+        return None
+    empty = outline & (case.target.observation.depth_m <= 0)
+    missing = float(np.count_nonzero(empty) / np.count_nonzero(outline))
+    if missing < MISSING_SHARE:
+        return None
+    depth_m = np.where(empty, case.frame.depth_m, case.target.observation.depth_m)
+    again = case.rerun("depth filled in", _with_depth(case, depth_m, keep_support=True))
+    then = f"with it {instead(again.error, case.error)}"
+    return Finding(
+        Cause.DEPTH,
+        f"{missing:.0%} of the {case.name}'s pixels have no depth; {then}.",
+        {"missing_share": missing, "error": case.error, "error_repaired": again.error},
+        again.repaired,
+    )
+
+
+def _unregistered(case: Case) -> Finding:
+    off = case.frame.registration
+    again = case.rerun("depth put right", _with_depth(case, case.frame.observed_m, keep_support=False))
+    right, down = off.shift_px
+    if abs(off.scale - 1) > 0:
+        how = f"Depth is {off.scale:.3g} times what it should be"
+    else:
+        how = f"The depth image lies {abs(right)} px to the {'right' if right > 0 else 'left'}"
+        how += f" and {abs(down)} px {'below' if down > 0 else 'above'} the mask" if down else " of the mask"
+    then = f"put right, {instead(again.error, case.error)}"
+    evidence = {
+        "shift_right_px": float(right),
+        "shift_down_px": float(down),
+        "scale": off.scale,
+        "agreement": off.agreement,
+        "agreement_repaired": off.best_agreement,
+        "error": case.error,
+        "error_repaired": again.error,
+    }
+    return Finding(Cause.DEPTH, f"{how}; {then}.", evidence, again.repaired)
+
+
+def mask(case: Case) -> Finding | None:
+    """The mask covers something else, or not all of the object; decided by a re-run with the true outline."""
+    outline, given = case.frame.outline(case.instance_id), case.target.instance.mask
+    if not outline.any():
+        return None
+    leak = _share_outside(given, _grown(outline))
+    miss = _share_outside(_shrunk(outline), given)
+    if leak < LEAK_SHARE and miss < MISS_SHARE:
+        return None
+    again = case.rerun("true mask", _with_mask(case, outline))
+    wrong = []
+    if leak >= LEAK_SHARE:
+        wrong.append(f"{leak:.0%} of the mask lies beside the {case.name}")
+    if miss >= MISS_SHARE:
+        wrong.append(f"the mask leaves out {miss:.0%} of the {case.name}")
+    said = " and ".join(wrong)
+    return Finding(
+        Cause.MASK,
+        f"{said[0].upper()}{said[1:]}; with the true outline {instead(again.error, case.error)}.",
+        {"leak_share": leak, "miss_share": miss, "error": case.error, "error_repaired": again.error},
+        again.repaired,
+    )
+
+
+INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (symmetric, unit, depth, mask)
+
+
+def _with_depth(case: Case, depth_m: NDArray[np.floating], keep_support: bool) -> Target:
+    """The target with another depth image and all that follows from it."""
+    observation, instance = case.target.observation, case.target.instance
+    depth = np.ascontiguousarray(depth_m, dtype=np.float32)
+    normals = estimate_normals(depth, observation.camera)
+    changed = replace(observation, depth_m=depth, normals_cam=normals)
+    if not keep_support:
+        changed = _with_support_of(changed, case)
+    settings = case.lab.toolbox.session.scene
+    cloud = segment_cloud(depth, observation.camera, instance.mask, settings.cloud_points, settings.seed)
+    return Target(changed, replace(instance, points_cam=cloud), case.target.model)
+
+
+def _with_support_of(observation: Observation, case: Case) -> Observation:
+    """The observation with the plane that its own depth shows, and gravity as it was known before."""
+    before = case.target.observation.support
+    seed = case.lab.toolbox.session.scene.seed
+    gravity: Gravity = "plane"
+    if before is not None and before.gravity_source != "plane":
+        x, y, z = (-before.T_world_cam[2, :3]).tolist()
+        gravity = (x, y, z)
+    try:
+        support = find_support(observation.depth_m, observation.camera, observation.object_mask, gravity, None, seed)
+    except NoSupportError as error:
+        return replace(observation, support=None, support_note=str(error))
+    return replace(observation, support=support)
+
+
+def _with_mask(case: Case, outline: Mask) -> Target:
+    observation, instance = case.target.observation, case.target.instance
+    settings = case.lab.toolbox.session.scene
+    union = (observation.object_mask & ~instance.mask) | outline
+    cloud = segment_cloud(observation.depth_m, observation.camera, outline, settings.cloud_points, settings.seed)
+    changed = replace(instance, mask=outline, points_cam=cloud)
+    return Target(replace(observation, object_mask=union), changed, case.target.model)
+
+
+def _share_outside(inner: Mask, outer: Mask) -> float:
+    """Share of a mask that lies outside of another, in [0, 1]."""
+    return float(np.count_nonzero(inner & ~outer) / max(np.count_nonzero(inner), 1))
+
+
+def _grown(m: Mask) -> Mask:
+    return np.asarray(binary_dilation(m, iterations=BORDER_PX), dtype=bool)
+
+
+def _shrunk(m: Mask) -> Mask:
+    return np.asarray(binary_erosion(m, iterations=BORDER_PX), dtype=bool)

@@ -1,0 +1,224 @@
+"""Causes that lie in the scene around the object: a misplaced neighbour, the plane, colliders, the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import angle_between, apply
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Hypothesis, Placed, Target
+from verefine_viz.core.records import Iteration
+from verefine_viz.diagnosis.case import Case, ErrorOf, Rerun
+from verefine_viz.diagnosis.causes import Cause, Finding, instead
+
+TILT_DEG = 4.0
+"""A plane tilted by less than this is good enough [deg]."""
+OFF_M = 0.008
+"""A plane less far from the objects' feet than this is good enough [m]."""
+GRAVITY_DEG = 12.0
+"""Gravity this far from the plane's normal is worth a re-run [deg]."""
+COARSE_SHARE = 0.03
+"""A collider that is further from its mesh than this share of the diameter is worth a re-run."""
+PUSH = 0.02
+"""A simulation that adds less than this to the error (share of the diameter) pushes nothing away."""
+
+
+def neighbour(case: Case) -> Finding | None:
+    """Something placed before stood in the wrong place; decided by a re-run with all others in the right one."""
+    wrong = [(error, placed) for placed in case.placed if (error := _error_of(case, placed)) >= case.threshold]
+    if not wrong:
+        return None
+    error, worst = max(wrong, key=lambda pair: pair[0])
+    again = _among_true_neighbours(case)
+    return Finding(
+        Cause.NEIGHBOUR,
+        f"The {worst.model.name} was placed before the {case.name} and was wrong by {error:.0%} of its diameter; with "
+        f"it in the right place {instead(again.error, case.error)}.",
+        {
+            "neighbour": float(worst.instance_id),
+            "neighbour_error": error,
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        again.repaired,
+    )
+
+
+def plane(case: Case) -> Finding | None:
+    """The support plane or gravity is wrong, or was not found; decided by a re-run with the true one."""
+    true = case.frame.support
+    if true is None or not case.lab.physics.enabled:
+        return None
+    found = case.target.observation.support
+    if found is None:
+        again = case.rerun("true plane", _with_support(case.target, true))
+        said = f"No support plane was found, so nothing was simulated; with it {instead(again.error, case.error)}."
+        return Finding(Cause.PLANE, said, {"error": case.error, "error_repaired": again.error}, again.repaired)
+    tilt_deg, gravity_deg, off_m = _off(found, true, case.truth_as_placed)
+    if tilt_deg < TILT_DEG and abs(off_m) < OFF_M and gravity_deg < GRAVITY_DEG:
+        return None
+    again = case.rerun("true plane", _with_support(case.target, true))
+    where = f"{abs(off_m) * 1e3:.0f} mm too {'high' if off_m > 0 else 'low'} under the {case.name}"
+    if tilt_deg >= TILT_DEG:
+        where += f" and tilted by {tilt_deg:.0f}°"
+    what = f"The support plane is {where}"
+    if gravity_deg >= GRAVITY_DEG and gravity_deg > tilt_deg + TILT_DEG:
+        what = f"Gravity is off by {gravity_deg:.0f}°"
+    return Finding(
+        Cause.PLANE,
+        f"{what}; with the true one {instead(again.error, case.error)}.",
+        {
+            "plane_too_high_mm": off_m * 1e3,
+            "plane_tilt_deg": tilt_deg,
+            "gravity_off_deg": gravity_deg,
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        again.repaired,
+    )
+
+
+def collider(case: Case) -> Finding | None:
+    """The solid that physics moves is far from the mesh; decided by a re-run with convex parts instead of a hull."""
+    simulator = case.lab.simulator
+    if simulator is None or case.target.observation.support is None or case.lab.physics.collider != "hull":
+        return None
+    models = [case.target.model, *(p.model for p in case.placed)]
+    coarse = [
+        (deviation_m, model)
+        for model in models
+        if (deviation_m := simulator.collider(model).deviation_m) > COARSE_SHARE * model.diameter_m
+    ]
+    if not coarse:
+        return None
+    finer = case.lab.simulator_with(case.lab.physics.model_copy(update={"collider": "decomposition"}))
+    again = case.rerun("finer colliders", method=case.lab.method(finer))
+    deviation_m, model = max(coarse, key=lambda pair: pair[0])
+    return Finding(
+        Cause.COLLIDER,
+        f"Physics takes the {model.name} for its hull, which is {deviation_m * 1e3:.0f} mm from the mesh at worst; "
+        f"with convex parts {instead(again.error, case.error)}.",
+        {"deviation_mm": deviation_m * 1e3, "error": case.error, "error_repaired": again.error},
+        again.repaired,
+    )
+
+
+def simulation(case: Case) -> Finding | None:
+    """Simulating moved the object away; decided by a re-run without physics."""
+    pushes = [(push, i) for i in case.own if (push := _push(case, i)) is not None and push >= PUSH]
+    if not pushes:
+        return None
+    # What became of the hypothesis that won, rather than of others.
+    of_winner = [(push, i) for push, i in pushes if _is_of_winner(case, i)]
+    push, worst = max(of_winner or pushes, key=lambda pair: pair[0])
+    again = case.rerun("no physics", method=case.lab.method(None))
+    before, after = _moved(worst)
+    mm = 1e3 * float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
+    deg = float(np.rad2deg(angle_between(before[:3, :3], after[:3, :3])))
+    drift = _drift(case)
+    alone = _stands_on(case)
+    why = f", alone though it stands on the {alone}" if alone else ""
+    which = "" if of_winner else f"hypothesis {worst.arm + 1} of "
+    shares = f"from {case.error_of(before):.0%} to {case.error_of(after):.0%} of its diameter off"
+    evidence = {
+        "iteration": float(worst.index),
+        "moved_mm": mm,
+        "turned_deg": deg,
+        "error_added": push,
+        "error": case.error,
+        "error_repaired": again.error,
+    }
+    if drift is not None:
+        evidence["error_of_simulated_truth"] = drift
+    return Finding(
+        Cause.SIMULATION,
+        f"In iteration {worst.index} the simulation moved {which}the {case.name} by {mm:.0f} mm and {deg:.0f}°{why}, "
+        f"{shares}; without physics {instead(again.error, case.error)}.",
+        evidence,
+        again.repaired,
+    )
+
+
+def _among_true_neighbours(case: Case) -> Rerun:
+    """With what was placed before where it really was; what is solved together starts there."""
+    if not case.company:
+        return case.rerun("neighbours at ground truth", fixed=case.true_placed)
+    pools = {
+        p.instance_id: [Hypothesis(p.T_cam_obj, 1.0, "ground truth")]
+        for p in case.true_placed
+        if p.instance_id in case.company
+    }
+    return case.rerun_together("neighbours start at ground truth", pools)
+
+
+def _error_of(case: Case, placed: Placed) -> float:
+    """Of another object as it stood; 0 where its true pose is not known."""
+    true = case.frame.placed.get(placed.instance_id)
+    return 0.0 if true is None else ErrorOf(placed.model, true.T_cam_obj)(placed.T_cam_obj)
+
+
+def _with_support(target: Target, support: Support) -> Target:
+    return replace(target, observation=replace(target.observation, support=support))
+
+
+def _off(found: Support, true: Support, placed: Placed) -> tuple[float, float, float]:
+    """Tilt of the plane [deg], of gravity [deg], and how much too high the plane is below the object [m]."""
+    normal, true_normal = _normal_cam(found), _normal_cam(true)
+    up = found.T_world_cam[2, :3]
+    middle = placed.T_cam_obj[:3, 3]
+    above, true_above = (float(apply(s.T_world_cam, middle[None])[0] @ s.normal_world) for s in (found, true))
+    return _angle_deg(normal, true_normal), _angle_deg(up, true_normal), true_above - above
+
+
+def _normal_cam(support: Support) -> Float:
+    return support.T_world_cam[:3, :3].T @ support.normal_world
+
+
+def _angle_deg(a: Float, b: Float) -> float:
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def _moved(iteration: Iteration) -> tuple[Float, Float]:
+    """The poses before and after the simulation of an iteration."""
+    stages = [s.name for s in iteration.stages]
+    k = stages.index("simulated")
+    return iteration.stages[k - 1].T_cam_obj, iteration.stages[k].T_cam_obj
+
+
+def _is_of_winner(case: Case, iteration: Iteration) -> bool:
+    """Whether it played the answer's hypothesis; where there is no answer, any did."""
+    return case.answer is None or iteration.arm == case.answer.arm
+
+
+def _push(case: Case, iteration: Iteration) -> float | None:
+    """What the simulation of an iteration added to the error; None where nothing was simulated."""
+    if iteration.stage("simulated") is None:
+        return None
+    before, after = _moved(iteration)
+    return case.error_of(after) - case.error_of(before)
+
+
+def _drift(case: Case) -> float | None:
+    """How far one simulation takes the object from its true pose, as a share of the diameter; None without physics."""
+    simulator, support = case.lab.simulator, case.target.observation.support
+    if simulator is None or support is None:
+        return None
+    path = simulator.settle(case.truth_as_placed, case.true_placed, support, case.lab.physics.steps)
+    return case.error_of(path.T_cam_obj)
+
+
+def _stands_on(case: Case) -> str:
+    """What carries the object though the method placed nothing below it; empty where that is not so."""
+    graph = case.trace.problem.dependencies
+    if case.placed or graph is None:
+        return ""
+    carriers = [e.first for e in graph.edges if e.kind == "support" and e.second == case.instance_id]
+    names = [case.trace.problem.target(i).model.name for i in carriers]
+    return " and the ".join(names)
+
+
+SCENE_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider, simulation)

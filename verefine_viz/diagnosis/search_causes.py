@@ -1,0 +1,298 @@
+"""Causes that lie in the search: starved hypotheses, too small a budget, a bad pool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from verefine_viz.core.problem import Hypothesis
+from verefine_viz.core.records import StageName
+from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
+from verefine_viz.diagnosis.causes import Cause, Finding, instead, share
+from verefine_viz.diagnosis.pose_units import of_another_unit
+from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
+from verefine_viz.refiners.registry import make_refiner
+
+# The refiner as the cause: it led the object astray, or does not get there from where ICP does.
+
+ICP = "icp"
+"""The refiner that others are measured against."""
+WORSE = 0.03
+"""The answer is worse than a pose before by more than this share of the diameter …"""
+WORSE_BY = 1.2
+"""… and by more than this factor: then something led it astray."""
+
+
+def refiner(case: Case) -> Finding | None:
+    """The refiner led it astray, or does not get there from where ICP does."""
+    return _astray(case) or outdone(case)
+
+
+def _astray(case: Case) -> Finding | None:
+    """The answer is worse than a pose that it came from, and refinement made it so."""
+    track = _track(case)
+    if len(track) < 2 or case.answer is None:
+        return None
+    best = min(range(len(track)), key=lambda k: track[k].error)
+    before, at_end = track[best], case.error
+    if before.error > FAR or at_end - before.error < WORSE or at_end < WORSE_BY * before.error:
+        return None
+    lost = {"refined": 0.0, "simulated": 0.0}
+    for a, b in pairwise(track[best:]):
+        by = "simulated" if b.stage in ("simulated", "mixed") else "refined"
+        lost[by] += max(b.error - a.error, 0.0)
+    if lost["refined"] <= lost["simulated"]:
+        return None
+    where = "It started" if before.iteration == 0 else f"After iteration {before.iteration} it was"
+    return Finding(
+        Cause.REFINER,
+        f"The refiner led the {case.name} astray: {where[0].lower()}{where[1:]} {share(before.error)} of the diameter "
+        f"from the truth (hypothesis {case.answer.arm + 1}), and ended {share(at_end)} away.",
+        {
+            "hypothesis": float(case.answer.arm),
+            "best_iteration": float(before.iteration),
+            "error_before": before.error,
+            "error": at_end,
+            "added_by_refiner": lost["refined"],
+            "added_by_simulation": lost["simulated"],
+        },
+        True,
+    )
+
+
+def outdone(case: Case) -> Finding | None:
+    """Another refiner than ICP; decided by a re-run with ICP from the same hypotheses."""
+    session = case.lab.toolbox.session
+    name = session.method.refiner
+    if name == ICP or case.lab.traits.has_tree or not len(case.initial_errors):
+        return None
+    if case.company and case.rerun(ALONE).repaired:  # It gets there, but for the company.
+        return None
+    method = case.lab.method(case.lab.simulator, make_refiner(ICP, session))
+    again = case.rerun("ICP", method=method)
+    if not again.repaired:
+        return None
+    n_calls, n_away = _calls(case)
+    said = f"The refiner {name} does not bring the {case.name} to the truth"
+    if 2 * n_away > n_calls:
+        said += f" and took it further away in {n_away} of {n_calls} calls"
+    return Finding(
+        Cause.REFINER,
+        f"{said}; with ICP from the same hypotheses {instead(again.error, case.error)}.",
+        {
+            "calls": float(n_calls),
+            "calls_that_took_it_away": float(n_away),
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        True,
+    )
+
+
+def _calls(case: Case) -> tuple[int, int]:
+    """How often the refiner was called, and how often it took the object further from the truth."""
+    changes = [
+        case.error_of(after.T_cam_obj) - case.error_of(before.T_cam_obj)
+        for iteration in case.own
+        for before, after in pairwise(iteration.stages)
+        if after.name == "refined"
+    ]
+    return len(changes), sum(change > 0 for change in changes)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A pose on the way to the answer."""
+
+    error: float
+    stage: StageName
+    iteration: int
+    """0 = the hypothesis itself."""
+
+
+def _track(case: Case) -> list[_Point]:
+    """The poses of the answer's hypothesis up to the answer, each made from the one before."""
+    if case.answer is None or not len(case.initial_errors):
+        return []
+    arm = case.answer.arm
+    if arm >= len(case.target.instance.hypotheses):
+        return []
+    track = [_Point(float(case.initial_errors[arm]), "initial", 0)]
+    for iteration in case.own:
+        if iteration.arm != arm or iteration.index > case.answer.iteration:
+            continue
+        for stage in iteration.stages[1:]:
+            track.append(_Point(case.error_of(stage.T_cam_obj), stage.name, iteration.index))
+    return track
+
+
+STARVED = 0.5
+"""A hypothesis that got less than this share of an even split of the budget was starved."""
+TRIED_ALONE = 3
+"""Hypotheses that are tried with the whole budget, the nearest first."""
+MULTIPLES = (2, 4, 8)
+"""Budgets tried, in multiples of the run's; of a search, or without a sign that more would help, only the first."""
+IMPROVING = 0.004
+"""A hypothesis is still improving if its last iteration took more than this off the error (share of the diameter)."""
+
+
+def starved(case: Case) -> Finding | None:
+    """A hypothesis that got few iterations comes out right when it gets them all."""
+    pulls = np.bincount([i.arm for i in case.own], minlength=len(case.initial_errors))
+    if len(pulls) < 2:
+        return None
+    fair = len(case.own) / len(pulls)
+    for j in np.argsort(case.initial_errors)[:TRIED_ALONE].tolist():
+        if pulls[j] >= STARVED * max(fair, 1) or case.initial_errors[j] > FAR:
+            continue
+        own = case.lab.method(case.lab.simulator)
+        each = own.iterations * (1 if case.lab.traits.first_only else len(pulls))
+        again = case.rerun(
+            f"all on hypothesis {j + 1}",
+            case.with_pool(case.target.instance.hypotheses[j].T_cam_obj),
+            method=case.lab.method(case.lab.simulator, iterations=each),
+        )
+        if again.repaired and case.company:
+            again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
+        if again.repaired:
+            got = f"got {pulls[j]} of {len(case.own)} iterations"
+            if case.lab.traits.first_only:
+                got = f"was never tried, as {case.lab.name.upper()} looks at the first only"
+            return Finding(
+                Cause.ARM_STARVED,
+                f"Hypothesis {j + 1} of the {case.name} {got}; "
+                f"with the whole budget {instead(again.error, case.error)}.",
+                {
+                    "hypothesis": float(j),
+                    "iterations_of_it": float(pulls[j]),
+                    "iterations": float(len(case.own)),
+                    "initial_error_of_it": float(case.initial_errors[j]),
+                    "error": case.error,
+                    "error_repaired": again.error,
+                },
+                True,
+            )
+    return None
+
+
+def _only_hypothesis(case: Case, j: int) -> Pools:
+    """One hypothesis alone, and of each object solved together with it the one that its answer came from."""
+    pools: dict[int, Sequence[Hypothesis]] = {}
+    for i in case.company:
+        pool = case.trace.problem.target(i).instance.hypotheses
+        chosen = case.trace.answers[-1][i].arm if i in case.trace.answers[-1] else 0
+        pools[i] = pool[chosen : chosen + 1] or pool
+    return pools | {case.instance_id: case.target.instance.hypotheses[j : j + 1]}
+
+
+def budget(case: Case) -> Finding | None:
+    """The answer's hypothesis was still getting better at the end, and a larger budget brings it home.
+
+    Of objects solved together it is also asked where one alone would have come out right with its share.
+    """
+    accepted = _accepted(case)
+    falling = accepted[-2] - accepted[-1] if len(accepted) > 1 and accepted[0] <= FAR else 0.0
+    still = f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration"
+    multiples = MULTIPLES
+    if falling < IMPROVING:
+        if not case.company or not case.rerun(ALONE).repaired:
+            return None
+        still = f"The search for the {case.name}, whose scene {len(case.company)} objects share, ended too early"
+        multiples = MULTIPLES[:1]
+    elif case.lab.traits.has_tree:
+        multiples = MULTIPLES[:1]
+    for times in multiples:
+        again = _with_budget(case, times)
+        if again.repaired:
+            return Finding(
+                Cause.BUDGET,
+                f"{still}; with {times} × the budget {instead(again.error, case.error)}.",
+                {"falling": falling, "times": float(times), "error": case.error, "error_repaired": again.error},
+                True,
+            )
+    return None
+
+
+def _with_budget(case: Case, times: int) -> Rerun:
+    what = f"{times} × the budget"
+    if case.company:
+        return case.rerun_together(what, {}, times)
+    own = case.lab.method(case.lab.simulator)
+    return case.rerun(what, method=case.lab.method(case.lab.simulator, iterations=times * own.iterations))
+
+
+def no_hypothesis(case: Case) -> Finding:
+    """The pool is empty, so that nothing was done."""
+    again = _from_truth(case)
+    said = f"There is no hypothesis for the {case.name}"
+    if np.isfinite(again.error):
+        said += f"; started at the truth, it ends {share(again.error)} of the diameter away"
+    return Finding(Cause.NO_HYPOTHESIS, f"{said}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+
+
+def pool(case: Case) -> Finding | None:
+    """No hypothesis leads there, and the truth itself as a start does."""
+    if outdone(case) is not None:
+        return None
+    if case.company and case.rerun(ALONE).repaired:
+        alone = case.rerun(ALONE)
+        return Finding(
+            Cause.BUDGET,
+            f"The search missed the {case.name}, also with {MULTIPLES[0]} × the budget; with RIR from the same "
+            f"hypotheses, among the placed objects, {instead(alone.error, case.error)}.",
+            {"times": float(MULTIPLES[0]), "error": case.error, "error_alone": alone.error},
+            False,
+        )
+    again = _from_truth(case)
+    j = int(np.argmin(case.initial_errors))
+    nearest = float(case.initial_errors[j])
+    far = pose_errors(case.target.model, case.target.instance.hypotheses[j].T_cam_obj, case.T_true)
+    evidence = {
+        "hypotheses": float(len(case.initial_errors)),
+        "nearest": float(j),
+        "nearest_error": nearest,
+        "nearest_rotation_deg": far.rotation_deg,
+        "nearest_translation_mm": far.translation_mm,
+        "error": case.error,
+        "error_from_truth": again.error,
+    }
+    if again.error >= case.threshold:
+        said = f"Even started at the truth, the {case.name} ends {share(again.error)} of the diameter away."
+        return Finding(Cause.REFINER, said, evidence, False)
+    if nearest < case.threshold:
+        said = (
+            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the truth, and "
+            f"refinement lost it: the error is {share(case.error)}."
+        )
+        return Finding(Cause.REFINER, said, evidence, False)
+    T_nearest = case.target.instance.hypotheses[j].T_cam_obj
+    way = turning_on(case.target, T_nearest)
+    told = f" ({way.in_words(0)})" if way is not None else ""
+    unit = of_another_unit(T_nearest, case.T_true, case.target.model.diameter_m)
+    wrong = f"; its translation looks like {unit} where millimetres are expected" if unit else ""
+    return Finding(
+        Cause.POOL,
+        f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
+        f"{j + 1}) starts {far.rotation_deg:.0f}°{told} and {far.translation_mm:.0f} mm away{wrong}; started at the "
+        f"truth {instead(again.error, case.error)}.",
+        evidence,
+        True,
+    )
+
+
+def _from_truth(case: Case) -> Rerun:
+    return case.rerun("started at ground truth", case.with_pool(case.T_true))
+
+
+def _accepted(case: Case) -> list[float]:
+    """Errors of what was kept of the answer's hypothesis, iteration by iteration, its start first."""
+    if case.answer is None or case.answer.arm >= len(case.initial_errors):
+        return []
+    kept = [case.error_of(i.accepted_stage.T_cam_obj) for i in case.own if i.arm == case.answer.arm]
+    return [float(case.initial_errors[case.answer.arm]), *kept]
+
+
+SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, pool)

@@ -1,0 +1,129 @@
+"""Which objects touch, hide or carry which, and the order to solve them (paper Sec. IV-A; docs/methods.md 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from verefine_viz.core.algorithm_settings import DependencySettings
+from verefine_viz.core.errors import unknown
+from verefine_viz.core.problem import DependencyGraph, Edge, Problem
+from verefine_viz.observation.dependency_edges import contact_edges, lowest_m, meetings, occlusion_edges, support_edges
+from verefine_viz.observation.dependency_order import Groups, cut_between, ordered, published_clusters, touching_masks
+from verefine_viz.observation.given_order import given_clusters, given_entries
+from verefine_viz.observation.visible_parts import VisiblePart, label, visible_parts
+
+ROUND_SHARE = 0.25
+"""A round body seen from above hides about so much of its height from the sensor, as a share of its diameter."""
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What one of the rules says."""
+
+    edges: tuple[Edge, ...]
+    clusters: Groups
+    support_lists: Groups
+    notes: tuple[str, ...]
+
+
+def dependency_graph(problem: Problem, settings: DependencySettings) -> DependencyGraph:
+    """Clusters and order of a frame's instances, with the evidence; a given order wins over the rule.
+
+    It depends on what is in the frame, not on the order of ``problem.instances``.
+
+    Raises:
+        InputError: the order file cannot be read.
+        SettingsError: the order file or a given order is malformed.
+    """
+    entries = given_entries(settings, problem.frame)
+    parts = visible_parts(problem)
+    found = (
+        _recommended(problem, parts, settings)
+        if settings.rule == "recommended"
+        else _published(problem, parts, settings)
+    )
+    unseen = sorted({i.instance_id for i in problem.instances} - {p.instance_id for p in parts})
+    alone = tuple((i,) for i in unseen)
+    notes = (*_unknown_cuts(problem, settings), *found.notes)
+    notes += tuple(f"{label(problem, i)} has no depth in its mask; solved alone, behind" for i in unseen)
+    clusters, lists = found.clusters + alone, found.support_lists + alone
+    if entries is None:
+        if settings.order_file and not settings.order:
+            notes = (f"the order file gives none for frame {problem.frame}; the {settings.rule} rule's is used", *notes)
+        return DependencyGraph(found.edges, clusters, lists, settings.rule, notes)
+    given, said = given_clusters(problem, entries, [i for cluster in clusters for i in cluster])
+    said += _against_support(problem, given, found.edges)
+    return DependencyGraph(found.edges, given, given, "given", said + notes)
+
+
+def _unknown_cuts(problem: Problem, settings: DependencySettings) -> tuple[str, ...]:
+    """Instances between which no edge is to count and that are not there."""
+    ids = [i.instance_id for i in problem.instances]
+    known = {*ids, *(one.instance_id for one in problem.left_out)}
+    absent = dict.fromkeys(i for pair in settings.cut for i in pair if i not in known)
+    return tuple(f"dependency.cut: {unknown('instance', i, ids)}; it is ignored" for i in absent)
+
+
+def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _Found:
+    near = meetings(parts, settings.contact_m)
+    edges = (
+        *contact_edges(near, settings.contact_m),
+        *occlusion_edges(parts, problem.observation.depth_m, settings.border_px, settings.occlusion_m),
+    )
+    notes = _no_plane(problem)
+    if not notes:
+        hidden = {e.second for e in edges if e.kind == "occlusion"}
+        edges += support_edges(parts, near, hidden, settings)
+        diameters_m = {i.instance_id: problem.models[i.obj_id].diameter_m for i in problem.instances}
+        notes = _hovering(parts, edges, settings.base_m, diameters_m)
+    order = ordered({p.instance_id: p.median_depth_m for p in parts}, edges, settings.cut)
+    notes += tuple(
+        f"what carries what runs in a circle; its weakest sign, that {label(problem, e.first)} carries "
+        f"{label(problem, e.second)} ({e.evidence}), is left out of the order"
+        for e in order.edges
+        if e.state == "ambiguous"
+    )
+    return _Found(order.edges, order.clusters, order.support_lists, notes)
+
+
+def _published(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _Found:
+    edges = cut_between(touching_masks(problem), settings.cut)
+    clusters = published_clusters(parts, edges)
+    return _Found(edges, clusters, clusters, _no_plane(problem))
+
+
+def _no_plane(problem: Problem) -> tuple[str, ...]:
+    if problem.observation.support is not None:
+        return ()
+    return ("no support plane: what carries what is not known, and objects are ordered front to back",)
+
+
+def _hovering(
+    parts: Sequence[VisiblePart], edges: Sequence[Edge], base_m: float, diameters_m: Mapping[int, float]
+) -> tuple[str, ...]:
+    """What stands neither on the plane nor on anything seen, though nothing hides its lower end but itself."""
+    excused = {e.second for e in edges if e.kind in ("support", "occlusion")}
+    heights_m = {
+        p.name: lowest_m(p)
+        for p in parts
+        if p.instance_id not in excused and lowest_m(p) > ROUND_SHARE * diameters_m[p.instance_id]
+    }
+    return tuple(
+        f"{name} begins {1000 * height_m:.0f} mm above the plane and nothing is seen to carry it; what does may be "
+        "hidden, or have no mask"
+        for name, height_m in heights_m.items()
+        if height_m > base_m
+    )
+
+
+def _against_support(problem: Problem, clusters: Groups, edges: Sequence[Edge]) -> tuple[str, ...]:
+    """Where a given order solves an object before what carries it."""
+    place = {i: k for k, i in enumerate(i for cluster in clusters for i in cluster)}
+    return tuple(
+        f"the given order solves {label(problem, e.second)} before {label(problem, e.first)}, which seems to carry it "
+        f"({e.evidence})"
+        for e in edges
+        if e.kind == "support" and e.state == "used" and place.get(e.first, inf) > place.get(e.second, inf)
+    )

@@ -1,0 +1,147 @@
+"""Does a simulated object stand? Told from where Bullet says that it touches, in microseconds.
+
+:func:`plausibility` knows more (friction, neighbours' meshes), and takes a hundred times as long: too long for every
+iteration of a run. Both see the support plane alike: what is within 2 mm of the lowest point carries, and a pose that
+sinks in by more than 5 mm cannot tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import angle_between
+from verefine_viz.core.records import Tipping
+
+TOUCHING_M = 0.002
+"""Surfaces closer than this touch; less penetration than this is none (docs/methods.md 7.3)."""
+IMPOSSIBLE_M = 0.005
+"""More gap or penetration than this cannot be."""
+UPWARDS = 0.3
+"""Contacts whose normal has a smaller upward part do not carry [-]."""
+LEAST_M = 0.0005
+"""A centre of mass that is less than this outside is on the edge, as far as contacts tell."""
+TOPPLED_DEG = 10.0
+"""An object that turns by more than this and then stands has fallen over [deg]."""
+HELD_DEG_S = 5.0
+"""An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
+
+PLANE_ID = -1
+"""What :class:`core.simulated.Contacts` calls the support plane."""
+
+Point = tuple[float, float]
+"""Seen from above, from the centre of mass [m]."""
+
+
+class Touch(NamedTuple):
+    """Where a simulated object touches something, or nearly."""
+
+    point: Point
+    up: float
+    """Upward part of the unit normal that points onto the object [-]."""
+    gap_m: float
+    """Negative where it sinks in [m]."""
+    pushes: bool
+    """Whether it touches there."""
+    is_plane: bool
+    """Whether it is the support plane that is touched."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What simulation did to an object, as far as it takes to tell whether it stands."""
+
+    Ts_world_com: Float
+    """(S + 1, 4, 4): the start, then one pose per step [m]."""
+    near: Callable[[int], list[Touch]]
+    """Where it touches, or nearly, at the end of step 1, 2, …"""
+    hull_com: Float
+    """(n, 3) corners of the mesh's convex hull, centre-of-mass frame [m]."""
+    normal_world: Float
+    """(3,) unit normal of the support plane, which goes through the world's origin."""
+    step_s: float
+
+    def tipping(self) -> Tipping | None:
+        """Whether it does not stand where it ends, or fell over on the way; None: it stands, or none can tell."""
+        last = len(self.Ts_world_com) - 1
+        found = self._after(last) if last else None
+        if found is None and self._turned_deg(0, last) > TOPPLED_DEG:
+            first = next((k for k in range(1, last) if any(t.pushes for t in self.near(k))), None)
+            found = self._after(first) if first else None
+        return found
+
+    def _after(self, step: int) -> Tipping | None:
+        """Whether it does not stand at the end of a step."""
+        touches = [touch for touch in self.near(step) if touch.gap_m <= TOUCHING_M]
+        if is_inside([touch.point for touch in touches if touch.up > UPWARDS]):
+            return None
+        if not any(touch.pushes for touch in touches) or min(touch.gap_m for touch in touches) < -IMPOSSIBLE_M:
+            return None
+        if self._began_inside():
+            return None
+        carrying = [touch.point for touch in touches if touch.up > UPWARDS and not touch.is_plane]
+        if any(touch.is_plane for touch in touches):
+            # Bullet keeps at most four contacts with the plane, begins with one, and keeps some where it has gone on.
+            heights_m = self._heights_m(step)
+            low = self.hull_com[heights_m <= max(float(heights_m.min()), 0.0) + TOUCHING_M]
+            carrying += [(x, y) for x, y in (low @ self.Ts_world_com[step, :2, :3].T).tolist()]
+        if not carrying or is_inside(carrying):
+            return None
+        leans = not all(touch.is_plane for touch in touches)
+        if leans and self._turned_deg(step - 1, step) < HELD_DEG_S * self.step_s:
+            return None
+        outside_m = _distance_m(np.array(carrying))
+        return Tipping(outside_m, step) if outside_m >= LEAST_M else None
+
+    def _began_inside(self) -> bool:
+        """Whether it was pushed out of something that it sank into, which turns it whether it could stand or not.
+
+        Into a neighbour by more than 2 mm after the first step, which takes away more than half of it.
+        """
+        into_neighbour = any(touch.gap_m < -TOUCHING_M for touch in self.near(1) if not touch.is_plane)
+        return into_neighbour or float(self._heights_m(0).min()) < -IMPOSSIBLE_M
+
+    def _heights_m(self, k: int) -> Float:
+        """Distances (n,) of the vertices to the support plane, positive above."""
+        T = self.Ts_world_com[k]
+        return self.hull_com @ (self.normal_world @ T[:3, :3]) + self.normal_world @ T[:3, 3]
+
+    def _turned_deg(self, a: int, b: int) -> float:
+        return math.degrees(angle_between(self.Ts_world_com[a, :3, :3], self.Ts_world_com[b, :3, :3]))
+
+
+def is_inside(points: Sequence[Point]) -> bool:
+    """Whether the origin is in the convex hull of some points.
+
+    The directions to the points seen so far span the angle from a to b, anticlockwise and at most 180°, as long as a
+    line through the origin has all of them on one side.
+    """
+    if not points:
+        return False
+    (ax, ay), (bx, by) = points[0], points[0]
+    for x, y in points[1:]:
+        left_of_a, left_of_b = ax * y - ay * x >= 0, bx * y - by * x >= 0
+        if left_of_a and left_of_b:
+            bx, by = x, y
+        elif not left_of_a and not left_of_b:
+            ax, ay = x, y
+        elif not left_of_a:
+            return True
+    return False
+
+
+def _distance_m(points: Float) -> float:
+    """Distance of the origin to the convex hull of points (n, 2), which has it outside.
+
+    The nearest of all lines between two points is the nearest edge, as all others are further inside.
+    """
+    starts, ends = points[:, None], points[None]
+    edges = ends - starts
+    lengths2 = np.maximum((edges**2).sum(axis=2), 1e-18)
+    along = np.clip(-(starts * edges).sum(axis=2) / lengths2, 0.0, 1.0)
+    return float(np.sqrt(((starts + along[..., None] * edges) ** 2).sum(axis=2).min()))

@@ -1,0 +1,278 @@
+"""A batch as a report looks at it: its rows, what failed in it, and where its answers and recordings are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.batch.index import BatchIndex, read_batch
+from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.ranking_auc import misled
+from verefine_viz.batch.rows import FrameResult, ObjectRow, frame_name
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.methods.registry import method_of
+
+Key = tuple[int, int, int | None, int | None]
+"""scene_id, im_id, instance_id, obj_id: the same object in two runs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """One run."""
+
+    label: str
+    """"A" or "B" beside another run; empty where it stands alone."""
+    index: BatchIndex
+
+    @property
+    def folder(self) -> Path:
+        return self.index.folder
+
+    @property
+    def rows(self) -> tuple[ObjectRow, ...]:
+        """One per object; one per failed frame of which nobody knows what is in it."""
+        return self.index.rows
+
+    @property
+    def method(self) -> str:
+        return self.index.session.method.name
+
+    @property
+    def name(self) -> str:
+        """For legends and headings."""
+        return f"{self.label}: {self.method} ({self.folder.name})" if self.label else self.method
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Each "scene/image", in the order of frames.csv."""
+        return tuple(dict.fromkeys(row.frame for row in self.rows))
+
+    @cached_property
+    def objects(self) -> tuple[ObjectRow, ...]:
+        """Rows of objects, also of those that were left out or are in failed frames: they are missed."""
+        return tuple(row for row in self.rows if row.is_object)
+
+    @cached_property
+    def with_truth(self) -> tuple[ObjectRow, ...]:
+        """Objects that can be right or wrong."""
+        return tuple(row for row in self.objects if row.has_truth or row.add_s_mm is not None)
+
+    @cached_property
+    def failures(self) -> tuple[ObjectRow, ...]:
+        """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
+
+        Only those that were asked for: what is left out or in a failed frame is no failure of the method.
+        """
+        worst_first = [row for row in self.index.sorted_by("error") if row.was_asked_for]
+        if not self.with_truth:
+            return tuple(worst_first)
+        return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
+
+    @cached_property
+    def _by_key(self) -> dict[Key, ObjectRow]:
+        return {key(row): row for row in self.objects}
+
+    def row_of(self, other: ObjectRow) -> ObjectRow | None:
+        """The same object as another run's row; None where this run does not have it."""
+        return self._by_key.get(key(other))
+
+    @property
+    def journal(self) -> Journal:
+        return Journal(self.folder / "frames")
+
+    @cached_property
+    def solving_ms(self) -> float | None:
+        """Mean of the times that results.csv states for images with an answer [ms]; None where there are none."""
+        times_s = [result.solving_s for result in self.journal.results(self.frames) if result.estimates]
+        return 1e3 * sum(times_s) / len(times_s) if times_s else None
+
+    def result(self, frame: str) -> FrameResult | None:
+        """What the journal says about a frame; None where it says nothing."""
+        return self.journal.read(frame)
+
+    def answers(self, frame: str) -> dict[int, Float]:
+        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
+        return self.index.answers(frame)
+
+    def recording(self, frame: str) -> Path:
+        """Where the frame's recording is, if it was kept."""
+        return self.folder / "recordings" / f"{frame_name(frame)}.rrd"
+
+
+def load(folder: Path, label: str = "") -> Loaded:
+    """The run in ``folder``.
+
+    Raises:
+        InputError: it is no batch folder, its files are missing or damaged, or it holds no result.
+    """
+    loaded = Loaded(label, read_batch(folder))
+    if not loaded.rows:
+        raise InputError(f"{folder} holds a run without a single finished frame; run verefine-viz batch again")
+    return loaded
+
+
+def load_pair(folder: Path, other: Path) -> tuple[Loaded, Loaded]:
+    """Two runs that can be compared.
+
+    Raises:
+        InputError: one of them cannot be read, or they are not about the same objects of the same data set.
+    """
+    a, b = load(folder, "A"), load(other, "B")
+    if folder.resolve() == other.resolve():
+        raise InputError(f"{folder} and {other} are the same folder; name two runs, or one")
+    there, here = data_set(a), data_set(b)
+    if there != here:
+        raise InputError(f"{folder} is a run on {there} and {other} one on {here}; only runs on the same data compare")
+    if not {key(row) for row in a.objects} & {key(row) for row in b.objects}:
+        raise InputError(f"{folder} and {other} have no object in common: they are about other frames or other objects")
+    return a, b
+
+
+def data_set(run: Loaded) -> str:
+    """Which data a run is about, for people."""
+    scene = run.index.session.scene
+    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else f"the built-in scene {scene.demo}"
+
+
+def key(row: ObjectRow) -> Key:
+    """What makes two rows be about the same object."""
+    return row.scene_id, row.im_id, row.instance_id, row.obj_id
+
+
+def error_or_infinite(row: ObjectRow) -> float:
+    """ADD(-S) of the answer as a share of the diameter; infinite where there is no answer or no ground truth."""
+    return math.inf if row.relative_error is None else row.relative_error
+
+
+# What a run comes to in numbers: the headline, and a row for each object.
+
+THRESHOLDS = np.linspace(0.0, 0.5, 101)
+"""Of the recall curve: ADD(-S) as a share of the diameter."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Of some objects. None = nobody can say."""
+
+    n_frames: int
+    n_failed_frames: int
+    n_objects: int
+    n_with_truth: int
+    n_without_answer: int
+    """Without a hypothesis."""
+    n_left_out: int
+    """Without a mask or a model that can be used."""
+    n_in_failed_frames: int
+    recall: float | None
+    """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter; no answer is a miss."""
+    median_mm: float | None
+    """ADD(-S), over the objects that got an answer."""
+    mean_mm: float | None
+    median_score: float | None
+    solving_ms: float | None
+    """Time for first scores and iterations of a frame, mean; only of a whole run."""
+    calls_per_object: float | None
+    """Refiner calls; None for methods that do not call it once an iteration."""
+    ar: float | None = None
+    """BOP average recall."""
+
+
+@dataclass(frozen=True)
+class ObjectNumbers:
+    """One object model over all frames."""
+
+    obj_id: int
+    name: str
+    numbers: Numbers
+    most_frequent_cause: str
+
+
+def numbers_of(run: Loaded, ar: float | None = None) -> Numbers:
+    """Of the whole run."""
+    return _numbers(run.rows, run.method, ar, run.solving_ms)
+
+
+def by_object(run: Loaded, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
+    """Of each object model, by id."""
+    groups: dict[int, list[ObjectRow]] = {}
+    for row in run.objects:
+        if row.obj_id is not None:
+            groups.setdefault(row.obj_id, []).append(row)
+    return tuple(
+        ObjectNumbers(obj_id, rows[0].name, _numbers(rows, run.method, ar.get(obj_id)), _most_frequent(rows))
+        for obj_id, rows in sorted(groups.items())
+    )
+
+
+def recall_curve(rows: Iterable[ObjectRow]) -> Float:
+    """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is found at no threshold."""
+    errors = np.array([error_or_infinite(row) for row in rows])
+    return (errors[:, None] < THRESHOLDS).mean(axis=0) if len(errors) else np.full(len(THRESHOLDS), np.nan)
+
+
+def lies(run: Loaded) -> float | None:
+    """How often the score misleads: the share of pairs (wrong, right answer) in which the wrong one scores higher.
+
+    0 = the score tells them apart, ½ = it knows nothing; None where there are no such pairs.
+    """
+    return misled(run.objects)
+
+
+def stage_times(run: Loaded) -> dict[str, float]:
+    """Mean milliseconds a frame by stage, in the order of a frame's life; empty where nothing is known.
+
+    The iterations are split up into what the rows know about: refining, simulating, scoring.
+    """
+    n = _n_solved_frames(run.rows)
+    if not n:
+        return {}
+    stages: dict[str, float] = dict(run.index.run.totals.mean_stages_ms_per_frame)
+    parts = {
+        "refine": sum(row.ms_refine for row in run.objects) / n,
+        "simulate": sum(row.ms_simulate for row in run.objects) / n,
+        "score": sum(row.ms_score for row in run.objects) / n,
+    }
+    rest = stages.pop("iterate", sum(row.ms_total for row in run.objects) / n) - sum(parts.values())
+    first = {name: stages.pop(name) for name in ("read", "start") if name in stages}
+    return {**first, **parts, "rest of the iterations": max(rest, 0.0), **stages}
+
+
+def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_ms: float | None = None) -> Numbers:
+    objects = [row for row in rows if row.is_object]
+    solved = [row for row in objects if row.status == "ok"]
+    truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
+    errors = [row.add_s_mm for row in solved if row.add_s_mm is not None]
+    scores = [row.score for row in solved if row.score is not None]
+    return Numbers(
+        n_frames=len({row.frame for row in rows}),
+        n_failed_frames=len({row.frame for row in rows if row.status == "failed"}),
+        n_objects=len(objects),
+        n_with_truth=len(truth),
+        n_without_answer=sum(row.status == "no_answer" for row in objects),
+        n_left_out=sum(row.status == "left_out" for row in objects),
+        n_in_failed_frames=sum(row.status == "failed" for row in objects),
+        recall=sum(row.is_correct is True for row in truth) / len(truth) if truth else None,
+        median_mm=float(np.median(errors)) if errors else None,
+        mean_mm=float(np.mean(errors)) if errors else None,
+        median_score=float(np.median(scores)) if scores else None,
+        solving_ms=solving_ms,
+        calls_per_object=None
+        if method_of(method).has_tree or not solved
+        else sum(row.n_iterations for row in solved) / len(solved),
+        ar=ar,
+    )
+
+
+def _n_solved_frames(rows: Iterable[ObjectRow]) -> int:
+    return len({row.frame for row in rows if row.status != "failed"})
+
+
+def _most_frequent(rows: Sequence[ObjectRow]) -> str:
+    causes = [row.cause for row in rows if row.cause]
+    return max(sorted(set(causes)), key=causes.count) if causes else ""

@@ -1,0 +1,186 @@
+"""BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
+
+:func:`read_lines` takes and refuses what the official toolkit's format check does; a byte order mark is read over.
+:func:`read_results` wants more: poses and scores must be numbers and R a rotation.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.paths import atomic, read_input
+
+HEADER = "scene_id,im_id,obj_id,score,R,t,time"
+
+
+@dataclass(frozen=True, eq=False)
+class ResultRow:
+    """One estimate."""
+
+    scene_id: int
+    im_id: int
+    obj_id: int
+    score: float
+    T_cam_obj: Float
+    """(4, 4) [m]."""
+    time_s: float = -1.0
+    """Seconds for the whole image; negative = unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResultLine:
+    """One estimate as it is written: any nine and three numbers."""
+
+    number: int
+    """Of the line in its file, from 1."""
+    scene_id: int
+    im_id: int
+    obj_id: int
+    score: float
+    R: Float
+    """(3, 3), not necessarily a rotation."""
+    t_mm: Float
+    """(3,) [mm]."""
+    time_s: float
+
+
+def read_results(path: Path | str) -> tuple[ResultRow, ...]:
+    """All estimates of a results file, in its order.
+
+    Raises:
+        InputError: as :func:`read_lines`, or a line holds no pose; the line's number and the reason are named.
+    """
+    return tuple(_row(line, f"{path}, line {line.number}") for line in read_lines(path))
+
+
+def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
+    """All lines of a results file that the official format check accepts.
+
+    Raises:
+        InputError: the file is missing or empty, or a line breaks a rule; the line's number and the reason are named.
+    """
+    path = Path(path)
+    raw = read_input(path)
+    try:
+        # Line breaks as Python reads text: of any system.
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text file, expected a BOP results CSV ({HEADER})") from None
+    lines = text.split("\n")
+    if lines[-1] == "":
+        lines.pop()
+    found: list[ResultLine] = []
+    first_time: dict[tuple[int, int], float] = {}
+    for number, line in enumerate(lines, start=1):
+        if number == 1 and HEADER in line:
+            continue
+        where = f"{path}, line {number}"
+        if number == 1 and _is_header(line):
+            raise InputError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
+        new = _line_of(line, number, where)
+        found.append(new)
+        if new.time_s < 0:
+            continue
+        known = first_time.setdefault((new.scene_id, new.im_id), new.time_s)
+        if abs(new.time_s - known) > 0.001:
+            raise InputError(
+                f"{where}: time is {new.time_s:g} s, but {known:g} s in an earlier line of scene {new.scene_id}, "
+                f"image {new.im_id}; all estimates of an image share one time"
+            )
+    if not found:
+        raise InputError(f"{path} holds no estimates, expected a BOP results CSV ({HEADER})")
+    return tuple(found)
+
+
+def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
+    """Writes a results file; it appears under its name only when it is whole. Numbers keep all their digits.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic(Path(path)) as part, part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(HEADER + "\n")
+        file.writelines(map(results_line, rows))
+
+
+def method_of(path: Path | str) -> str:
+    """The method's name in a results file's name: ``cosypose`` of ``cosypose_ycbv-test.csv``."""
+    stem = Path(path).stem
+    named = re.match(r"(.+?)_[^_]+-(?:test|val|train)[^_]*(?:_.*)?$", stem)
+    return named.group(1) if named else stem
+
+
+def results_line(row: ResultRow) -> str:
+    """The line of a results file that says this."""
+    R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
+    t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
+    return f"{row.scene_id},{row.im_id},{row.obj_id},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n"
+
+
+def _row(line: ResultLine, where: str) -> ResultRow:
+    for name, values in (("score", np.array(line.score)), ("R", line.R), ("t", line.t_mm)):
+        if not np.isfinite(values).all():
+            raise InputError(f"{where}: {name} holds NaN or infinity, expected finite numbers")
+    try:
+        T_cam_obj = as_rigid(transform(line.R, line.t_mm * 1e-3), "the pose")
+    except ShapeError as error:
+        raise InputError(f"{where}: {error}") from None
+    return ResultRow(line.scene_id, line.im_id, line.obj_id, line.score, T_cam_obj, line.time_s)
+
+
+def _line_of(line: str, number: int, where: str) -> ResultLine:
+    fields = line.split(",")
+    if len(fields) != 7:
+        found = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
+        raise InputError(f"{where}: found {found}, expected 7 fields ({HEADER})")
+    names = ("scene_id", "im_id", "obj_id")
+    scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
+    score = float(_numbers(fields[3], 1, "score", where)[0])
+    R, t_mm = _numbers(fields[4], 9, "R", where).reshape(3, 3), _numbers(fields[5], 3, "t", where)
+    try:
+        time_s = float(fields[6])
+    except ValueError:
+        raise InputError(f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)") from None
+    return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
+
+
+def _is_header(line: str) -> bool:
+    """Whether a line is made of names: nothing in it is a number."""
+    words = re.split(r"[,;\s]+", line.strip())
+    return all(re.fullmatch(r"[^\W\d]\w*", word) for word in words)
+
+
+def _hint(path: Path) -> str:
+    """Where the poses are of the batch run whose table of objects somebody took for them."""
+    poses = path.with_name("results.csv")
+    return f"; the poses of this run are in {poses}" if path.name == "frames.csv" and poses.is_file() else ""
+
+
+def _integer(text: str, name: str, where: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:  # no integer, or one of more than 4300 digits
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
+    if abs(value) >= 2**63:
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
+    return value
+
+
+def _numbers(text: str, n: int, name: str, where: str) -> Float:
+    expected = "one number" if n == 1 else f"{n} numbers separated by blanks"
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
+    if len(values) != n:
+        found = f"holds {len(values)} numbers" if len(values) else "is empty"
+        raise InputError(f"{where}: {name} {found}, expected {expected}")
+    return values

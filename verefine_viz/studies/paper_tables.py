@@ -1,0 +1,115 @@
+"""Refiner × method × budget on the frames as they are: the paper's Tables I-III (Sec. V-C) as far as the data allow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import Session
+from verefine_viz.studies.disturb import disturbed, with_truth
+from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
+
+REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
+SHORT, LONG = 2, 10
+"""Refiner calls per hypothesis (Table I)."""
+ROTATION_DEG, TRANSLATION_MM, HYPOTHESES = 30.0, 30.0, 5
+"""Initial poses where the session brings none."""
+SINGLE = (("", "refine"), ("+ PIR", "pir"), ("+ SIR", "sir"))
+SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
+TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
+
+
+def tables(quick: bool = False, keep_pools: bool = False) -> Study:
+    """One panel with one x: every row is a curve.
+
+    Args:
+        quick: ICP only, and the short budget.
+        keep_pools: the session's own initial poses instead of disturbed ground truth.
+    """
+    curves: list[Curve] = []
+    refiners = dict(list(REFINERS.items())[:1]) if quick else REFINERS
+    for refiner, name in refiners.items():
+        for budget in (SHORT,) if quick else (SHORT, LONG):
+            for suffix, method in (*SINGLE, *SEVERAL):
+                label = f"{name} {suffix}".strip() + f", {budget}"
+                curves.append(Curve(label, _settings(method, refiner, budget)))
+    budget = SHORT if quick else LONG
+    mcts: Mapping[str, Any] = {"expansions": budget * HYPOTHESES}
+    curves.append(Curve(f"PHYSIM-MCTS, {budget}", {"method": {"name": "physim_mcts"}, "mcts": mcts}))
+    claims: list[Claim] = []
+    for name in refiners.values():
+        rows = [f"{name} {suffix}".strip() + f", {budget}" for suffix, _ in (*SINGLE, *SEVERAL)]
+        claims += [Claim(rows[3], rows[2]), Claim(rows[4], rows[3]), Claim(rows[5], rows[4])]
+        claims.append(Claim(rows[5], f"PHYSIM-MCTS, {budget}"))
+    panel = Panel("table", "", (0.0,), tuple(curves), _as_it_is if keep_pools else _far, tuple(claims), TREND)
+    return Study("tables", "Methods and budgets (paper, Tables I-III)", (panel,))
+
+
+def _settings(method: str, refiner: str, budget: int) -> dict[str, dict[str, Any]]:
+    return {"method": {"name": method, "refiner": refiner, "iterations": budget}}
+
+
+def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
+    return with_truth(problem)
+
+
+def _far(problem: Problem, x: float, seed: int) -> Problem:
+    return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
+
+
+# The rows of the paper's Tables I-III, and why some of them cannot be made from the frames at hand.
+
+NO_DENSEFUSION = "DenseFusion and its refiner are not part of this package"
+SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets"}
+GIVEN = {"perturb": "disturbed ground truth", "results": "results files"} | SOURCES
+
+
+@dataclass(frozen=True)
+class PaperRows:
+    """Rows of one table with the same data, initial poses and refiner."""
+
+    table: str
+    dataset: str
+    """Folder name of the BOP data set."""
+    data: str
+    """What the paper calls it."""
+    parts: str
+    """Initial poses, refiner and methods, for people."""
+    source: str
+    """``hypotheses.source`` of the initial poses; empty: not here at all."""
+
+
+ROWS = (
+    PaperRows("I", "lm", "LINEMOD", "DenseFusion alone, + PIR, + SIR (2 calls), + RIR (10 calls)", ""),
+    PaperRows("I", "lm", "LINEMOD", "PPF with ICP alone, + PIR, + SIR, + RIR", "ppf"),
+    PaperRows("II", "xapc", "Extended APC", "Super4PCS with TrICP: PHYSIM-MCTS, RIR, VF_b, VF_d", "pcs"),
+    PaperRows("III", "ycbv", "YCB-Video", "DenseFusion alone, + PIR, + SIR, + RIR, + VF_b, + VF_d", ""),
+)
+
+
+def missing_rows(sessions: Iterable[Session]) -> tuple[str, ...]:
+    """A sentence for each group of the paper's rows that these sessions do not make, with the reason."""
+    every = list(sessions)
+    found: list[str] = []
+    for rows in ROWS:
+        reasons = [_reason(rows, session) for session in every]
+        if all(reasons):
+            found.append(f"Table {rows.table}, {rows.data}, {rows.parts}: {reasons[0]}")
+    return tuple(found)
+
+
+def _reason(rows: PaperRows, session: Session) -> str:
+    """Why a session does not make these rows; empty where it does."""
+    reasons: list[str] = []
+    here = Path(session.scene.dataset).name if session.scene.source == "bop" else ""
+    if here != rows.dataset:
+        reasons.append(f"needs the data set {rows.dataset}, these are {here or 'built-in scenes'}")
+    if not rows.source:
+        reasons.append(NO_DENSEFUSION)
+    elif session.hypotheses.source != rows.source:
+        first = GIVEN[session.hypotheses.source]
+        reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {first}')
+    return "; ".join(reasons)

@@ -1,0 +1,182 @@
+"""One unit of a study: a frame as it is at one x and seed, solved by every curve of the panel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.settings import Session
+from verefine_viz.evaluation.averages import average_recalls
+from verefine_viz.evaluation.bop_model import EvalModel, eval_model
+from verefine_viz.evaluation.ground_truth import Truth, TruthImage
+from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.evaluation.vsd import DELTA_MM
+from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.studies.study_plan import Curve, Panel, Unit
+
+# How good one answer is: the shares of BOP's thresholds that it passes, and its errors.
+
+
+class Quality(BaseModel):
+    """Of one object in one frame; an object without an answer fails everything."""
+
+    model_config = ConfigDict(frozen=True)
+
+    ar_vsd: float = 0.0
+    ar_mssd: float = 0.0
+    ar_mspd: float = 0.0
+    add_s_mm: float | None = None
+    relative: float | None = None
+    """ADD(-S) as a share of the diameter."""
+    rotation_deg: float | None = None
+    translation_mm: float | None = None
+
+    @property
+    def ar(self) -> float:
+        """Mean of the three recalls; over many objects, BOP's average recall."""
+        return (self.ar_vsd + self.ar_mssd + self.ar_mspd) / 3
+
+
+def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
+    """Of the answer ``T_est`` (4, 4) [m], or None. ``problem`` is the frame with all its depth, to see what is visible.
+
+    Source: Hodan et al., BOP challenge 2019.
+    """
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None, "studies keep objects with ground truth only"
+    if T_est is None:
+        return Quality()
+    instance, observation = target.instance, problem.observation
+    truth = Truth(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
+    image = TruthImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (truth,))
+    estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
+    pair = pair_errors(Drawn(image), _model(target.model), [estimate], [truth], DELTA_MM)
+    recalls = average_recalls(pair.kinds[:, 0])
+    errors = pose_errors(target.model, T_est, T_gt)
+    return Quality(
+        ar_vsd=recalls.ar_vsd,
+        ar_mssd=recalls.ar_mssd,
+        ar_mspd=recalls.ar_mspd,
+        add_s_mm=errors.add_s_mm,
+        relative=errors.relative,
+        rotation_deg=errors.rotation_deg,
+        translation_mm=errors.translation_mm,
+    )
+
+
+@lru_cache(maxsize=64)
+def _model(model: ObjectModel) -> EvalModel:
+    return eval_model(model)
+
+
+class Outcome(BaseModel):
+    """What one curve makes of one object."""
+
+    model_config = ConfigDict(frozen=True)
+
+    panel: str
+    x: float
+    seed: int
+    scene: str
+    frame: str
+    curve: str
+    instance_id: int
+    obj_id: int
+    quality: Quality
+    ms: float
+    """Of the whole frame, shared equally by its objects."""
+    refiner_calls: float
+    """The same."""
+
+
+class Solver:
+    """Solves units of one study; keeps scenes and frames it has read. Belongs to one process."""
+
+    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
+        self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
+        self._panels = {panel.name: panel for panel in panels}
+        self._refiners: dict[tuple[str, IcpSettings, TricpSettings], Refiner] = {}
+        self._last: tuple[tuple[str, str], Problem] | None = None
+
+    def solve(self, unit: Unit) -> list[Outcome]:
+        """A row per curve and object.
+
+        Raises:
+            VerefineError: the frame cannot be read or has no ground truth.
+        """
+        panel, toolbox = self._panels[unit.panel], self._toolboxes[unit.scene]
+        whole = self._frame(unit.scene, unit.frame)
+        problem = panel.prepare(whole, unit.x, unit.seed)
+        rows: list[Outcome] = []
+        for curve in panel.curves:
+            changed = toolbox.changed(_plain(curve.settings))
+            rows += _solved(unit, curve, changed, self._refiner(changed), problem, whole)
+        return rows
+
+    def _refiner(self, toolbox: Toolbox) -> Refiner:
+        """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
+        s = toolbox.session
+        return self._refiners.setdefault((s.method.refiner, s.icp, s.tricp), toolbox.refiner)
+
+    def _frame(self, scene: str, frame: str) -> Problem:
+        if self._last is None or self._last[0] != (scene, frame):
+            self._last = (scene, frame), self._toolboxes[scene].problem(frame)
+        return self._last[1]
+
+
+def _solved(
+    unit: Unit, curve: Curve, toolbox: Toolbox, refiner: Refiner, problem: Problem, whole: Problem
+) -> list[Outcome]:
+    counted = _Counted(refiner)
+    toolbox.__dict__["refiner"] = counted
+    toolbox.prepare(problem)
+    for target in problem.targets:
+        # What is built once per model is not counted as time of the first curve.
+        assert target.instance.T_cam_obj_gt is not None
+        refiner.refine(target, target.instance.T_cam_obj_gt)
+        toolbox.verifier.score(target, target.instance.T_cam_obj_gt[None])
+    began = perf_counter()
+    run = toolbox.run(problem)
+    final = run.finish()
+    ms = 1e3 * (perf_counter() - began)
+    n = max(len(problem.targets), 1)
+    return [
+        Outcome(
+            **unit.__dict__,
+            curve=curve.label,
+            instance_id=target.instance.instance_id,
+            obj_id=target.instance.obj_id,
+            quality=quality(target, None if best is None else best.T_cam_obj, whole),
+            ms=ms / n,
+            # A method that brings its own refiner calls it once an iteration.
+            refiner_calls=(counted.calls or run.length) / n,
+        )
+        for target, best in zip(problem.targets, final.best, strict=True)
+    ]
+
+
+class _Counted:
+    """A refiner that counts its calls."""
+
+    def __init__(self, inner: Refiner) -> None:
+        self._inner = inner
+        self.calls = 0
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        self.calls += 1
+        return self._inner.refine(target, T_cam_obj, fixed)
+
+
+def _plain(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    return {section: dict(fields) for section, fields in settings.items()}

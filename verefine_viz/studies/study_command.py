@@ -1,0 +1,141 @@
+"""What ``verefine-viz study`` does: runs, writes CSV and figures, and says what holds."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from verefine_viz.batch.progress import counted_bar
+from verefine_viz.core.paths import atomic, clear_parts
+from verefine_viz.core.settings import Session
+from verefine_viz.session.files import load_session
+from verefine_viz.studies.figure import Points, draw, points, rows, save, verdicts
+from verefine_viz.studies.paper_tables import missing_rows
+from verefine_viz.studies.run_study import Wanted, run_study
+from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.study_plan import Study
+
+SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
+QUICK_SCENES = ("mug", "duck", "bracket")
+"""Built-in scenes that are used where no session is given."""
+TABLE_SCENES = (*SCENES, "stack")
+QUICK_TABLE_SCENES = ("duck", "bowl", "stack")
+"""The same for tables, whose methods of whole scenes differ only where objects touch."""
+PRESET = "published"
+"""With them. With the recommended settings every method finds nearly every pose in these scenes: the refiner's wider
+gate and ten inner iterations leave little to tell methods apart by."""
+SEEDS, QUICK_SEEDS = 5, 3
+
+
+def run_one(
+    name: str,
+    session: Path | None,
+    out: Path,
+    overrides: Mapping[str, Any],
+    *,
+    quick: bool = False,
+    seeds: int | None = None,
+    workers: int = 1,
+) -> int:
+    """Runs a study into ``out``; the exit code.
+
+    Raises:
+        VerefineError: the session, a frame or ``out`` cannot be used.
+    """
+    sessions = scenes(name, session, overrides, quick)
+    source = next(iter(sessions.values())).hypotheses.source
+    wanted = Wanted(name, quick, keep_pools=session is not None and source != "perturb")
+    n_seeds = seeds if seeds is not None else QUICK_SEEDS if quick else SEEDS
+    if wanted.keep_pools and name == "tables":
+        n_seeds = 1  # nothing is drawn
+    study = wanted.study()
+    with counted_bar(f"study {name}") as tell:
+        outcomes = run_study(
+            wanted,
+            sessions,
+            n_seeds,
+            workers,
+            out / f"{name}.journal.jsonl",
+            lambda done, total: tell(f"study {name}", done, total),
+        )
+    found = points(outcomes)
+    clear_parts(out, name)
+    write_csv(study, found, out / f"{name}.csv")
+    write_objects(outcomes, out / f"{name}_objects.csv")
+    missing = missing_rows(sessions.values()) if name == "tables" else ()
+    notes = ("Rows of the paper that are not here:", *missing) if missing else ()
+    png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds), notes), out, name)
+    _say(study, found, notes, (png, svg))
+    return 0
+
+
+def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
+    """The session's scene, or built-in ones that tell something in this study, by name."""
+    if session is not None or "scene" in overrides:
+        one = load_session(session, dict(overrides))
+        return {session.stem if session is not None else (one.scene.demo or "scene"): one}
+    every, few = (TABLE_SCENES, QUICK_TABLE_SCENES) if study == "tables" else (SCENES, QUICK_SCENES)
+    names = few if quick else every
+    return {name: load_session(None, {"preset": PRESET, **overrides, "scene": {"demo": name}}) for name in names}
+
+
+def write_csv(study: Study, found: Points, path: Path) -> None:
+    """The curves: a row per panel, curve and x."""
+    _write(path, [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows(study, found)])
+
+
+def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Everything: a row per curve, x, seed, frame and object."""
+    _write(
+        path, [{**o.model_dump(exclude={"quality"}), **o.quality.model_dump(), "ar": o.quality.ar} for o in outcomes]
+    )
+
+
+def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
+    with atomic(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(table[0]) if table else [])
+        writer.writeheader()
+        writer.writerows(table)
+
+
+def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: int) -> str:
+    frames = {(o.scene, o.frame) for o in outcomes}
+    objects = {(o.scene, o.frame, o.instance_id) for o in outcomes}
+    return f"{', '.join(sessions)}: {len(frames)} frames, {len(objects)} objects, {seeds} seeds"
+
+
+def _say(study: Study, found: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    if len(study.panels) == 1:
+        console.print(_table(study, found))
+    for panel in study.panels:
+        console.print(f"[bold]{escape(panel.name)}[/bold]  paper: {escape(panel.trend)}")
+        for verdict in verdicts(panel, found):
+            console.print(escape(f"  {verdict}"))
+    for note in notes:
+        console.print(escape(note))
+    console.print(escape(f"Figures: {figures[0]}, {figures[1].name}; numbers: {study.name}.csv beside them"))
+
+
+def _table(study: Study, found: Points) -> Table:
+    table = Table(title=study.title)
+    table.add_column("", no_wrap=True)
+    for heading in ("AR", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
+        table.add_column(heading, justify="right")
+    for r in rows(study, found):
+        shares = [f"{100 * float(r[k]):.1f}" for k in ("ar", "ar_vsd", "ar_mssd", "ar_mspd")]
+        table.add_row(
+            str(r["curve"]),
+            *shares,
+            f"{float(r['median_add_s_mm']):.1f}",
+            f"{100 * float(r['below_10_percent']):.0f}",
+            f"{float(r['ms_per_object']):.0f}",
+            f"{float(r['refiner_calls_per_object']):.0f}",
+        )
+    return table
