@@ -38,7 +38,7 @@ def test_simulation_topples(look: Look) -> None:
     screen.text("Breakpoint at iteration|The simulation turned the object by")
     screen.shot("failure_simulation_topples")
     screen.tab("Physics")
-    screen.text("steps the simulation turned it")
+    assert any(row[0] == "simulated" for row in screen.table("stage", "turned"))
     screen.shot("failure_simulation_topples_physics")
 
 
@@ -47,7 +47,7 @@ def test_score_prefers_a_wrong_pose(look: Look) -> None:
     run_to_end(screen)
     screen.text("The score prefers a pose of the .* that is wrong by .* More iterations need not help")
     screen.tab("Errors")
-    screen.text("The score prefers this wrong pose to the true pose: .* More iterations need not help")
+    screen.text("^The score prefers best to ground truth. More iterations need not help")
     screen.click("Score the ground truth")
     screen.shot("failure_score_prefers_wrong")
 

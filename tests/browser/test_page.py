@@ -53,10 +53,10 @@ def test_every_panel(look: Look) -> None:
     screen.click("Run")
     screen.text("Run finished")
     for tab, words in (
-        ("Score", "against initial"),
+        ("Score", "B − A"),
         ("Bandit", "^The answer is of iteration .* took hypothesis"),
-        ("Physics", "steps the simulation"),
-        ("Errors", "by the usual 10 %"),
+        ("Physics", "of the background lies on the support plane"),
+        ("Errors", "^ground truth$"),
         ("Session", "not from a file|from .*mug.toml"),
     ):
         screen.tab(tab)
@@ -183,7 +183,7 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     screen = look(MUG)
     screen.tab("Physics")
     screen.click("Edit pose")
-    screen.text("by hand scores")
+    screen.text("The edited pose .* scores")
     before = screen.app.debugger.options.edited
     assert before is not None
     screen.page.wait_for_timeout(1500)

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from tests.browser.conftest import Look, Screen
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.core.palette import CLASS_COLORS
 
 pytestmark = pytest.mark.data
@@ -58,10 +58,12 @@ def objects(screen: Screen) -> dict[str, float]:
 
 
 def score(screen: Screen) -> None:
-    best, initial, more = numbers(screen, "^035_power_drill: Best # against initial #: # more, mostly from depth")
-    assert best - initial == pytest.approx(more, abs=0.0011)
-    rows = {row[0]: row[1:] for row in screen.table("initial", "best")}
-    assert [float(x) for x in rows["score f̄"]] == [initial, best]
+    rows = {row[0]: row[1:] for row in screen.table("035_power_drill", "initial", "best", "B − A")}
+    for name in ("score f̄", "depth fit f_d", "normal fit f_n"):
+        initial, best, more = (float(x) for x in rows[name])
+        assert best - initial == pytest.approx(more, abs=0.0011)
+    run = screen.app.debugger.workspace.run
+    assert float(rows["score f̄"][1]) == pytest.approx(run.iterations[-1].best.score.score, abs=0.0006)
     for k in range(2):
         shares = [float(rows[n][k].rstrip("%")) for n in ("explained", "missed", "protruding", "hidden", "unknown")]
         assert sum(shares) == pytest.approx(100, abs=0.3)
@@ -81,12 +83,14 @@ def bandit(screen: Screen) -> None:
 
 
 def physics(screen: Screen) -> None:
-    turned, moved, ended = numbers(
-        screen, "In 3 steps the simulation turned it #° about . and moved it # mm, .* # contact"
-    )
+    last, model = screen.app.debugger.workspace.run.iterations[-1], screen.app.debugger.view().target.model
+    Ts = [stage.T_cam_obj for stage in last.stages[:2]]
+    middles = [apply(T, model.points.mean(axis=0)[None])[0] for T in Ts]
+    turned = np.rad2deg(angle_between(*(T[:3, :3] for T in Ts)))
+    moved = 1e3 * np.linalg.norm(middles[1] - middles[0])
     simulated, *_ = (row for row in screen.table("stage", "turned") if row[0] == "simulated")
-    assert [float(simulated[1].rstrip("°")), float(simulated[3])] == pytest.approx([turned, moved], abs=0.06)
-    (in_all,) = numbers(screen, rf"^After step 3: {int(ended)} contacts, # N in all")
+    assert [float(simulated[1].rstrip("°")), float(simulated[3])] == pytest.approx([turned, moved], abs=0.006)
+    ended, in_all = numbers(screen, r"^After step 3: # contacts, # N in all")
     contacts = screen.table("with", "depth mm", "force N")
     assert len(contacts) == int(ended)
     assert {row[0] for row in contacts} == {"table"}
@@ -94,12 +98,10 @@ def physics(screen: Screen) -> None:
 
 
 def errors(screen: Screen, of_drill_mm: float) -> None:
-    way = r"\(#° of tilt against the table, #° of turn on it\)"
-    turned, tilt, turn, moved, add, percent = numbers(
-        screen, rf"^The best pose so far is #° {way} and # mm from ground truth; ADD\(-S\) # mm is #% of"
-    )
+    rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "of ∅")}
+    *angles, moved, add = (float(cell.rstrip("°")) for cell in rows["best"][1:6])
+    turned, tilt, turn = angles
     assert np.hypot(tilt, turn) == pytest.approx(turned, abs=0.1)
-    screen.text("of the diameter: correct by the usual 10 %")
     run = screen.app.debugger.workspace.run
     drill, best = run.problem.targets[-1], run.iterations[-1].best
     T_true, vertices = drill.instance.T_cam_obj_gt, drill.model.vertices
@@ -108,9 +110,8 @@ def errors(screen: Screen, of_drill_mm: float) -> None:
     apart_mm = 1e3 * np.linalg.norm(apply(best.T_cam_obj, vertices) - apply(T_true, vertices), axis=1).mean()
     assert add == pytest.approx(apart_mm, abs=0.3)
     assert add == of_drill_mm
-    assert percent == round(100 * add / (1e3 * drill.model.diameter_m))
-    rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "of ∅")}
-    assert rows["best"][1:6] == [f"{turned}°", f"{tilt}°", f"{turn}°", str(moved), str(add)]
+    assert rows["best"][6] == f"{100 * add / (1e3 * drill.model.diameter_m):.0f}%"
+    assert moved == pytest.approx(1e3 * np.linalg.norm((best.T_cam_obj - T_true)[:3, 3]), abs=0.06)
     assert [row[1] for row in screen.table("arm", "from")] == ["cosypose", "posecnn-rss2018", "sundermeyer"]
 
 

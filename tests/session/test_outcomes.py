@@ -9,7 +9,7 @@ import pytest
 
 from tests.session.comparing import METHODS, trace
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.session.outcomes import effort_of, outcomes, tally
+from verefine_viz.session.outcomes import effort_of, outcomes
 
 
 def errors_of(target: Any, T: Any) -> Any:
@@ -22,8 +22,6 @@ def test_swapping_the_sides_swaps_the_winners(other: str) -> None:
     one, back = outcomes(a, b, errors_of), outcomes(b, a, errors_of)
     swapped = {"A": "B", "B": "A", "even": "even"}
     assert [swapped[o.winner] for o in one if o.winner] == [o.winner for o in back]
-    assert tally(one)["A"] == tally(back)["B"]
-    assert sum(tally(one).values()) == 2
     for o in one:
         assert o.a is not None
         assert o.b is not None
@@ -47,7 +45,6 @@ def test_an_object_without_an_answer_has_no_winner() -> None:
     a = trace("rir", 2)
     found = outcomes(a, replace(a, problem=a.problem.only([0]), answers=({},)), errors_of)
     assert [o.winner for o in found] == [None, None]
-    assert tally(found) == {"A": 0, "B": 0, "even": 0}
 
 
 def test_effort_counts_refiner_calls() -> None:

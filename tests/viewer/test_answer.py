@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,14 +20,14 @@ from verefine_viz.methods.physim_mcts import make_physim_mcts
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import carries
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.panels.run import of_the_end
-from verefine_viz.viewer.panels.timeline import strip
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.panels.run_panel import of_the_end
+from verefine_viz.viewer.panels.score_panel import score_html
+from verefine_viz.viewer.panels.timeline_panel import strip
 from verefine_viz.viewer.snapshot.build import INITIAL_POSES
 from verefine_viz.viewer.snapshot.snapshot import visit
 from verefine_viz.viewer.state.view_options import OF_ITERATION
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import compared
 
 TWO, END = c.OpenFrame("0/2"), c.RunUntil("end")
 
@@ -131,7 +132,7 @@ def test_the_answer_is_compared_with_where_it_started() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
     assert (view.options.a, view.options.b) == ("initial", "best")
-    assert compared(view).startswith("Best 0.")
+    assert re.findall(r'<th title="the (\w+) pose">', score_html(view)) == ["initial", "best"]
     assert not OF_ITERATION & (set(view.poses) | view.options.layers)
     assert d.options.b == "refined", "what was chosen is kept"
     assert d.carry_out([c.Back()]).view().options.b == "refined"

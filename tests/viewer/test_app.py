@@ -19,12 +19,12 @@ from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer import page
+from verefine_viz.viewer import session_page
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.layout import KEYS
+from verefine_viz.viewer.panels.page_layout import KEYS
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 
@@ -73,7 +73,7 @@ def test_words_and_maps_come_before_the_picture_unless_somebody_hurries(
 
     def shown(command: c.Command, calm_s: float) -> list[str]:
         came.clear()
-        monkeypatch.setattr(page, "CALM_S", calm_s)
+        monkeypatch.setattr(session_page, "CALM_S", calm_s)
         app.send(command)
         app.wait_until_idle()
         return list(came)
@@ -253,7 +253,7 @@ def test_maps_that_cannot_be_made_are_told_of_and_not_tried_until_something_is_d
         tried.append(cursor(app))
         raise ValueError("no maps")
 
-    monkeypatch.setattr(page, "CALM_S", calm_s)
+    monkeypatch.setattr(session_page, "CALM_S", calm_s)
     monkeypatch.setattr(FakeVerifier, "maps", fail)
     for k in (1, 2):
         app.send(c.Step())
@@ -388,7 +388,7 @@ def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
 def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
     run, physics = app.page.layout.run, app.page.layout.physics
     assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
-    assert physics.edit.order < physics.go_on.order < physics._words._handle.order < physics._standing._handle.order
+    assert physics.edit.order < physics.go_on.order < physics._words._handle.order < physics._plausibility._handle.order
 
 
 def test_only_what_can_be_done_with_a_pose_can_be_pressed(app: App) -> None:

@@ -61,7 +61,7 @@ def test_a_pose_put_there_by_hand_is_a_row_below_the_play_that_went_on_from_it()
     debugger.carry_out([c.Step(), c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose(), c.Step(), c.SelectArm(2)])
     put = debugger.workspace.run.state.objects[0].arms[2].own_entries[0]
     assert listed(debugger) == ["2", "", "0"]
-    assert f"by hand</td><td>{put.score.score:.3f}</td>" in arm_history(debugger.view())
+    assert f"edited</td><td>{put.score.score:.3f}</td>" in arm_history(debugger.view())
 
 
 def listed(debugger: Debugger) -> list[str]:

@@ -12,12 +12,12 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import arms_table
 from verefine_viz.viewer.drawing.markup import arms_legend
-from verefine_viz.viewer.drawing.tables import starts_table
-from verefine_viz.viewer.panels.bandit import score_lines
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.panels.timeline import strip
+from verefine_viz.viewer.drawing.pose_tables import starts_table
+from verefine_viz.viewer.panels.bandit_panel import score_lines
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.panels.timeline_panel import strip
+from verefine_viz.viewer.text.display_names import arm_color
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.names import arm_color
 
 NAMES = ("cosypose", "<b>posecnn", "cosypose")
 

@@ -17,7 +17,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing import score_plot
+from verefine_viz.viewer.panels.errors_panel import plot_svg, trust_in_score
 from verefine_viz.viewer.state.batch_gallery import ALL, RIGHT, WRONG, Gallery, plot_of, read_gallery
 from verefine_viz.viewer.text.findings import batch_words, findings
 
@@ -181,11 +181,11 @@ def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, sever
 
 def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: Gallery) -> None:
     plot = plot_of(several, {})
-    assert "In 33% of pairs" in score_plot.words(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
-    assert score_plot.svg(plot, several.entries[0]).count("<circle") == 2
-    assert "<circle" not in score_plot.svg(plot, None)
-    assert score_plot.svg(plot, None).count("h0") == 4
-    assert "shows once" in score_plot.words(plot_of(several, {"run": "sir"}))
+    assert "In 33% of pairs" in trust_in_score(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
+    assert plot_svg(plot, several.entries[0]).count("<circle") == 2
+    assert "<circle" not in plot_svg(plot, None)
+    assert plot_svg(plot, None).count("h0") == 4
+    assert "shows once" in trust_in_score(plot_of(several, {"run": "sir"}))
 
 
 def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:

@@ -13,7 +13,7 @@ from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.batch import card, choices, pages, summary
+from verefine_viz.viewer.panels.batch_panel import card, choices, pages, summary
 from verefine_viz.viewer.state.batch_gallery import PAGE, WRONG, Gallery
 
 

@@ -7,10 +7,9 @@ from tests.viewer.test_read_changes import Clustered
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.tables import errors_table, score_table
-from verefine_viz.viewer.panels.score import maps_html
+from verefine_viz.viewer.drawing.pose_tables import errors_table, score_table
+from verefine_viz.viewer.panels.score_panel import maps_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.poses import compared
 
 
 def after(*commands: c.Command, name: str) -> Snapshot:
@@ -20,8 +19,8 @@ def after(*commands: c.Command, name: str) -> Snapshot:
 
 def said(view: Snapshot) -> tuple[str, ...]:
     """Everything that names the poses of both sides."""
-    sides = [side.pose if side else None for side in (view.a, view.b)]
-    return maps_html(view), score_table(sides), errors_table(view), compared(view).lower()
+    a, b = (side.pose if side else None for side in (view.a, view.b))
+    return maps_html(view), score_table(a, b), errors_table(view)
 
 
 def test_the_answer_of_a_search_of_scenes_is_not_called_the_best() -> None:

@@ -16,7 +16,7 @@ from verefine_viz.session.breakpoints import LABELS, UNITS, number_of
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.breakpoints import FLAGS, THRESHOLDS
+from verefine_viz.viewer.panels.view_panels import FLAGS, THRESHOLDS
 
 BREAKPOINTS = BreakpointSettings(jump_mm=25.0, score_falls_by=0.5, unstable=True)
 SESSION = Session(title="boxes", method=MethodSettings(iterations=2), breakpoints=BREAKPOINTS)

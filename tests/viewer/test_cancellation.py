@@ -20,7 +20,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
-from verefine_viz.viewer.page import CANCELLED
+from verefine_viz.viewer.session_page import CANCELLED
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
 SLOW = "0/2"

@@ -20,7 +20,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.compare import computing
+from verefine_viz.viewer.panels.compare_panel import computing
 
 
 def test_b_is_computed_beside_the_open_run() -> None:

@@ -12,7 +12,7 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.drawing.comparison_tables import summary
+from verefine_viz.viewer.drawing.comparison_tables import parting
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -21,7 +21,7 @@ def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:
     path = record(tmp_path / "rir.rrd", SESSION)
     d = page().carry_out([TWO, c.RunUntil("end"), c.CompareRecording(str(path))])
     v = sides(d)
-    assert "did the same in all 12 iterations that both have made, bit for bit" in summary(v)
+    assert "did the same in all 12 iterations that both have made, bit for bit" in parting(v)
     assert {o.winner for o in v.outcomes} == {"even"}
     again = page().carry_out(d.log)
     same(d, again)

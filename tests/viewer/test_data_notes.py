@@ -20,7 +20,7 @@ from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.run import on_top
+from verefine_viz.viewer.panels.run_panel import on_top
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.text.findings import findings
 

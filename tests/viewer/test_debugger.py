@@ -24,7 +24,7 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.session import opened
+from verefine_viz.viewer.panels.session_panel import opened
 
 
 def debugger(session: Session | None = None) -> Debugger:
@@ -239,7 +239,7 @@ def test_saved_session_repeats_the_run(tmp_path: Path) -> None:
     d.carry_out([c.SetBreakpoints((("jump_mm", 50.0),)), c.RunUntil("end")])
     save_session(d.workspace.session, tmp_path / "kept.toml")
     again = debugger(load_session(tmp_path / "kept.toml"))
-    assert "1 pose moved by hand. After iteration 1: method.exploration = 2.0." in opened(again.view())
+    assert "1 edited pose. After iteration 1: method.exploration = 2.0." in opened(again.view())
     again.carry_out([c.RunUntil("end")])
     assert first_difference(d.workspace.run.iterations, again.workspace.run.iterations) is None
     assert again.workspace.breakpoints.jump_mm == 50.0

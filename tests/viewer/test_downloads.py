@@ -15,7 +15,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import export as downloads
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.layout import KEYS
+from verefine_viz.viewer.panels.page_layout import KEYS
 
 Sent = list[tuple[int, str, bytes]]
 

@@ -17,9 +17,10 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.plausibility import drawn_stage, plausibility_html
-from verefine_viz.viewer.text.poses import compared, edited_score
-from verefine_viz.viewer.text.sentences import truth
+from verefine_viz.viewer.drawing.plausibility_picture import drawn_stage, plausibility_html
+from verefine_viz.viewer.drawing.pose_tables import errors_table
+from verefine_viz.viewer.panels.score_panel import score_html
+from verefine_viz.viewer.text.pose_words import edited_score
 
 
 def deep_by_x(moving: Placed, others: Sequence[Placed], support: Support) -> Plausibility:
@@ -57,17 +58,16 @@ def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_
     assert drawn_stage(after) != "edited"
 
 
-def test_errors_and_score_say_that_they_judge_the_edited_pose(debugger: Debugger) -> None:
-    assert truth(debugger.view()).startswith("The best pose so far is")
+def test_errors_and_score_show_the_edited_pose_beside_the_others(debugger: Debugger) -> None:
+    assert "edited<" not in errors_table(debugger.view())
     view = debugger.carry_out([c.SelectArm(1), c.EditPose(), moved(0.071)]).view()
-    assert truth(view).startswith("The edited pose (hypothesis 2) is")
-    assert "wrong by the usual 10 %. The best pose so far is off by" in truth(view)
-    assert "Edited 0." in compared(view)
-    assert "The pose that you edit" not in compared(view)
+    assert "edited<" in errors_table(view)
+    assert "best<" in errors_table(view)
     score = view.poses["edited"].score
     assert score is not None
-    other = debugger.carry_out([c.Compare(a="current", b="accepted")]).view()
-    assert f"The pose that you edit scores {score.score:.3f}; choose “edited” as A or B" in compared(other)
+    shown = score_html(view)
+    assert 'title="the edited pose">edited</th>' in shown
+    assert f"<td>{score.score:.3f}</td>" in shown
 
 
 def test_a_kept_pose_of_another_hypothesis_is_told_from_the_edited_one(debugger: Debugger) -> None:
@@ -76,5 +76,5 @@ def test_a_kept_pose_of_another_hypothesis_is_told_from_the_edited_one(debugger:
     same, other = shown.arm, (shown.arm + 1) % 3
     assert "; the accepted pose has 0." in edited_score(debugger.carry_out([c.SelectArm(same), c.EditPose()]).view())
     said = edited_score(debugger.carry_out([c.SelectArm(other), c.EditPose()]).view())
-    assert said.startswith(f"Hypothesis {other + 1} by hand scores 0.")
+    assert said.startswith(f"The edited pose (hypothesis {other + 1}) scores 0.")
     assert f"; the accepted pose (of hypothesis {same + 1}) has 0." in said

@@ -13,12 +13,12 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.bandit_tables import arms_table, what_n_counts
+from verefine_viz.viewer.drawing.bandit_tables import arms_table, n_means
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.handlers.edit_handlers import Unconfirmed
+from verefine_viz.viewer.panels.bandit_panel import chosen
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import shift_mm
-from verefine_viz.viewer.text.sentences import chosen
+from verefine_viz.viewer.text.pose_words import shift_mm
 
 
 def debugger(method: str = "rir", frame: str = "0/1") -> Debugger:
@@ -34,18 +34,18 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
     view = d.carry_out([c.Step()]).view()
     assert chosen(view) == "Iteration 2 took hypothesis 3: it was moved by hand and is played first."
     assert "hypothesis 3 of 3 (it was moved by hand and is played first)" in headline(view)
-    assert "a pose moved by hand starts again at 1" in what_n_counts(view)
+    assert "An edited pose starts again at 1." in n_means(view)
 
 
 def test_before_the_first_iteration_the_table_marks_the_moved_hypothesis_as_the_next() -> None:
     view = debugger().carry_out([c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose()]).view()
-    assert chosen(view) == "Nothing was chosen yet. Hypothesis 3 was moved by hand: it comes first."
+    assert chosen(view) == "Nothing was chosen yet. Hypothesis 3 was edited: it comes first."
     assert "</i>3 ◂</td>" in arms_table(view)
     assert arms_table(view).count("◂</td>") == 1
 
 
 def test_without_a_moved_pose_nothing_is_said_of_it() -> None:
-    assert "by hand" not in what_n_counts(debugger().carry_out([c.Step()]).view())
+    assert "edited" not in n_means(debugger().carry_out([c.Step()]).view())
 
 
 def test_where_objects_take_turns_it_says_when() -> None:
@@ -99,11 +99,11 @@ def test_a_session_that_moves_poses_says_so_when_it_is_opened() -> None:
     shift = shift_mm(first, put, d.view().target.model.points)
     where = f"{shift:.1f} mm and 20.0° from its initial pose."
     early = d.workspace.session
-    assert f"Hypothesis 3 of box #1 was moved by hand before iteration 1, {where}" in headline(opened(early).view())
+    assert f"Hypothesis 3 of box #1 was edited before iteration 1, {where}" in headline(opened(early).view())
     late = early.model_copy(update={"edits": (early.edits[0].model_copy(update={"after_iteration": 2}),)})
-    assert f"Hypothesis 3 of box #1 will be moved by hand after iteration 2, {where}" in headline(opened(late).view())
+    assert f"Hypothesis 3 of box #1 will be edited after iteration 2, {where}" in headline(opened(late).view())
     many = early.model_copy(update={"edits": 5 * early.edits})
-    assert "2 more are moved by hand. Press Step" in headline(opened(many).view())
+    assert "2 more are edited. Press Step" in headline(opened(many).view())
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.panels.session import opened
+from verefine_viz.viewer.panels.session_panel import opened
 from verefine_viz.viewer.text.headline import headline
 
 
@@ -31,19 +31,19 @@ def test_an_edit_of_an_object_that_the_first_frame_lacks_is_kept_for_the_frame_t
     """Frame 0/1 has box 0, frame 0/2 boxes 0 and 1."""
     d = Debugger(session(edit_of(instance=1)), None, FakeTools)
     assert (d.workspace.frame, d.workspace.run.edits) == ("0/1", ())
-    assert "The session moves hypothesis 1 of instance 1 by hand, which this frame does not have" in headline(d.view())
-    assert "moved by hand" not in opened(d.view())
+    assert "The session edits hypothesis 1 of instance 1, which this frame does not have" in headline(d.view())
+    assert "edited" not in opened(d.view())
     assert d.workspace.session.edits == (edit_of(instance=1),)
     d.carry_out([c.OpenFrame("0/2")])
     assert d.workspace.run.edits == (edit_of(instance=1),)
-    assert "Hypothesis 1 of box #1 was moved by hand before iteration 1" in headline(d.view())
-    assert "1 pose moved by hand" in opened(d.view())
+    assert "Hypothesis 1 of box #1 was edited before iteration 1" in headline(d.view())
+    assert "1 edited pose" in opened(d.view())
 
 
 def test_an_edit_of_a_hypothesis_that_a_frame_lacks_does_not_keep_the_session_from_opening() -> None:
     d = Debugger(session(edit_of(instance=0, hypothesis=7)), None, FakeTools)
     assert d.workspace.run.edits == ()
-    assert "hypothesis 8 of instance 0 by hand, which this frame does not have" in headline(d.view())
+    assert "hypothesis 8 of instance 0, which this frame does not have" in headline(d.view())
 
 
 def test_an_edit_knows_its_frame_and_the_session_opens_there() -> None:
@@ -52,7 +52,7 @@ def test_an_edit_knows_its_frame_and_the_session_opens_there() -> None:
     assert len(d.workspace.run.edits) == 1
     d.carry_out([c.OpenFrame("0/1")])
     assert d.workspace.run.edits == ()
-    assert "1 pose moved by hand belongs to frame 0/2." in headline(d.view())
+    assert "1 edited pose belongs to frame 0/2." in headline(d.view())
 
 
 def test_edits_and_changes_behind_the_end_of_the_run_are_noted() -> None:
@@ -74,7 +74,7 @@ def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(expor
     absent = edit_of(instance=5, frame="0/1")
     d = Debugger(session(absent), None, FakeTools, write=exporter)
     assert d.workspace.run.edits == ()
-    assert "by hand" not in headline(d.view())
+    assert "edit" not in headline(d.view())
     d.carry_out([c.OpenFrame("0/2"), c.SaveSession("again")])
     assert load_session(tmp_path / "again.toml").edits == (absent,)
 

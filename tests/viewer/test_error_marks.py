@@ -11,8 +11,8 @@ from tests.viewer.test_words import off
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.text.names import verdict_mark
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.text.display_names import verdict_mark
 
 
 @pytest.mark.parametrize(("relative", "mark"), [(0.02, "✓"), (0.0999, "✓"), (0.1, "✗"), (2.0, "✗")])

@@ -20,7 +20,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import carries
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.handlers.edit_handlers import Unconfirmed
-from verefine_viz.viewer.panels.session import CHOOSE, open_now, opened
+from verefine_viz.viewer.panels.session_panel import CHOOSE, open_now, opened
 
 OTHER = Session(title="other")
 FORK = c.Fork((("method.exploration", 0.4),), 0)
@@ -37,7 +37,7 @@ def debugger(tmp_path: Path) -> Debugger:
     return Debugger(load_session(mine), mine, FakeTools, write=Exporter(server, tmp_path))
 
 
-def test_another_session_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+def test_another_session_is_written_until_the_user_insists(debugger: Debugger, tmp_path: Path) -> None:
     theirs = tmp_path / "theirs.toml"
     with pytest.raises(Unconfirmed, match=r"theirs\.toml holds another session, “other”\. Nothing was") as refused:
         debugger.carry_out([c.SaveSession("theirs")])
@@ -72,14 +72,16 @@ def test_a_changed_session_gets_the_name_of_its_new_file_as_title(debugger: Debu
     assert (title("first"), title("second")) == ("boxes", "second")
 
 
-def test_a_pose_that_the_shown_branch_lacks_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+def test_a_pose_that_the_shown_branch_lacks_is_written_until_the_user_insists(
+    debugger: Debugger, tmp_path: Path
+) -> None:
     T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
     move = [c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.SaveSession("mine")]
     debugger.carry_out([*move, c.Seek(0), FORK])
-    with pytest.raises(Unconfirmed, match=r"another branch, “hypothesis 1 edited.*”, with 1 pose moved by hand that"):
+    with pytest.raises(Unconfirmed, match=r"another branch, “hypothesis 1 moved.*”, with 1 edited pose that"):
         debugger.carry_out([c.SaveSession("mine")])
     debugger.carry_out([c.Restart()])
-    with pytest.raises(Unconfirmed, match="holds 1 pose moved by hand that the shown branch does not have"):
+    with pytest.raises(Unconfirmed, match="holds 1 edited pose that the shown branch does not have"):
         debugger.carry_out([c.SaveSession("mine")])
     assert len(load_session(tmp_path / "mine.toml").edits) == 1
 
@@ -175,13 +177,13 @@ def test_it_says_which_frame_alone_a_session_with_moved_poses_opens(debugger: De
     assert load_session(tmp_path / "one.toml").scene.frames == ("0/2",)
 
 
-def test_settings_that_the_shown_branch_lacks_are_kept_until_a_person_insists(debugger: Debugger) -> None:
+def test_settings_that_the_shown_branch_lacks_are_written_until_a_person_insists(debugger: Debugger) -> None:
     debugger.carry_out([FORK, c.SaveSession("new"), c.Restart()])
     with pytest.raises(Unconfirmed, match="holds settings changed on the way that the shown branch"):
         debugger.carry_out([c.SaveSession("new")])
 
 
-def test_another_branch_of_the_page_is_kept_until_a_person_insists(debugger: Debugger, tmp_path: Path) -> None:
+def test_another_branch_of_the_page_is_written_until_the_user_insists(debugger: Debugger, tmp_path: Path) -> None:
     debugger.carry_out([c.SaveSession("new"), FORK])
     with pytest.raises(Unconfirmed, match=r"holds another branch, “first run”\. Nothing was written") as refused:
         debugger.carry_out([c.SaveSession("new")])
@@ -211,7 +213,7 @@ def test_a_file_is_opened_by_its_path_from_home(
     assert debugger.workspace.session == OTHER
 
 
-def test_a_file_that_was_changed_meanwhile_is_kept(debugger: Debugger, tmp_path: Path) -> None:
+def test_a_file_that_was_changed_meanwhile_is_written(debugger: Debugger, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     edited = mine.read_text().replace("iterations = 2", "iterations = 3")
     mine.write_text(edited)
@@ -220,7 +222,7 @@ def test_a_file_that_was_changed_meanwhile_is_kept(debugger: Debugger, tmp_path:
     assert mine.read_text() == edited
 
 
-def test_a_file_that_is_no_session_is_kept(debugger: Debugger, tmp_path: Path) -> None:
+def test_a_file_that_is_no_session_is_written(debugger: Debugger, tmp_path: Path) -> None:
     (tmp_path / "notes.toml").write_text("dear diary")
     with pytest.raises(Unconfirmed, match="something that is no session"):
         debugger.carry_out([c.SaveSession("notes")])
@@ -259,7 +261,7 @@ def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_p
         said = f"c {usual.method.exploration:g} → 0.3, τ [m] {usual.score.tau_m:g} → 0.01; press “Restart with these”"
         assert f"; not in the file, as they were not in use: {said} or “Fork here” in Settings" in app.debugger.message
         assert load_session(path).score == usual.score
-        assert said in session._kept._handle.content
+        assert said in session._written._handle.content
         assert settings.waiting
         app.send(c.Restart((("method.exploration", 0.3), ("score.tau_m", 0.01))))
         app.wait_until_idle()
@@ -273,7 +275,7 @@ def test_what_was_written_before_a_refusal_is_told_to_be_so(tmp_path: Path) -> N
     app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
         app.wait_until_idle()
-        kept = app.page.layout.session._kept
+        kept = app.page.layout.session._written
         app.send(c.SaveSession("new"))
         app.wait_until_idle()
         assert "<p>Written: <code>" in kept._handle.content

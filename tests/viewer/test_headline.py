@@ -11,7 +11,7 @@ import pytest
 from tests.viewer.test_words import after
 from verefine_viz.core.geometry import transform
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import hinted
+from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.headline import HINTS, UNVERIFIED, headline
 
@@ -144,7 +144,7 @@ def test_no_runner_up_where_no_other_hypothesis_could_have_won_by_its_score(name
 
 
 def test_abbreviations_are_spelt_out_in_tooltips() -> None:
-    shown = hinted(headline(after(c.Step())), HINTS)
+    shown = sentence(headline(after(c.Step())), HINTS)
     for word, meaning in (("UCB", "upper confidence bound"), ("ICP", "iterative closest point")):
         assert re.search(rf'<span class="term" title="{meaning}: [^"]*">{word}</span>', shown)
 

@@ -17,10 +17,10 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import arms_table
+from verefine_viz.viewer.panels.bandit_panel import chosen
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.sentences import chosen
 
 
 def moved(arm: int, turn_deg: float, mm: float, *first: c.Command) -> Snapshot:
@@ -43,9 +43,7 @@ def test_the_nearest_is_named_where_another_scores_best() -> None:
 def test_a_hypothesis_moved_to_where_it_is_best_is_named_with_the_error_that_it_has_there() -> None:
     said = headline(moved(2, 1.0, 1.0))
     assert "hypothesis 3 scores best with 0.9" in said
-    assert (
-        "and is nearest, 1.0° and 1.0 mm from ground truth. Hypothesis 3 was moved by hand before iteration 1" in said
-    )
+    assert "and is nearest, 1.0° and 1.0 mm from ground truth. Hypothesis 3 was edited before iteration 1" in said
 
 
 def test_a_hypothesis_moved_away_no_longer_scores_best_but_its_initial_pose_may() -> None:

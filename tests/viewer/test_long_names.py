@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from verefine_viz.viewer.drawing.markup import cut, fitted
-from verefine_viz.viewer.text.names import shortened, told_apart
+from verefine_viz.viewer.text.display_names import shortened, without_common_start
 
 TWINS = ("005_tomato_soup_can #1", "005_tomato_soup_can #12")
 
@@ -36,4 +36,4 @@ def test_names_are_text() -> None:
     ],
 )
 def test_what_all_begin_with_is_left_out(names: list[str], shown: list[str]) -> None:
-    assert told_apart(names) == shown
+    assert without_common_start(names) == shown

@@ -11,8 +11,8 @@ from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import arm_history
-from verefine_viz.viewer.drawing.tables import branches_table, last_of_old_scale, one_scale_note, other_scale_sign
-from verefine_viz.viewer.panels.bandit import score_lines
+from verefine_viz.viewer.drawing.pose_tables import branches_table, last_of_old_scale, one_scale_note, other_scale_sign
+from verefine_viz.viewer.panels.bandit_panel import score_lines
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 

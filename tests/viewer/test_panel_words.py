@@ -9,17 +9,16 @@ import pytest
 
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.session import opened
-from verefine_viz.viewer.panels.view import ROWS, WITH_BOX
-from verefine_viz.viewer.text.poses import compared
-from verefine_viz.viewer.text.scene import objects_words
-from verefine_viz.viewer.text.sentences import NAMES, breakpoint_words, chosen, physics, settings_words, view_words
+from verefine_viz.viewer.panels.bandit_panel import chosen
+from verefine_viz.viewer.panels.session_panel import opened
+from verefine_viz.viewer.panels.settings_panel import settings_words
+from verefine_viz.viewer.panels.view_panels import ROWS, WITH_BOX, view_words
+from verefine_viz.viewer.text.pose_words import compared
 
 SESSION = Session(method=MethodSettings(iterations=2))
 LABELS = {
@@ -31,23 +30,17 @@ LABELS = {
 HELD = {"method.iterations": 5, "method.exploration": 0.7, "physics.enabled": True, "physics.steps": 3}
 
 
-def drawn(*commands: c.Command) -> str:
-    return view_words(Debugger(SESSION, None, FakeTools).carry_out(commands).view(), WITH_BOX)
+def drawn(*commands: c.Command | c.Command) -> str:
+    return view_words(Debugger(SESSION, None, FakeTools).carry_out(commands).view())
 
 
 def test_every_switch_has_a_place_in_a_row_of_two() -> None:
     assert sorted(name for row in ROWS for name in row) == sorted(WITH_BOX)
 
 
-def test_what_is_drawn_and_what_is_not() -> None:
-    assert drawn() == (
-        "Drawn of box: current, truth. On, but not made here: simulated, refined, accepted. Off: initial, mixed, best."
-    )
-    assert drawn(c.Step()) == "Drawn of box: current, simulated, refined, accepted, truth. Off: initial, mixed, best."
-    nothing = [c.ShowLayer(name, False) for name in ("current", "ground truth", "camera image")]
-    assert drawn(*nothing).startswith("Drawn of box: no pose.")
-    assert "truth" in drawn(*nothing).partition("Off:")[2]
-    assert "photo" in drawn(*nothing).partition("Off:")[2]
+def test_whose_poses_are_drawn_and_which_do_not_exist() -> None:
+    assert drawn() == "Poses of box. Not made here: simulated, refined, accepted."
+    assert drawn(c.Step()) == "Poses of box."
 
 
 def test_what_the_colours_of_the_cloud_are_of() -> None:
@@ -57,7 +50,7 @@ def test_what_the_colours_of_the_cloud_are_of() -> None:
 
 
 def test_two_runs_are_drawn_as_such() -> None:
-    assert drawn(c.CompareRun()).startswith("Drawn: the poses of A, solid, and of B, as an outline. Off:")
+    assert drawn(c.CompareRun()) == "Poses of A, solid, and of B, as an outline."
 
 
 def test_settings_that_are_not_the_presets_are_named() -> None:
@@ -122,41 +115,12 @@ def test_the_sentence_follows_what_is_typed(tmp_path: Path) -> None:
         app.stop()
 
 
-def test_breakpoints_say_where_a_run_stops_now() -> None:
-    assert breakpoint_words(BreakpointSettings()) == "A run stops nowhere before its end: tick what should stop it."
-    some = BreakpointSettings(jump_mm=25.0, error_grows_by_mm=2.0, unstable=True, physics_worse=True)
-    assert breakpoint_words(some) == (
-        "A run stops where: moved more than 25 mm, error grew more than 2 mm, unstable, physics made it worse."
-    )
-    flags = {name for name, value in BreakpointSettings() if value is False}
-    assert set(NAMES) == flags
-
-
-def test_the_list_of_objects_says_how_far_each_is() -> None:
-    d = Debugger(SESSION, None, FakeTools).carry_out([c.OpenFrame("0/2")])
-    assert objects_words(d.view()) == "2 wait."
-    assert objects_words(d.carry_out([c.Step()]).view()) == "box #0 is worked on, 1 waits."
-    assert objects_words(d.carry_out([c.Step()] * 6).view()) == "box #1 is worked on, 1 is done."
-    over = d.carry_out([c.RunUntil("end")]).view()
-    right = sum(o.errors is not None and o.errors.relative < 0.1 for o in over.scene.objects)
-    assert objects_words(over) == f"{right} of 2 answers are within 10 % of the diameter."
-    objects = tuple(replace(o, errors=None) for o in over.scene.objects)
-    unknown = replace(over, scene=replace(over.scene, objects=objects))
-    assert objects_words(unknown) == "2 of 2 have an answer."
-
-
-def test_several_objects_are_told_apart() -> None:
-    view = Debugger(SESSION, None, FakeTools).carry_out([c.OpenFrame("0/2"), c.Step()]).view()
-    assert physics(view).startswith("box #0: In 3 steps the simulation ")
-    assert "accepted, truth; 1 other object. Off:" in view_words(view, WITH_BOX)
-
-
 @pytest.mark.parametrize(
     ("method", "said"),
     [
         ("rir", "Nothing was chosen yet, and each initial pose counts as a play. First comes hypothesis "),
         ("even", "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."),
-        ("pir", "pir does not choose between hypotheses."),
+        ("pir", "PIR does not choose between hypotheses."),
     ],
 )
 def test_before_the_first_choice_it_says_what_comes(method: str, said: str) -> None:

@@ -7,12 +7,14 @@ import numpy as np
 from tests.viewer.two_runs import TWO, debugger
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arm_history
-from verefine_viz.viewer.drawing.tables import changes_table, event_lines
-from verefine_viz.viewer.panels.objects import objects_html
-from verefine_viz.viewer.panels.run import of_the_end
-from verefine_viz.viewer.panels.timeline import strip, timeline_words
+from verefine_viz.viewer.drawing.pose_tables import changes_table
+from verefine_viz.viewer.panels.bandit_panel import chosen
+from verefine_viz.viewer.panels.objects_panel import objects_html
+from verefine_viz.viewer.panels.physics_panel import physics_words
+from verefine_viz.viewer.panels.run_panel import event_lines, of_the_end
+from verefine_viz.viewer.panels.timeline_panel import strip, timeline_words
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.sentences import beside_answer, chosen, physics
+from verefine_viz.viewer.text.pose_words import beside_answer
 
 STAGE = c.StepStage()
 
@@ -40,11 +42,9 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
 def test_physics_is_told_as_far_as_the_stages_are() -> None:
     d = debugger().carry_out([STAGE])
     assert changes_table(d.view()) == ""
-    assert physics(d.view()) == "Iteration 1 is about to be simulated: press Stage (M)."
-    said = physics(d.carry_out([STAGE]).view())
-    assert "the simulation" in said
-    assert "refiner" not in said
-    assert "The refiner then" in physics(d.carry_out([STAGE, STAGE]).view())
+    assert physics_words(d.view()) == "Iteration 1 is about to be simulated: press Stage (M)."
+    assert "refined" not in changes_table(d.carry_out([STAGE]).view())
+    assert "refined" in changes_table(d.carry_out([STAGE, STAGE]).view())
 
 
 def test_an_object_stands_where_the_stage_has_it() -> None:
@@ -82,7 +82,7 @@ def test_the_end_says_of_which_iteration_the_answer_is() -> None:
     told = f"The answer is of iteration {best.iteration}; shown here is iteration {last.index}, the last one on it. "
     assert beside_answer(view) == told
     assert chosen(view).startswith(told)
-    assert physics(view).startswith(told)
+    assert physics_words(view).startswith(told)
     assert f"the answer, of iteration {best.iteration}" in timeline_words(view, view.marks)
     assert f">iteration {best.iteration}</a>" in of_the_end(view)
     assert beside_answer(d.carry_out([c.Back()]).view()) == ""

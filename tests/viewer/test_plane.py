@@ -13,10 +13,10 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.physics import plane_warning
+from verefine_viz.viewer.panels.physics_panel import plane_warning
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.plausibility import plane_doubt
+from verefine_viz.viewer.text.plausibility_verdict import plane_doubt
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

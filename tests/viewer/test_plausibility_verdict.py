@@ -18,11 +18,11 @@ from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.physics.plausibility import Plausibility
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.plausibility import LIGHTS, plausibility_html
-from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, plausibility_html
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.snapshot.build import deferred_physics
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.plausibility import plausibility_verdict
+from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict
 
 
 def sunk(into: int, depth_mm: float) -> Plausibility:
@@ -65,7 +65,7 @@ def test_both_lists_name_what_a_pose_sinks_into(debugger: Debugger) -> None:
 def test_what_sinks_into_a_waiting_object_is_not_called_impossible(debugger: Debugger) -> None:
     view = seen(debugger.carry_out([c.Step()]))
     shown = plausibility_html(view)
-    assert "Sinks 9.0 mm into box #1, which still waits at its initial pose: nothing can be said yet." in shown
+    assert "Sinks 9.0 mm into box #1, which still waits at its initial pose: unknown yet." in shown
     assert f"rgb{LIGHTS['red']}" not in shown
     assert f"rgb{LIGHTS['grey']}" in shown
     assert "not yet: Sinks 9.0 mm into box #1" in objects_html(view)
@@ -92,7 +92,7 @@ def test_sinking_into_the_plane_counts_from_where_the_true_pose_is(
     said = plausibility_verdict(sunk(-1, depth_mm), scene.objects[0], scene)
     assert said.light == light
     assert said.sentence.startswith(f"Sinks {depth_mm:.1f} mm into the support plane")
-    assert ("so does the true pose, by 8.0 mm: it is the plane found" in said.sentence) == (light == "amber")
+    assert ("so does ground truth, by 8.0 mm: it is the measured plane" in said.sentence) == (light == "amber")
 
 
 def test_a_frame_that_nobody_looks_at_any_more_is_not_kept() -> None:

@@ -8,7 +8,7 @@ import pytest
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
-from verefine_viz.viewer.text.poses import errors_in_words, movement, shift_mm
+from verefine_viz.viewer.text.pose_words import errors_in_words, movement, shift_mm
 
 
 @pytest.mark.parametrize(

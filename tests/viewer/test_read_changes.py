@@ -17,7 +17,7 @@ from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter, stem_of
-from verefine_viz.viewer.panels.objects import objects_table
+from verefine_viz.viewer.panels.objects_panel import objects_table
 
 
 class Clustered(FakeTools):

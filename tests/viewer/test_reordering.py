@@ -26,11 +26,8 @@ from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.dependency_picture import Node, picture, short
 from verefine_viz.viewer.handlers.open_handlers import entries, moved
-from verefine_viz.viewer.panels.dependencies import order_html, order_sentence
-from verefine_viz.viewer.snapshot.scene_state import labels_of
-from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.panels.order_panel import Node, order_html, picture, short
 
 SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_breadth"))
 EDGES = (
@@ -144,7 +141,7 @@ def test_a_frame_whose_order_nobody_looked_at() -> None:
     with pytest.raises(InputError, match="is unknown"):
         plain.apply(MoveInOrder(0, 1))
     plain.apply(c.OpenFrame("0/2"))
-    assert "not looked at" in order_html(plain.view(deep=False))
+    assert "not worked out" in order_html(plain.view(deep=False))
 
 
 CLUSTERS = st.permutations(range(6)).flatmap(
@@ -209,12 +206,7 @@ def test_any_graph_can_be_drawn_without_labels_that_overlap(n: int, data: st.Dat
     assert all(0 < y < float(root.attrib["viewBox"].split()[3]) for y in ys)
 
 
-def test_words() -> None:
-    assert order_sentence(GRAPH, NAMES, "vf_depth") == (
-        "Solved in 2 groups, in this order: cereal, can, duck; then mug. can stands on cereal."
-    )
-    one = replace(GRAPH, clusters=((3, 1, 2),))
-    assert order_sentence(one, NAMES, "vf_breadth").startswith("Solved in this order: cereal, can, duck. can")
+def test_an_edge_that_is_cut_says_so() -> None:
     assert short(replace(EDGES[0], state="cut")) == "carries 64% ✂"
 
 
@@ -225,22 +217,15 @@ def test_the_order_that_is_told_is_the_one_of_the_run(method: str) -> None:
     first, second, third = order(d)
     d.carry_out([MoveInOrder(first, 1), c.RunUntil("end")])
     view = d.view(deep=False)
-    told = re.findall(r"box #(\d)", order_sentence(found_in(view), labels_of(view.problem), method))
     run = list(dict.fromkeys(i.instance_id for i in view.iterations))
-    assert [int(i) for i in told[:3]] == run
     alone = method not in ("vf_breadth", "vf_depth")
     assert run == ([0, 1, 2] if alone else [second, first, third])
     html = order_html(view)
     assert (
         f"{method.upper()} solves each object alone, in the order of the frame: box #0, box #1, box #2." in html
     ) == (alone)
-    assert ("VF_b, VF_d and PHYSIM-MCTS would solve them in" in html) == alone
-    assert ("Solved in" in html) != alone
-
-
-def found_in(view: Snapshot) -> DependencyGraph:
-    assert view.problem.dependencies is not None
-    return view.problem.dependencies
+    assert ("VF_b, VF_d and PHYSIM-MCTS follow the order below." in html) == alone
+    assert [int(i) for i in re.findall(r"<title>box #(\d): click", html)] == [second, first, third]
 
 
 def test_names_from_data_cannot_break_the_page() -> None:
@@ -270,7 +255,7 @@ def test_links_of_the_panel_change_the_order(app: App) -> None:
     with client(app.url) as browser:
         browser.set(app.page.layout.link, to_json(MoveInOrder(ids[0], 1)) + " 1")
         until(app, lambda: order(app.debugger)[0] == ids[1])
-    assert "It was given by hand." in order_html(app.debugger.view(deep=False))
+    assert "The order is given by the session." in order_html(app.debugger.view(deep=False))
     assert app.debugger.message == ""
     for command in (CutDependency(0, 1), ResetOrder(), MoveInOrder(7, 1)):
         app.send(command)

@@ -17,13 +17,13 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import text, with_hints
-from verefine_viz.viewer.drawing.plausibility import LIGHTS
-from verefine_viz.viewer.drawing.tables import event_lines
-from verefine_viz.viewer.panels.objects import legend, objects_html
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
+from verefine_viz.viewer.panels.objects_panel import legend, objects_html
+from verefine_viz.viewer.panels.run_panel import event_lines
+from verefine_viz.viewer.panels.score_panel import score_html
 from verefine_viz.viewer.snapshot.snapshot import visit
+from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.names import TERMS
-from verefine_viz.viewer.text.scene import scene_sentence
 
 
 class Together(FakeTools):
@@ -48,7 +48,8 @@ def test_list_and_sentence_tell_the_frame_score(debugger: Debugger) -> None:
         assert score is not None
         assert f"{score.score:.2f}</span>" in objects_html(view)
         assert text(TERMS["frame score"]) in objects_html(view)
-        assert scene_sentence(view).startswith(f"Frame score: {score.score:.3f} with all 2 objects at their answers")
+        assert f"<td>{score.score:.3f}</td>" in score_html(view)
+        assert text(TERMS["frame score"]) in score_html(view)
         answers = [o.answer.T_cam_obj for o in view.scene.objects if o.answer is not None]
         targets = [o.target for o in view.scene.objects]
         judged = FakeTools(view.session).verifier.score_scene(targets, np.array(answers)[None])

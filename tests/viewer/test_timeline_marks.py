@@ -13,10 +13,10 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import text
-from verefine_viz.viewer.panels.settings import NAME_PX
-from verefine_viz.viewer.panels.timeline import legend, strip
+from verefine_viz.viewer.panels.settings_panel import NAME_PX
+from verefine_viz.viewer.panels.timeline_panel import legend, strip
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, QUIET, RED, Mark, once_per_object
-from verefine_viz.viewer.text.names import shortened
+from verefine_viz.viewer.text.display_names import shortened
 
 MARKED = {**{kind: color for kind, color in EVENT_COLORS.items() if kind not in QUIET}, "error_grew": RED}
 

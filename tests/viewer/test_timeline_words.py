@@ -10,7 +10,7 @@ from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.timeline import strip, timeline_words
+from verefine_viz.viewer.panels.timeline_panel import strip, timeline_words
 from verefine_viz.viewer.state.timeline_marks import RED, Mark
 
 SESSION = Session(method=MethodSettings(iterations=2))

@@ -13,10 +13,10 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.errors_panel import errors_words
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.sentences import truth
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -46,7 +46,7 @@ def test_the_page_tells_the_cause_that_a_batch_tells_and_blames_nothing_else(
     others = " ".join(one.text for one in findings(view) if one != said)
     assert "search missed" not in others
     assert "estimator" not in others
-    assert truth(view).endswith(f"wrong by the usual 10 %. {told.sentence}")
+    assert errors_words(view).endswith(told.sentence)
 
 
 def test_before_the_run_is_over_nothing_is_blamed(solved: tuple[Diagnosis, Debugger]) -> None:

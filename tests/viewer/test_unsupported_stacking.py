@@ -18,15 +18,14 @@ from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.objects import objects_html
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.plausibility import (
+from verefine_viz.viewer.text.plausibility_verdict import (
     RAISED_M,
     height_above_plane_m,
     unsupported_stacking,
-    unsupported_stacking_hint,
     unsupported_stacking_warning,
 )
 
@@ -74,8 +73,8 @@ def test_what_stands_on_another_object_is_warned_of_with_the_way_out() -> None:
     (finding,) = [f for f in findings(view) if f.text == said]
     assert not finding.calm
     assert finding.command == c.Restart((("method.name", "vf_breadth"),))
-    assert unsupported_stacking_hint(view, 1) == "stands on box #0; RIR settles it on the table alone, so it sinks"
-    assert unsupported_stacking_hint(view, 0) == ""
+    assert unsupported_stacking(view) == {1: "stands on box #0"}
+    assert "stands on box #0; RIR settles it on the table alone, so it sinks" in objects_html(view)
     assert objects_html(view).count("⤓") == 2, "at its row, and in the legend"
     assert ">⤓</b> <span>box</span>&nbsp;#1<" in objects_html(view), "before the name, whose end may be cut"
 
@@ -109,7 +108,7 @@ def test_nothing_is_said_while_the_data_are_in_doubt() -> None:
     for view in (view_of(stacked()), view_of(raised(0.08))):
         assert unsupported_stacking(view)
         doubted = replace(view, doubts=("measured depth is 10% larger: check depth_scale",))
-        assert unsupported_stacking(doubted) == ()
+        assert unsupported_stacking(doubted) == {}
         assert unsupported_stacking_warning(doubted) == ""
         assert "⤓" not in objects_html(doubted)
         assert not [one for one in findings(doubted) if "settles" in one.text]
@@ -127,7 +126,7 @@ def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_pa
         view = debugger.carry_out([batch.opens(entry)]).view()
         assert not view.doubts
         assert findings(view)[0].text == f"{DATA_FIRST} objects appear larger: check cam_K."
-        assert unsupported_stacking(view) == ()
+        assert unsupported_stacking(view) == {}
 
 
 @pytest.mark.parametrize("by_m", [RAISED_M + 0.005, 0.08])
@@ -138,10 +137,10 @@ def test_ground_truth_above_the_table_says_so_where_no_graph_does(by_m: float) -
 
 
 def test_an_object_near_the_table_stands_on_it() -> None:
-    assert unsupported_stacking(view_of(raised(RAISED_M - 0.001))) == ()
+    assert unsupported_stacking(view_of(raised(RAISED_M - 0.001))) == {}
     blind = view_of(raised(0.08))
     instances = tuple(replace(i, T_cam_obj_gt=None) for i in blind.problem.instances)
-    assert unsupported_stacking(replace(blind, problem=replace(blind.problem, instances=instances))) == ()
+    assert unsupported_stacking(replace(blind, problem=replace(blind.problem, instances=instances))) == {}
 
 
 def test_height_is_that_of_the_lowest_vertex() -> None:

@@ -14,17 +14,17 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing import tables
-from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table, what_n_counts
+from verefine_viz.viewer.drawing import pose_tables as tables
+from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, n_means, scene_arms_table
 from verefine_viz.viewer.drawing.markup import text
-from verefine_viz.viewer.panels.bandit import pull_lines
-from verefine_viz.viewer.panels.physics import plane_warning
-from verefine_viz.viewer.panels.timeline import timeline_words
+from verefine_viz.viewer.panels.bandit_panel import chosen, pull_lines
+from verefine_viz.viewer.panels.errors_panel import errors_words
+from verefine_viz.viewer.panels.physics_panel import physics_words, plane_warning
+from verefine_viz.viewer.panels.timeline_panel import timeline_words
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text import sentences as words
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.headline import headline
-from verefine_viz.viewer.text.poses import compared
+from verefine_viz.viewer.text.pose_words import compared
 
 
 def debugger(**method: Any) -> Debugger:
@@ -42,15 +42,13 @@ def off(rotation_deg: float, translation_mm: float, relative: float) -> PoseErro
 def test_physics_off_says_so() -> None:
     session = Session(physics=PhysicsSettings(enabled=False))
     view = Debugger(session, None, FakeTools).carry_out([c.Step()]).view()
-    assert words.physics(view) == "Physics is switched off in the settings: nothing was simulated."
+    assert physics_words(view) == "Physics is switched off in the settings: nothing was simulated."
     assert "ICP" in headline(view)
 
 
 def test_methods_without_a_bandit_say_so() -> None:
-    assert words.chosen(after(c.Step(), name="pir")) == (
-        "pir does not choose between hypotheses: it works on hypothesis 1."
-    )
-    assert "took hypothesis" in words.chosen(after(c.Step()))
+    assert chosen(after(c.Step(), name="pir")) == ("PIR does not choose between hypotheses: it works on hypothesis 1.")
+    assert "took hypothesis" in chosen(after(c.Step()))
 
 
 def test_a_far_start_is_found_until_the_run_arrives() -> None:
@@ -124,10 +122,8 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
     assert ": 0.940 against 0.820 for the truth" in said
     assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
-    assert "The score prefers this wrong pose to the true pose: 0.940 against 0.820. More iterations" in words.truth(
-        view
-    )
-    view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))
+    assert "The score prefers best to ground truth. More iterations need not help" in errors_words(view)
+    view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
 
@@ -148,28 +144,27 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         return replace(view, poses=poses, ground_truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
-    said = "The score prefers it to the true pose: 0.755 against 0.714. More iterations need not bring it nearer"
-    assert said in words.truth(preferred)
-    assert compared(preferred).endswith("The score prefers best to the true pose.")
+    said = "The score prefers best to ground truth. More iterations need not help"
+    assert said in errors_words(preferred)
+    assert said in compared(preferred)
     known = scored(0.714, 0.755)
-    assert words.truth(known).endswith("The true pose scores more: 0.755 against 0.714.")
-    assert "prefers" not in compared(known)
-    assert words.truth(scored(0.7, 0.7)).endswith("The true pose scores as much: 0.700.")
+    assert "prefers" not in errors_words(known) + compared(known)
+    assert said in errors_words(scored(0.7, 0.7)), "nothing but the score leads to ground truth"
 
 
 def test_errors_say_that_the_best_pose_is_a_initial_pose_which_iterations_left_as_it_is() -> None:
-    said = "10 %. It is an initial pose: no iteration has improved upon it."
+    said = "The best pose is an initial pose: no iteration has improved upon it."
     view = after(c.RunUntil("end"))
-    assert said not in words.truth(view)
+    assert said not in errors_words(view)
     first = after(c.Step()).state.arms[0].entries[0]
     unrefined = Best(first.T_cam_obj, first.score, 0, 0, "initial")
     assert view.state is not None
     told = replace(view, state=replace(view.state, best=unrefined), is_answer=False)
-    assert said in words.truth(told)
-    assert said not in words.truth(replace(told, cursor=0)), "nothing was tried"
-    assert said not in words.truth(replace(told, cursor=1, is_partial=True)), "nothing was tried to its end"
+    assert said in errors_words(told)
+    assert said not in errors_words(replace(told, cursor=0)), "nothing was tried"
+    assert said not in errors_words(replace(told, cursor=1, is_partial=True)), "nothing was tried to its end"
     answers = tuple(replace(o, answer=unrefined) for o in view.scene.objects)
-    assert said in words.truth(replace(view, scene=replace(view.scene, objects=answers)))
+    assert said in errors_words(replace(view, scene=replace(view.scene, objects=answers)))
 
 
 def test_a_weak_plane_and_a_missing_one_are_found() -> None:
@@ -218,9 +213,9 @@ def test_n_is_told_from_the_pulls() -> None:
     at_choice = [1 + n - (j == view.shown.arm) for j, n in enumerate(pulled)]
     assert at_choice == view.shown.choice.plays.tolist(), "what the line says is what is counted"
     html = arms_table(view)
-    assert "n: 1 for the initial pose, and 1 for each pull before this choice." in html
+    assert "the plays that the bandit counted when it chose: the initial pose is one of them" in html
     fading = view.session.model_copy(update={"method": MethodSettings(name="vf_depth", discount=0.9)})
-    assert "earlier ones fade, ×0.9 a pass" in what_n_counts(replace(view, session=fading))
+    assert "Earlier plays fade, ×0.9 a pass" in n_means(replace(view, session=fading))
 
 
 def test_times_are_told_to_be_sums_with_the_preparation_in_the_first() -> None:
@@ -229,16 +224,12 @@ def test_times_are_told_to_be_sums_with_the_preparation_in_the_first() -> None:
     html = arms_table(view)
     assert "added up [ms]. The first play on an object also prepares it" in html
     assert ">Σ ms</th>" in html
-    assert f"the first, on hypothesis {view.own_iterations[0].arm + 1}, also prepares the object" in html
-    for cursor in (0, 1):
-        told = "also prepares the object" in arms_table(after(c.Step(), c.Seek(cursor)))
-        assert told == (cursor == 1), "said where a time can be seen"
 
 
 @pytest.mark.parametrize("name", ["pir", "refine"])
 def test_methods_that_do_not_choose_say_nothing_of_plays(name: str) -> None:
     view = after(c.Restart((("method.name", name),)), c.Step())
-    assert "n: 1" not in arms_table(view)
+    assert "bandit counted" not in arms_table(view)
 
 
 def test_objects_that_wait_for_their_turn_count_their_first_scores() -> None:
@@ -269,7 +260,7 @@ def test_errors_say_where_initial_and_best_are_of_two_hypotheses() -> None:
     best = view.state.best.arm
     other = next(arm for arm in range(view.n_arms) if arm != best)
     own, another = replace(view, arm=best), replace(view, arm=other)
-    assert "Initial is" not in words.truth(own)
-    assert f"Initial is where hypothesis {other + 1} began; the best pose is of hypothesis {best + 1}." in words.truth(
+    assert "Initial is" not in errors_words(own)
+    assert f"Initial is where hypothesis {other + 1} began; the best pose is of hypothesis {best + 1}." in errors_words(
         another
     )

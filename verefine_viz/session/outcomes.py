@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -114,9 +114,3 @@ def outcomes(
         )
         for own in ids
     )
-
-
-def tally(found: Sequence[Outcome]) -> Mapping[Winner, int]:
-    """How many objects each has nearer."""
-    winners = [o.winner for o in found]
-    return {"A": winners.count("A"), "B": winners.count("B"), "even": winners.count("even")}

@@ -25,8 +25,8 @@ from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.page import Page, Worker
-from verefine_viz.viewer.panels.layout import set_theme
+from verefine_viz.viewer.panels.page_layout import set_theme
+from verefine_viz.viewer.session_page import Page, Worker
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.web.viser_internals import lost_style

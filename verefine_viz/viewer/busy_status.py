@@ -7,7 +7,7 @@ from time import monotonic
 from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer.debugger import RequestQueue
 from verefine_viz.viewer.drawing.markup import block, text
-from verefine_viz.viewer.panels.run import RunPanel
+from verefine_viz.viewer.panels.run_panel import RunPanel
 from verefine_viz.viewer.web.server import Server
 
 LOADING = "Loading the program."

@@ -23,37 +23,7 @@ from verefine_viz.viewer.drawing.score_maps import maps_sheet
 from verefine_viz.viewer.snapshot.build import snapshot_of
 from verefine_viz.viewer.state.state import State, Unconfirmed
 from verefine_viz.viewer.state.workspace import Saved, Workspace, WrittenFile, savable
-
-# Hands exports to the browser that asked: through an ssh tunnel there is no other way to what lies on the server.
-
-LARGEST_BYTES = 100_000_000
-"""What is larger is left on disk: the page holds a download in memory until it is whole, and 100 MB take 80 s at
-10 Mbit/s."""
-PART_BYTES = 16_384
-"""The page's own messages wait for 128 parts at most, so that it stays in use meanwhile also on a slow line."""
-
-
-def downloaded(server: viser.ViserServer, client_id: int | None, path: Path) -> str:
-    """Sends a file to the browser that asked for it, and to no other; says so, or why not.
-
-    Args:
-        server: that the browser looks at.
-        client_id: which one it is; None = it was asked for in another way, and nothing is said.
-        path: the file.
-    """
-    clients = {} if client_id is None else server.get_clients()
-    client = clients.get(client_id) if client_id is not None else None
-    if client is None:
-        return ""
-    size = path.stat().st_size
-    if size > LARGEST_BYTES:
-        return (
-            f"its {size / 1e6:,.0f} MB are too many to download in the browser (at most "
-            f"{LARGEST_BYTES / 1e6:,.0f} MB): copy it from there"
-        )
-    client.send_file_download(path.name, path.read_bytes(), PART_BYTES, save_immediately=True)
-    return f"{'your browser' if len(clients) == 1 else 'the browser that asked'} downloads it too"
-
+from verefine_viz.viewer.text.display_names import counted
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
 
@@ -90,26 +60,32 @@ class Exporter:
         return WrittenFile(path.resolve(), "; ".join(filter(None, (note, unused(command.waiting)))))
 
     def _export(self, state: State, command: c.Export) -> Path:
+        ending = {
+            "scene": ".html",
+            "commands": "_commands.jsonl",
+            "maps": "_maps.png",
+            "results": ".csv",
+            "recording": ".rrd",
+        }[command.what]
         folder = self._folder / "runs" / "exports"
-        stem = stem_of(state)
+        path = free(folder / f"{stem_of(state)}{ending}")
+        folder.mkdir(parents=True, exist_ok=True)
         match command.what:
             case "scene":
-                page = scene_page(self._server.scene.as_html(dark_mode=True), snapshot_of(state))
-                return written(folder / f"{stem}.html", page)
+                write_text(path, scene_page(self._server.scene.as_html(dark_mode=True), snapshot_of(state)))
             case "commands":
-                return written(folder / f"{stem}_commands.jsonl", "".join(f"{to_json(x)}\n" for x in state.log))
+                write_text(path, "".join(f"{to_json(x)}\n" for x in state.log))
             case "maps":
-                path = free(folder / f"{stem}_maps.png")
                 sheet = maps_sheet(snapshot_of(state))
                 with atomic(path) as part:
                     PilImage.fromarray(sheet).save(part, format="PNG")
-                return path
             case "results":
-                return self._results(state, free(folder / f"{stem}.csv"))
+                self._write_results(state, path)
             case "recording":
-                return self._recording(state, free(folder / f"{stem}.rrd"))
+                self._record(state, path)
+        return path
 
-    def _results(self, state: State, path: Path) -> Path:
+    def _write_results(self, state: State, path: Path) -> None:
         from verefine_viz.scenes.results_csv import ResultRow, write_results
 
         run = state.workspace.run
@@ -126,17 +102,13 @@ class Exporter:
             for target, best in zip(problem.targets, run.final_state.best, strict=True)
             if best is not None
         ]
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_results(path, rows)
-        return path
 
-    def _recording(self, state: State, path: Path) -> Path:
+    def _record(self, state: State, path: Path) -> None:
         from verefine_viz.recording.recorder import Recorder
 
         space = state.workspace
-        run = space.run
-        path.parent.mkdir(parents=True, exist_ok=True)
-        branch = space.branch
+        run, branch = space.run, space.branch
         recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.
@@ -145,7 +117,6 @@ class Exporter:
             recorder.close()
             path.unlink(missing_ok=True)
             raise
-        return path
 
 
 @dataclass(frozen=True)
@@ -156,7 +127,7 @@ class ReportsProgress:
     n: int
 
     def on_start(self, state: RunState) -> None:
-        self.progress.checkpoint(f"Writing the recording of {self.n} iteration{'s' if self.n != 1 else ''}.")
+        self.progress.checkpoint(f"Writing the recording of {counted(self.n, 'iteration')}.")
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         self.progress.checkpoint(share=(iteration.index - 1) / self.n)
@@ -192,16 +163,13 @@ def titled(session: Session, path: Path, space: Workspace) -> Session:
     """``session`` with the title that it gets in the file ``path``.
 
     A file that was read or written here keeps its title, and so does a copy of it. What was changed since is another
-    session: its title is the name that a person gave to its new file.
+    session: its title is the name of its new file.
     """
     files = {file: saved.session for file, saved in space.files.items()}
     same = (there for there in files.values() if there == session.model_copy(update={"title": there.title}))
     known = files.get(path.resolve()) or next(same, None)
-    if known is not None:
-        title = known.title
-    else:
-        is_taken = any(there.title == session.title for there in files.values())
-        title = path.stem if is_taken else session.title
+    is_taken = any(there.title == session.title for there in files.values())
+    title = known.title if known is not None else "" if is_taken else session.title
     return session.model_copy(update={"title": title or path.stem})
 
 
@@ -218,8 +186,8 @@ def refuse_loss(path: Path, session: Session, space: Workspace, command: c.SaveS
     except VerefineError:
         what = "something that is no session"
     if what:
-        said = f"{path} holds {what}. Nothing was written: choose another name, or"
-        raise Unconfirmed(said, "replace it", replace(command, replace=True))
+        message = f"{path} holds {what}. Nothing was written: choose another name, or"
+        raise Unconfirmed(message, "replace it", replace(command, replace=True))
 
 
 def lost(there: Session, saved: Saved | None, session: Session, space: Workspace) -> str:
@@ -237,8 +205,8 @@ def lost(there: Session, saved: Saved | None, session: Session, space: Workspace
         return f"another session, “{there.title or 'untitled'}”"
     if there != saved.session:
         return "changes that were made since it was opened"
-    moved = sum(edit not in session.edits for edit in there.edits)
-    parts = [f"{moved} pose{'s' if moved > 1 else ''} moved by hand"] if moved else []
+    n_edits = sum(edit not in session.edits for edit in there.edits)
+    parts = [counted(n_edits, "edited pose")] if n_edits else []
     if any(change not in session.changes for change in there.changes):
         parts.append("settings changed on the way")
     what = f"{' and '.join(parts)} that the shown branch does not have" if parts else ""
@@ -266,9 +234,38 @@ def free(path: Path) -> Path:
     return candidate
 
 
-def written(path: Path, content: str) -> Path:
-    """Writes a text file that did not exist."""
-    path = free(path)
+def write_text(path: Path, content: str) -> None:
+    """Writes a text file, whole or not at all."""
     with atomic(path) as part:
         part.write_text(content, encoding="utf-8")
-    return path
+
+
+# Hands exports to the browser that asked: through an ssh tunnel there is no other way to what lies on the server.
+
+LARGEST_BYTES = 100_000_000
+"""What is larger is left on disk: the page holds a download in memory until it is whole, and 100 MB take 80 s at
+10 Mbit/s."""
+PART_BYTES = 16_384
+"""The page's own messages wait for 128 parts at most, so that it stays in use meanwhile also on a slow line."""
+
+
+def downloaded(server: viser.ViserServer, client_id: int | None, path: Path) -> str:
+    """Sends a file to the browser that asked for it, and to no other; says so, or why not.
+
+    Args:
+        server: that the browser looks at.
+        client_id: which one it is; None = another way, which needs no message.
+        path: the file.
+    """
+    clients = {} if client_id is None else server.get_clients()
+    client = clients.get(client_id) if client_id is not None else None
+    if client is None:
+        return ""
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        return (
+            f"its {size / 1e6:,.0f} MB are too many to download in the browser (at most "
+            f"{LARGEST_BYTES / 1e6:,.0f} MB): copy it from there"
+        )
+    client.send_file_download(path.name, path.read_bytes(), PART_BYTES, save_immediately=True)
+    return f"{'your browser' if len(clients) == 1 else 'the browser that asked'} downloads it too"

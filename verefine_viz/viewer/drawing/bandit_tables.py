@@ -7,16 +7,24 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import Row, arms_legend, cut, number, swatch, table, text
-from verefine_viz.viewer.drawing.tables import other_scale_note
-from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
-from verefine_viz.viewer.text.names import TERMS, arm_color, have_names
-from verefine_viz.viewer.text.poses import shift_mm, turn
-
-N_MEANS = (
-    "n_j, the plays that the bandit counted when it chose: the initial pose is one of them, and its score part of the "
-    "mean μ_j. The Pulls curves count choices only, up to and with this iteration."
+from verefine_viz.viewer.drawing.markup import (
+    NONE,
+    Column,
+    Row,
+    arms_legend,
+    cut,
+    number,
+    swatch,
+    table,
+    table_of,
+    text,
 )
+from verefine_viz.viewer.drawing.pose_tables import other_scale_note
+from verefine_viz.viewer.snapshot.scene_state import ObjectState
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
+from verefine_viz.viewer.text.display_names import TERMS, arm_color, has_several_sources, in_focus
+from verefine_viz.viewer.text.pose_words import shift_mm, turn
+
 TIME_MEANS = (
     "computing time of all its plays so far, added up [ms]. The first play on an object also prepares it, once for all "
     "hypotheses and runs: the simulator gets its shape, the refiner its search structure. After a restart that is done."
@@ -28,90 +36,93 @@ def plays_text(plays: float) -> str:
     return f"{plays:.0f}" if plays == round(plays) else f"{plays:.2f}"
 
 
-def what_n_counts(view: Snapshot) -> str:
-    """A line below a table of plays, which are not the pulls of the curves; empty where nothing is chosen."""
-    if not method_of(view.session.method.name).chooses:
-        return ""
-    said = "n: 1 for the initial pose, and 1 for each pull before this choice"
-    if any(edit.instance == view.target.instance.instance_id for edit in view.edits):
-        said += "; a pose moved by hand starts again at 1"
-    if method_of(view.session.method.name).has_passes and view.session.method.discount < 1:
-        said += f"; earlier ones fade, ×{view.session.method.discount:g} a pass"
-    return f'<p class="legend dim" title="{text(N_MEANS)}">{text(said)}.</p>'
+def n_means(snapshot: Snapshot) -> str:
+    """What n counts, for a tooltip."""
+    method = method_of(snapshot.session.method.name)
+    if not method.chooses:
+        return "iterations spent on it"
+    meaning = (
+        "n_j, the plays that the bandit counted when it chose: the initial pose is one of them, and its score part of "
+        "the mean μ_j. The Pulls curves count choices only, up to and with this iteration."
+    )
+    if any(edit.instance == snapshot.target.instance.instance_id for edit in snapshot.edits):
+        meaning += " An edited pose starts again at 1."
+    if method.has_passes and snapshot.session.method.discount < 1:
+        meaning += f" Earlier plays fade, ×{snapshot.session.method.discount:g} a pass."
+    return meaning
 
 
-def mean_of(view: Snapshot) -> str:
-    """What μ is the mean of, for a tooltip."""
-    if not _counts_scenes(view):
+def mean_of(snapshot: Snapshot) -> str:
+    """What μ is the mean of, for a tooltip: the score of whole scenes where those reward the hypotheses."""
+    o, method = in_focus(snapshot), snapshot.session.method
+    together = sum(p.cluster == o.cluster and bool(p.target.instance.hypotheses) for p in snapshot.scene.objects)
+    if not method_of(method.name).has_passes or together < 2:
         return "μ_j, mean over the plays: the score of the initial pose, and of each play the highest of its poses"
-    method = view.session.method
+    whole = "all objects together" if snapshot.scene.n_clusters < 2 else f"cluster {o.cluster} as a whole"
     at = "its poses" if method.scene_reward == "current_pass" else "the best pose of each object so far"
-    said = (
-        f"μ_j, mean over the plays. Each pass counts for the hypotheses it chose: the score of {_whole(view)} at {at}"
+    meaning = (
+        "μ_j, mean over the plays, not of this object alone as “best” is. Each pass counts for the hypotheses it "
+        f"chose: the score of {whole} at {at}"
     )
-    if _took_over(view):
-        return f"{said}. Plays before vf_depth took over count the object's own score."
+    if any(c.after_iteration and "name" in c.settings.get("method", {}) for c in snapshot.session.changes):
+        return f"{meaning}. Plays before vf_depth took over count the object's own score."
     if method.scene_prior == "object":
-        return f"{said}. The first play counts the score of the object's initial pose alone."
-    return f"{said}. The first play counts that score with this initial pose and the best initial poses of the others."
-
-
-def what_the_mean_is_of(view: Snapshot) -> str:
-    """A line below a table of plays, where μ is of more than the object; empty elsewhere."""
-    if not _counts_scenes(view):
-        return ""
-    said = f"μ: mean score of {_whole(view)}, not of this object alone as “best” is"
-    if not _took_over(view):
-        alone = view.session.method.scene_prior == "object"
-        said += f"; first play: {'this initial pose alone' if alone else 'together with this initial pose'}"
-    return f'<p class="legend dim" title="{text(mean_of(view))}">{text(said)}.</p>'
-
-
-def _counts_scenes(view: Snapshot) -> bool:
-    """Whether the scores of whole scenes reward the hypotheses of the object in focus."""
-    if not method_of(view.session.method.name).has_passes:
-        return False
-    cluster = view.scene.object(view.target.instance.instance_id).cluster
-    return sum(o.cluster == cluster and bool(o.target.instance.hypotheses) for o in view.scene.objects) > 1
-
-
-def _whole(view: Snapshot) -> str:
-    """The scene whose score is counted."""
-    if view.scene.n_clusters < 2:
-        return "all objects together"
-    return f"cluster {view.scene.object(view.target.instance.instance_id).cluster} as a whole"
-
-
-def _took_over(view: Snapshot) -> bool:
-    """Whether another method began the run."""
-    return any(
-        change.after_iteration and "name" in change.settings.get("method", {}) for change in view.session.changes
+        return f"{meaning}. The first play counts the score of the object's initial pose alone."
+    return (
+        f"{meaning}. The first play counts that score with this initial pose and the best initial poses of the others."
     )
 
 
-def what_the_time_holds(view: Snapshot) -> str:
-    """A line below a table of times, where the object's first play is among them."""
-    if not any(i.index <= view.cursor for i in view.own_iterations):
+def arms_table(snapshot: Snapshot) -> str:
+    """The bandit's numbers as they were when it chose; before the first choice, as they will be."""
+    state, shown = snapshot.state, snapshot.shown
+    if state is None:
         return ""
-    j = view.own_iterations[0].arm + 1
-    said = f"Σ ms: all plays together; the first, on hypothesis {j}, also prepares the object, once."
-    return f'<p class="legend dim" title="{text(TIME_MEANS)}">{text(said)}</p>'
+    choice = shown.choice if shown else None
+    if shown is None and method_of(snapshot.session.method.name).has_ucb:
+        choice = next_choice(Ucb(snapshot.exploration), state)
+    taken = shown.arm if shown else choice.arm if choice else None
+    plays = choice.plays if choice else [arm.plays for arm in state.arms]
+    mean = choice.mean if choice else [arm.mean for arm in state.arms]
+    bonus = choice.exploration.tolist() if choice else [None] * len(state.arms)
+    ucb = choice.ucb.tolist() if choice else [None] * len(state.arms)
+    ms = [sum(i.ms for i in snapshot.own_iterations if i.arm == j and i.index <= snapshot.cursor)
+          for j in range(len(state.arms))]  # fmt: skip
+
+    def start_deg(j: int) -> str:
+        error = snapshot.initial_errors[j]
+        return number(error.rotation_deg if error else None, 0, "°")
+
+    columns: list[Column] = [
+        ("arm", "hypothesis; ◂ = chosen; click a row for its history",
+         lambda j: f"{swatch(arm_color(j))}{j + 1}{' ◂' if j == taken else ''}"),
+        ("n", n_means(snapshot), lambda j: plays_text(float(plays[j]))),
+        ("μ", mean_of(snapshot), lambda j: f"{mean[j]:.3f}"),
+        ("bonus", "exploration term c·√(ln Σn / n_j)", lambda j: number(bonus[j], 3)),
+        ("UCB", "mean + bonus; the largest is chosen", lambda j: number(ucb[j], 3)),
+        ("best", "best score of any of its poses so far",
+         lambda j: f"{max(e.score.score for e in state.arms[j].entries):.3f}"),
+        ("start", "rotation error of its initial pose against ground truth", start_deg),
+        ("Σ ms", TIME_MEANS, lambda j: f"{ms[j]:.0f}"),
+    ]  # fmt: skip
+    names = f'<p class="legend">{arms_legend(snapshot.target)}</p>' if has_several_sources(snapshot.target) else ""
+    return names + table_of(range(len(state.arms)), columns, c.SelectArm, lambda j: j == snapshot.arm)
 
 
-# The table of what became of one hypothesis, play by play.
+# What became of one hypothesis, play by play.
 
 
-def arm_history(view: Snapshot, most: int = 12) -> str:
+def arm_history(snapshot: Snapshot, most: int = 12) -> str:
     """What became of the hypothesis in focus: ``most`` of its plays around the cursor, the latest first."""
-    if view.state is None:
+    if snapshot.state is None:
         return ""
-    j = view.arm
-    hypothesis = view.target.instance.hypotheses[j]
-    own = [(i, e) for i, e, _ in view.error_series if i.arm == j and not (view.is_partial and i.index == view.cursor)]
-    done = sum(i.index <= view.cursor for i, _ in own)
+    j, cursor = snapshot.arm, snapshot.cursor
+    partial = cursor if snapshot.is_partial else None
+    own = [(i, e) for i, e, _ in snapshot.error_series if i.arm == j and i.index != partial]
+    done = sum(i.index <= cursor for i, _ in own)
     begin = max(0, min(done - most // 2, len(own) - most))
     end = min(begin + most, len(own))
-    rows = [_left_out(view, f"{len(own) - end} later", own[end][0])] if end < len(own) else []
+    rows = [_not_listed(snapshot, f"{len(own) - end} later", own[end][0])] if end < len(own) else []
     for iteration, errors in reversed(own[begin:end]):
         before, after = iteration.stages[0], iteration.accepted_stage
         cells = [
@@ -119,18 +130,17 @@ def arm_history(view: Snapshot, most: int = 12) -> str:
             f"{swatch(STAGE_COLORS[iteration.accepted])}{iteration.accepted}",
             number(after.score.score if after.score else None, 3),
             f"{turn(before.T_cam_obj, after.T_cam_obj)[0]:.1f}°",
-            f"{shift_mm(before.T_cam_obj, after.T_cam_obj, view.target.model.points):.1f}",
+            f"{shift_mm(before.T_cam_obj, after.T_cam_obj, snapshot.target.model.points):.1f}",
             number(errors.add_s_mm if errors else None, 1),
         ]
-        rows.append(Row(cells, visit(view, iteration), marked=iteration.index == view.cursor))
+        rows.append(Row(cells, visit(snapshot, iteration), marked=iteration.index == cursor))
         if any(event.kind == "edited" for event in iteration.events):
             score = number(before.score.score if before.score else None, 3)
-            put = ["", f"{swatch(STAGE_COLORS['edited'])}by hand", score, "", "", ""]
-            rows.append(Row(put, c.Seek(iteration.index - 1)))
+            edited = ["", f"{swatch(STAGE_COLORS['edited'])}edited", score, "", "", ""]
+            rows.append(Row(edited, c.Seek(iteration.index - 1)))
     if begin:
-        rows.append(_left_out(view, f"{begin} earlier", own[begin - 1][0]))
-    first = view.begun.arms[j].entries[0]
-    error = view.initial_errors[j]
+        rows.append(_not_listed(snapshot, f"{begin} earlier", own[begin - 1][0]))
+    first, error = snapshot.begun.arms[j].entries[0], snapshot.initial_errors[j]
     start = [
         "0", f"{swatch(STAGE_COLORS['initial'])}initial", f"{first.score.score:.3f}", "", "",
         number(error.add_s_mm if error else None, 1),
@@ -141,114 +151,62 @@ def arm_history(view: Snapshot, most: int = 12) -> str:
         ("score", "of the accepted pose"),
         ("turn", "how far it turned"), ("mm", "how far it moved"), ("ADD(-S)", "error against ground truth [mm]"),
     ]  # fmt: skip
-    named = f"<p><b>Hypothesis {j + 1}</b> ({text(hypothesis.source)})</p>"
-    return named + other_scale_note(view) + table(head, rows)
+    name = f"<p><b>Hypothesis {j + 1}</b> ({text(snapshot.target.instance.hypotheses[j].source)})</p>"
+    return name + other_scale_note(snapshot) + table(head, rows)
 
 
-def _left_out(view: Snapshot, how_many: str, nearest: Iteration) -> Row:
-    """A row in place of plays that are not listed; a click goes to the nearest of them."""
-    return Row(["…", how_many, "", "", "", ""], visit(view, nearest))
+def _not_listed(snapshot: Snapshot, how_many: str, nearest: Iteration) -> Row:
+    """A row in place of plays; a click goes to the nearest of them."""
+    return Row(["…", how_many, "", "", "", ""], visit(snapshot, nearest))
 
 
-def arms_table(view: Snapshot) -> str:
-    """The bandit's numbers as they were when it chose; before the first choice, as they will be."""
-    state = view.state
-    if state is None:
-        return ""
-    shown = view.shown
-    choice = shown.choice if shown and shown.choice else None
-    if choice is None and shown is None and method_of(view.session.method.name).has_ucb:
-        choice = next_choice(Ucb(view.exploration), state)
-    taken = shown.arm if shown else (choice.arm if choice else None)
-    rows = []
-    for j, arm in enumerate(state.arms):
-        own = [i for i in view.own_iterations if i.arm == j and i.index <= view.cursor]
-        best = max(e.score.score for e in arm.entries)
-        ms = sum(i.ms for i in own)
-        plays, mean, bonus, ucb = (
-            (choice.plays[j], choice.mean[j], choice.exploration[j], choice.ucb[j])
-            if choice
-            else (arm.plays, arm.mean, None, None)
-        )
-        error = view.initial_errors[j]
-        cells = [
-            f"{swatch(arm_color(j))}{j + 1}{' ◂' if j == taken else ''}",
-            plays_text(float(plays)),
-            f"{mean:.3f}",
-            number(bonus, 3),
-            number(ucb, 3),
-            f"{best:.3f}",
-            number(error.rotation_deg if error else None, 0, "°"),
-            f"{ms:.0f}",
-        ]
-        rows.append(Row(cells, c.SelectArm(j), marked=j == view.arm))
-    head = [
-        ("arm", "hypothesis; ◂ = chosen; click a row for its history"),
-        ("n", N_MEANS),
-        ("μ", mean_of(view)),
-        ("bonus", "exploration term c·√(ln Σn / n_j)"),
-        ("UCB", "mean + bonus; the largest is chosen"),
-        ("best", "best score of any of its poses so far"),
-        ("start", "rotation error of its initial pose against ground truth"),
-        ("Σ ms", TIME_MEANS),
-    ]
-    names = f'<p class="legend">{arms_legend(view.target)}</p>' if have_names(view.target) else ""
-    return names + table(head, rows) + what_the_mean_is_of(view) + what_n_counts(view) + what_the_time_holds(view)
+# Several objects at once.
 
 
-# Tables about several objects at once, as HTML. Names that come from data are escaped by :mod:`markup`.
-
-
-def scene_arms_table(view: Snapshot) -> str:
+def scene_arms_table(snapshot: Snapshot) -> str:
     """A row per object: the hypothesis of its latest iteration, and what each one has got."""
-    rows = []
-    past = view.iterations[: view.cursor]
-    chooses = method_of(view.session.method.name).chooses
-    for o in view.scene.objects:
-        latest = next((i for i in reversed(past) if i.instance_id == o.instance_id), None)
-        spent = [0] * len(o.target.instance.hypotheses)
-        for i in past:
-            if i.instance_id == o.instance_id and i.arm < len(spent):
-                spent[i.arm] += 1
-        choice = latest.choice if latest else None
-        counted = choice.plays.tolist() if choice else [1.0] * len(spent) if chooses else spent
-        plays = " · ".join(plays_text(n) for n in counted)
-        cells = [
-            f"{swatch(o.color)}{cut(o.label)}",
-            f"{latest.arm + 1}" if latest else "–",
-            cut(plays, 215),
-            number(o.answer.score.score if o.answer else None, 3),
-        ]
-        rows.append(Row(cells, c.Focus(o.instance_id)))
-    head = [
-        ("object", "click a row for its hypotheses"),
-        ("last", "hypothesis of its latest iteration"),
-        ("n by hypothesis" if chooses else "iterations by hypothesis", N_MEANS if chooses else "spent on each of them"),
-        ("best", "score of the answer so far"),
-    ]
-    return table(head, rows) + what_n_counts(view)
+    past = snapshot.iterations[: snapshot.cursor]
+    chooses = method_of(snapshot.session.method.name).chooses
+    latest = {i.instance_id: i for i in past}
+
+    def spent(o: ObjectState) -> str:
+        iteration, arms = latest.get(o.instance_id), range(len(o.target.instance.hypotheses))
+        if iteration is not None and iteration.choice is not None:
+            counts = iteration.choice.plays.tolist()
+        elif chooses:
+            counts = [1.0 for _ in arms]
+        else:
+            counts = [sum(i.instance_id == o.instance_id and i.arm == j for i in past) for j in arms]
+        return cut(" · ".join(map(plays_text, counts)), 215)
+
+    columns: list[Column] = [
+        ("object", "click a row for its hypotheses", lambda o: f"{swatch(o.color)}{cut(o.label)}"),
+        ("last", "hypothesis of its latest iteration",
+         lambda o: f"{latest[o.instance_id].arm + 1}" if o.instance_id in latest else NONE),
+        ("n by hypothesis" if chooses else "iterations by hypothesis", n_means(snapshot), spent),
+        ("best", "score of the answer so far", lambda o: number(o.answer.score.score if o.answer else None, 3)),
+    ]  # fmt: skip
+    return table_of(snapshot.scene.objects, columns, lambda o: c.Focus(o.instance_id))
 
 
-def passes_table(view: Snapshot, newest: int = 8) -> str:
+def passes_table(snapshot: Snapshot, newest: int = 8) -> str:
     """The latest passes that were closed at the cursor."""
-    closed = [p for p in view.scene.closed if p.iteration <= view.cursor]
+    closed = [p for p in snapshot.scene.closed if p.iteration <= snapshot.cursor]
     if not closed:
         return ""
-    rows = []
-    for p in reversed(closed[-newest:]):
-        cells = [
-            f"{p.cluster}.{p.number}" if view.scene.n_clusters > 1 else f"{p.number}",
-            f"{p.record.score.score:.3f}",
-            f"{p.record.best_known.score:.3f}",
-            f"{p.record.incumbent_score:.3f}{' ★' if p.best_pass == p.number else ''}",
-            f"{p.record.reward:.3f}",
-        ]
-        rows.append(Row(cells, visit(view, view.at(p.iteration)), marked=p.iteration == view.cursor))
-    head = [
-        ("no.", "click to go to the iteration that closed it; cluster.pass"),
-        ("pass", TERMS["pass score"]),
-        ("best known", "each object's own best pose so far, rendered together"),
-        ("incumbent", f"{TERMS['incumbent']}; ★ = found in this pass"),
-        ("reward", "what the hypotheses of this pass got"),
-    ]
-    return "<p><b>Passes</b></p>" + table(head, rows)
+    columns: list[Column] = [
+        ("no.", "click to go to the iteration that closed it; cluster.pass",
+         lambda p: f"{p.cluster}.{p.number}" if snapshot.scene.n_clusters > 1 else f"{p.number}"),
+        ("pass", TERMS["pass score"], lambda p: f"{p.record.score.score:.3f}"),
+        ("best known", "each object's own best pose so far, rendered together",
+         lambda p: f"{p.record.best_known.score:.3f}"),
+        ("incumbent", f"{TERMS['incumbent']}; ★ = of this pass",
+         lambda p: f"{p.record.incumbent_score:.3f}{' ★' if p.best_pass == p.number else ''}"),
+        ("reward", "what the hypotheses of this pass got", lambda p: f"{p.record.reward:.3f}"),
+    ]  # fmt: skip
+    return "<p><b>Passes</b></p>" + table_of(
+        reversed(closed[-newest:]),
+        columns,
+        lambda p: visit(snapshot, snapshot.at(p.iteration)),
+        lambda p: p.iteration == snapshot.cursor,
+    )

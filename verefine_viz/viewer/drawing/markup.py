@@ -9,14 +9,28 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import Target
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.text.names import arm_color, have_names, source_of, stem_and_number, told_apart
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.display_names import (
+    arm_color,
+    has_several_sources,
+    in_focus,
+    source_of,
+    stem_and_number,
+    without_common_start,
+)
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
 
 
 def text(value: object) -> str:
@@ -63,31 +77,40 @@ class Row:
         self.html = f'<tr class="{name}" {attributes}>{"".join(f"<td>{c}</td>" for c in cells)}</tr>'
 
 
-def sentence(content: str) -> str:
-    """The words at the top of a panel; ``content`` is escaped here."""
-    return f'<p class="say">{text(content)}</p>'
+Column = tuple[str, str, Callable[[Any], str]]
+"""A column of :func:`table_of`: label, tooltip, and the cell of one item as ready HTML."""
+
+
+def table_of(
+    items: Iterable[Any],
+    columns: Sequence[Column],
+    command: Callable[[Any], Command | None] = lambda _: None,
+    marked: Callable[[Any], bool] = lambda _: False,
+) -> str:
+    """A table with a row per item; ``command``: what a click on its row sends; ``marked``: which rows stand out."""
+    rows = [Row([cell(item) for _, _, cell in columns], command(item), marked(item)) for item in items]
+    return table([(label, tip) for label, tip, _ in columns], rows)
+
+
+def sentence(content: str, hints: Mapping[str, str] | None = None) -> str:
+    """The words at the top of a panel, escaped here; ``hints`` as in :func:`with_hints`."""
+    return f'<p class="say">{with_hints(content, hints or {})}</p>' if content else ""
 
 
 def with_hints(content: str, hints: Mapping[str, str]) -> str:
     """Words that are escaped here, the first of each of the ``hints`` with its tooltip."""
-    said = text(content)
+    shown = text(content)
     for word, hint in hints.items():
-        found = re.search(rf"\b{re.escape(text(word))}\b", said, re.IGNORECASE)
+        found = re.search(rf"\b{re.escape(text(word))}\b", shown, re.IGNORECASE)
         if found:
-            said = (
-                f'{said[: found.start()]}<span class="term" title="{text(hint)}">{found[0]}</span>{said[found.end() :]}'
-            )
-    return said
+            term = f'<span class="term" title="{text(hint)}">{found[0]}</span>'
+            shown = shown[: found.start()] + term + shown[found.end() :]
+    return shown
 
 
-def hinted(content: str, hints: Mapping[str, str]) -> str:
-    """The words at the top of a panel, with tooltips."""
-    return f'<p class="say">{with_hints(content, hints)}</p>'
-
-
-def note(content: str) -> str:
-    """A box with something good to know."""
-    return f'<p class="note">{text(content)}</p>'
+def small(content: str, title: str = "") -> str:
+    """A small faint line, as below a table; escaped here."""
+    return f'<p class="legend dim" title="{text(title)}">{text(content)}</p>' if content else ""
 
 
 def warning(content: str, extra: str = "", red: bool = False, folded: bool = False) -> str:
@@ -125,6 +148,14 @@ def fitted(name: str, before: str = "") -> str:
     return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
 
 
+def focus_label(snapshot: Snapshot, most_px: int) -> str:
+    """The object in focus with its colour; empty where there is one object, or all are shown."""
+    if len(snapshot.scene.objects) < 2 or snapshot.is_whole_scene:
+        return ""
+    o = in_focus(snapshot)
+    return swatch(o.color) + cut(o.label, most_px)
+
+
 def _html(stem: str, number: str) -> str:
     return f"<span>{text(stem)}</span>&nbsp;{text(number)}" if number else text(stem)
 
@@ -139,13 +170,13 @@ def arms_legend(target: Target, brief: bool = False) -> str:
     """
     numbered = enumerate(target.instance.hypotheses)
     groups = [(source, [j for j, _ in group]) for source, group in groupby(numbered, lambda pair: source_of(pair[1]))]
-    every = "" if have_names(target) or len(target.instance.hypotheses) < 2 else "all "
+    every = "" if has_several_sources(target) or len(target.instance.hypotheses) < 2 else "all "
     names = [source for source, _ in groups]
     return " ".join(
         f'<span style="white-space:nowrap" title="{text(source)}">'
         f"{' '.join(f'{swatch(arm_color(j))}{j + 1}' for j in group)} "
         f'<span class="cut" style="max-width:290px">{every}{text(name)}</span></span>'
-        for (source, group), name in zip(groups, told_apart(names) if brief else names, strict=True)
+        for (source, group), name in zip(groups, without_common_start(names) if brief else names, strict=True)
     )
 
 
@@ -153,10 +184,37 @@ def arms_legend(target: Target, brief: bool = False) -> str:
 
 
 def choice(title: str, options: Sequence[tuple[str, Command]], now: Command) -> str:
-    """A drop-down list of (label, command); ``title`` is said to those who ask, ``now`` is what holds."""
+    """A drop-down list of (label, command); ``title`` is its tooltip, ``now`` what holds."""
     items = "".join(
         f'<option value="{text(to_json(command))}"{" selected" if command == now else ""}>{text(label)}</option>'
         for label, command in options
     )
     name = text(title)
     return f'<select aria-label="{name}" title="{name}">{items}</select>'
+
+
+# HTML from the templates in ``viewer/templates``: text is escaped there, ready HTML is marked as such here.
+
+
+def filled(template: str, **context: Any) -> str:
+    """A template with the values that it names."""
+    return _environment().get_template(template).render(context)
+
+
+def ready(html: str) -> Markup:
+    """HTML that a template is not to escape."""
+    from markupsafe import Markup
+
+    return Markup(html)
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # The page starts without it.
+
+    environment = Environment(
+        loader=PackageLoader("verefine_viz.viewer"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.globals["swatch"] = lambda color: ready(swatch(color))
+    return environment

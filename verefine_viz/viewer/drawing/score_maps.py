@@ -27,7 +27,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import MAP_NAMES, MapName
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.names import method_name
+from verefine_viz.viewer.text.display_names import method_name
 
 LABELS: dict[MapName, tuple[str, str]] = {
     "observed": ("observed", "depth that the sensor measured"),

@@ -1,8 +1,8 @@
-"""What the panels are built from: HTML blocks and charts that change in place."""
+"""What the panels are built from: HTML blocks, groups of buttons and charts that change in place."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -11,8 +11,7 @@ import viser
 from viser import uplot
 
 from verefine_viz.core.palette import RGB
-from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import Command
+from verefine_viz.viewer.commands import Command, Export
 from verefine_viz.viewer.drawing.markup import block
 
 Send = Callable[[Command], None]
@@ -30,14 +29,43 @@ class Block:
         self._handle.content = block(content, self._class)
 
 
-def by_person(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]], None]:
-    """A callback that runs for a person's change only: viser also calls it for the program's own."""
+def add_style(gui: viser.GuiApi, *rules: str) -> None:
+    """Style rules, such as those of :mod:`verefine_viz.viewer.web.viser_internals`."""
+    gui.add_html(f"<style>{''.join(rules)}</style>")
+
+
+def by_user(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]], None]:
+    """A callback that runs for the user's change only: viser also calls it for the program's own."""
 
     def on_update(event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
             handler(event.target.value)
 
     return on_update
+
+
+def asked_by(client_id: int | None, command: Command) -> Command:
+    """The command as it comes from one browser: an export knows which, anything else is the same for all."""
+    return replace(command, client=client_id) if isinstance(command, Export) else command
+
+
+def add_buttons(
+    gui: viser.GuiApi,
+    label: str,
+    commands: Mapping[str, Command],
+    send: Send,
+    hint: str | None = None,
+    visible: bool = True,
+) -> viser.GuiButtonGroupHandle:
+    """A row of buttons, each of which sends its command."""
+    group = gui.add_button_group(label, list(commands), visible=visible, hint=hint)
+
+    @group.on_click
+    def _(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            send(asked_by(event.client_id, commands[event.target.value]))
+
+    return group
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +76,6 @@ class Line:
     color: RGB
     values: Sequence[float]
     width: float = 2.0
-    steps: bool = False
     in_legend: bool = True
     dashed: bool = False
 
@@ -80,16 +107,14 @@ class Chart:
             self._handle.remove()
             self._handle = None
         self._shape = shape
-        # A line needs two points to be seen.
-        padded = [*x, x[-1] + 1] if len(x) == 1 else list(x)
-        data = [np.array(padded, np.float64)]
-        for line in lines:
-            values = list(line.values)
-            data.append(np.array([*values, values[-1]] if len(x) == 1 else values, np.float64))
+        columns = [list(x), *(list(line.values) for line in lines)]
+        if len(x) == 1:  # A line needs two points to be seen.
+            columns = [[x[0], x[0] + 1], *([line.values[0]] * 2 for line in lines)]
+        data = tuple(np.array(column, np.float64) for column in columns)
         if self._handle is None:
-            self._handle = self._make(tuple(data), lines, labels_px, y_range)
+            self._handle = self._make(data, lines, labels_px, y_range)
         else:
-            self._handle.data = tuple(data)
+            self._handle.data = data
             self._handle.visible = True
 
     def _make(
@@ -98,14 +123,11 @@ class Chart:
         series = [uplot.Series(label="iteration")]
         series += [
             uplot.Series(
-                label=line.label,
-                stroke=f"rgb{line.color}",
-                width=line.width,
-                points={"show": False},
+                label=line.label, stroke=f"rgb{line.color}", width=line.width, points={"show": False},
                 dash=(7, 5) if line.dashed else (),
             )
             for line in lines
-        ]
+        ]  # fmt: skip
         scales = {"x": uplot.Scale(time=False)}
         if y_range is not None:
             scales["y"] = uplot.Scale(auto=False, range=y_range)
@@ -114,8 +136,3 @@ class Chart:
                 data, tuple(series), scales=scales, height=self._height, legend=uplot.Legend(show=False),
                 axes=(WHOLE_NUMBERS, uplot.Axis(size=labels_px)), padding=(9, 14, 0, 0),
             )  # fmt: skip
-
-
-def asked_by(client_id: int | None, command: c.Command) -> c.Command:
-    """The command as it comes from one browser: an export knows which, anything else is the same for all."""
-    return replace(command, client=client_id) if isinstance(command, c.Export) else command

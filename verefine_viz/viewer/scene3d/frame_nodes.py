@@ -17,7 +17,6 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 from verefine_viz.viewer.drawing.score_maps import map_over
-from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.scene3d.pose_nodes import place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
@@ -28,8 +27,8 @@ IMAGE_PLANE_M = 0.12
 class CameraNodes:
     """Made once per frame; afterwards the picture and visibility change."""
 
-    def __init__(self, scene: viser.SceneApi, view: Snapshot) -> None:
-        camera = view.problem.observation.camera
+    def __init__(self, scene: viser.SceneApi, snapshot: Snapshot) -> None:
+        camera = snapshot.problem.observation.camera
         height = camera.height / camera.fy * IMAGE_PLANE_M
         width = camera.width / camera.fx * IMAGE_PLANE_M
         left, right = -camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx
@@ -37,9 +36,9 @@ class CameraNodes:
         corners = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]]) * IMAGE_PLANE_M
         edges = [(np.zeros(3), corner) for corner in corners] + [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
         self._frustum = scene.add_line_segments(
-            names.FRUSTUM, np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
+            "/cam/frustum", np.array(edges), (140, 140, 140), thickness=1.5, thickness_units="screen"
         )
-        photo = view.problem.observation.rgb
+        photo = snapshot.problem.observation.rgb
         self._darkened = np.full((*camera.shape, 3), 60, np.uint8) if photo is None else (photo * 0.55).astype(np.uint8)
         image = photo if photo is not None else np.full((*camera.shape, 3), 90, np.uint8)
         centre = (
@@ -48,23 +47,25 @@ class CameraNodes:
             IMAGE_PLANE_M,
         )
         self._image = scene.add_image(
-            names.IMAGE, image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
+            "/cam/image", image, width, height, format="jpeg", jpeg_quality=85, position=centre, cast_shadow=False,
             receive_shadow=False,
         )  # fmt: skip
         self._shown = image
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Shows or hides it."""
-        self._image.visible = self._frustum.visible = "camera image" in view.options.layers
+        self._image.visible = self._frustum.visible = "camera image" in snapshot.options.layers
 
-    def show_map(self, view: Snapshot) -> None:
-        """Lays the score map that is looked at over the image."""
-        side = view.b or view.a
+    def show_map(self, snapshot: Snapshot) -> None:
+        """Lays the score map that is chosen over the image."""
+        side = snapshot.b or snapshot.a
         if not self._image.visible or side is None or side.maps is None:
             return
-        image = map_over(self._darkened, view.options.map, side.maps, view.map_target, view.session.score.tau_m)
-        if view.options.pixel is not None:
-            u, v = view.options.pixel
+        image = map_over(
+            self._darkened, snapshot.options.map, side.maps, snapshot.map_target, snapshot.session.score.tau_m
+        )
+        if snapshot.options.pixel is not None:
+            u, v = snapshot.options.pixel
             image[max(v - 4, 0) : v + 5, u] = image[v, max(u - 4, 0) : u + 5] = (255, 255, 255)
         if not np.array_equal(image, self._shown):
             self._image.image = image
@@ -133,7 +134,7 @@ def cloud_colors(cloud: Cloud, by: CloudColors, maps: ScoreMaps | None, tau_m: f
 def clicked_pixel(
     observation: Observation, origin_cam: Float, direction_cam: Float, image_plane_m: float | None
 ) -> tuple[int, int] | None:
-    """The pixel (u, v) that a ray of the person's view means.
+    """The pixel (u, v) that a ray of the view means.
 
     The ray meets the camera image before the sensor, at depth ``image_plane_m`` (None = not shown), or the observed
     surface; whichever comes first. None if it meets neither.
@@ -180,8 +181,8 @@ def measured_points(problem: Problem) -> Float:
 class GroundNodes:
     """Made once per frame; afterwards visibility changes."""
 
-    def __init__(self, scene: viser.SceneApi, view: Snapshot, T_world_cam: Float) -> None:
-        support, points = view.problem.observation.support, measured_points(view.problem)
+    def __init__(self, scene: viser.SceneApi, snapshot: Snapshot, T_world_cam: Float) -> None:
+        support, points = snapshot.problem.observation.support, measured_points(snapshot.problem)
         centre = apply(T_world_cam, points.mean(axis=0)[None])[0]
         up = support.normal_world if support else np.array([0.0, 0, 1])
         across = np.cross(up, [0.0, 1, 0]) if abs(up[1]) < 0.9 else np.cross(up, [1.0, 0, 0])
@@ -191,7 +192,7 @@ class GroundNodes:
         T = transform(R_world_plane, foot)
         side = 0.8
         self._grid = scene.add_grid(
-            names.GRID, side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
+            "/world/grid", side, side, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
             section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
             plane_color=(120, 150, 190), plane_opacity=0.22,
         )  # fmt: skip
@@ -207,11 +208,11 @@ class GroundNodes:
         barbs = tip + back
         strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
         self._gravity = scene.add_line_segments(
-            names.GRAVITY, strokes, (250, 220, 90), thickness=3, thickness_units="screen"
+            "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"
         )
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Shows or hides it; where no support is known there is nothing to show."""
-        layers, is_known = view.options.layers, view.problem.observation.support is not None
+        layers, is_known = snapshot.options.layers, snapshot.problem.observation.support is not None
         self._grid.visible = "plane" in layers and is_known
         self._gravity.visible = "gravity" in layers and is_known

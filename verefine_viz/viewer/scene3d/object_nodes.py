@@ -14,11 +14,10 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB, SIDE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.commands import Command, Focus
-from verefine_viz.viewer.scene3d import names
-from verefine_viz.viewer.scene3d.pose_nodes import coarse_mesh, display_mesh, edges, place
+from verefine_viz.viewer.scene3d.pose_nodes import add_mesh, add_wireframe, display_mesh, outline_of, place
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.names import verdict_mark
+from verefine_viz.viewer.text.display_names import verdict_mark
 
 OPACITY: dict[Phase, float] = {
     "waiting": 0.16,
@@ -55,43 +54,38 @@ class ObjectNodes:
     """Made once per frame; afterwards poses, colours and visibility change."""
 
     def __init__(
-        self, server: viser.ViserServer, view: Snapshot, up_cam: Float, send: Callable[[Command], None]
+        self, server: viser.ViserServer, snapshot: Snapshot, up_cam: Float, send: Callable[[Command], None]
     ) -> None:
         self._scene, self._up_cam = server.scene, up_cam
         self._nodes: dict[int, _Nodes] = {}
-        self._overlap: viser.PointCloudHandle | None = None
-        self._overlap_shown: tuple[Any, ...] = ()
-        if len(view.scene.objects) > 1:
-            for o in view.scene.objects:
+        self._overlap_points: viser.PointCloudHandle | None = None
+        self._overlaps_shown: tuple[Any, ...] = ()
+        if len(snapshot.scene.objects) > 1:
+            for o in snapshot.scene.objects:
                 self._nodes[o.instance_id] = self._make(o.target, o.label, o.color, send)
 
     def _make(self, target: Target, label: str, color: RGB, send: Callable[[Command], None]) -> _Nodes:
-        key = target.instance.instance_id
-        vertices, faces = display_mesh(target.model)
-        mesh = self._scene.add_mesh_simple(
-            names.scene_object(key), vertices, faces, color=color, opacity=OPACITY["waiting"], flat_shading=True,
-            side="double", visible=False, cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
-        mesh.on_click(lambda _: send(Focus(target.instance.instance_id)))
-        marker = self._scene.add_icosphere(
-            names.scene_object(key, "marker"), MARKER_M, color, visible=False, cast_shadow=False
-        )
+        own = target.instance.instance_id
+        name = f"/cam/objects/{own}"
+        mesh = add_mesh(self._scene, name, display_mesh(target.model), color, OPACITY["waiting"])
+        mesh.on_click(lambda _: send(Focus(own)))
+        marker = self._scene.add_icosphere(f"{name}_marker", MARKER_M, color, visible=False, cast_shadow=False)
         text = self._scene.add_label(
-            names.scene_object(key, "name"), label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
+            f"{name}_name", label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
         )
         return _Nodes(mesh, marker, text, target.model.points[::4])
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and looks at the cursor."""
-        drawn = "others" in view.options.layers
-        for o in view.scene.objects:
+        drawn = "others" in snapshot.options.layers
+        for o in snapshot.scene.objects:
             nodes = self._nodes.get(o.instance_id)
             if nodes is None:
                 continue
-            in_focus = o.instance_id == view.target.instance.instance_id
-            T_cam_obj = self._pose(view, o, in_focus)
+            in_focus = o.instance_id == snapshot.target.instance.instance_id
+            T_cam_obj = self._pose(snapshot, o, in_focus)
             nodes.marker.visible = nodes.label.visible = drawn and T_cam_obj is not None
-            nodes.mesh.visible = drawn and T_cam_obj is not None and (view.is_answer or not in_focus)
+            nodes.mesh.visible = drawn and T_cam_obj is not None and (snapshot.is_answer or not in_focus)
             if T_cam_obj is not None:
                 self._move(nodes, T_cam_obj)
                 self._dress(nodes, o)
@@ -100,10 +94,10 @@ class ObjectNodes:
                 nodes.label.text = f"{o.label} {mark}".strip()
                 nodes.label.font_screen_scale = LABEL_IN_FOCUS if in_focus else LABEL
 
-    def _pose(self, view: Snapshot, o: ObjectState, in_focus: bool) -> Float | None:
+    def _pose(self, snapshot: Snapshot, o: ObjectState, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""
-        if in_focus and not view.is_answer:
-            shown = view.poses.get("accepted") or view.poses.get("current") or view.poses.get("best")
+        if in_focus and not snapshot.is_answer:
+            shown = snapshot.poses.get("accepted") or snapshot.poses.get("current") or snapshot.poses.get("best")
             return shown.T_cam_obj if shown else o.T_cam_obj
         return o.T_cam_obj
 
@@ -126,23 +120,21 @@ class ObjectNodes:
             nodes.look = look
             nodes.mesh.opacity, nodes.mesh.color = look
 
-    def show_overlaps(self, view: Snapshot) -> None:
+    def show_overlaps(self, snapshot: Snapshot) -> None:
         """Red points where objects are partly in the same place."""
-        found = view.physics.overlaps if "overlaps" in view.options.layers else ()
-        if len(found) == len(self._overlap_shown) and all(
-            a is b for a, b in zip(found, self._overlap_shown, strict=True)
-        ):
+        overlaps = snapshot.physics.overlaps if "overlaps" in snapshot.options.layers else ()
+        if [id(one) for one in overlaps] == [id(one) for one in self._overlaps_shown]:
             return
-        self._overlap_shown = found
-        points = [one.points_cam for one in found if len(one.points_cam)]
-        if self._overlap is not None:
-            self._overlap.visible = bool(points)
+        self._overlaps_shown = overlaps
+        points = [one.points_cam for one in overlaps if len(one.points_cam)]
+        if self._overlap_points is not None:
+            self._overlap_points.visible = bool(points)
         if points:
             together = np.concatenate(points).astype(np.float32)
             colors = np.tile(np.array(OVERLAP_COLOR, np.uint8), (len(together), 1))
-            size = float(np.median(together[:, 2])) / view.problem.observation.camera.fx * OVERLAP_PX
-            self._overlap = self._scene.add_point_cloud(
-                names.OVERLAPS, together, colors, precision="float32", point_size=size, point_shape="circle",
+            size = float(np.median(together[:, 2])) / snapshot.problem.observation.camera.fx * OVERLAP_PX
+            self._overlap_points = self._scene.add_point_cloud(
+                "/cam/overlaps", together, colors, precision="float32", point_size=size, point_shape="circle",
                 point_shading="flat",
             )  # fmt: skip
 
@@ -159,51 +151,36 @@ COMPARED_OPACITY = 0.78
 OUTLINE_PX = 2.2
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """One object twice."""
-
-    solid: viser.SceneNodeHandle
-    outline: viser.SceneNodeHandle
-
-
 class ComparisonNodes:
     """Holds the handles of a comparison's objects; nothing is made before something is compared."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
+        self._scene = server.scene
         self._problem: Problem | None = None
-        self._pairs: dict[int, _Pair] = {}
+        self._pairs: dict[int, tuple[viser.SceneNodeHandle, viser.SceneNodeHandle]] = {}
+        """By instance: as A has it, as B has it."""
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and visibility; call it after the frame was drawn, which takes older nodes away."""
-        if view.problem is not self._problem:
-            self._pairs, self._problem = {}, view.problem
-        sides = view.comparison
+        if snapshot.problem is not self._problem:
+            self._pairs, self._problem = {}, snapshot.problem
+        sides = snapshot.comparison
         if sides is None:
-            for pair in self._pairs.values():
-                pair.solid.visible = pair.outline.visible = False
+            for node in (node for pair in self._pairs.values() for node in pair):
+                node.visible = False
             return
-        for instance in view.problem.instances:
-            own = instance.instance_id
+        for own in (i.instance_id for i in snapshot.problem.instances):
             if own not in self._pairs:
-                self._pairs[own] = self._make(view.problem, own)
-            pair = self._pairs[own]
-            T_a, T_b = sides.poses.get(own, (None, None))
-            for node, T_cam_obj, side in ((pair.solid, T_a, "A"), (pair.outline, T_b, "B")):
+                self._pairs[own] = self._make(snapshot.problem.target(own))
+            poses = sides.poses.get(own, (None, None))
+            for node, T_cam_obj, side in zip(self._pairs[own], poses, "AB", strict=True):
                 if T_cam_obj is not None:
                     place(node, T_cam_obj)
                 node.visible = T_cam_obj is not None and side in sides.shown
 
-    def _make(self, problem: Problem, instance_id: int) -> _Pair:
-        scene, model = self._server.scene, problem.target(instance_id).model
-        vertices, faces = display_mesh(model)
-        solid = scene.add_mesh_simple(
-            names.compared_object("a", instance_id), vertices, faces, color=SIDE_COLORS["A"], opacity=COMPARED_OPACITY,
-            flat_shading=True, side="double", visible=False, cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
-        outline = scene.add_line_segments(
-            names.compared_object("b", instance_id), edges(*coarse_mesh(vertices, faces)), SIDE_COLORS["B"],
-            thickness=OUTLINE_PX, thickness_units="screen", visible=False,
-        )  # fmt: skip
-        return _Pair(solid, outline)
+    def _make(self, target: Target) -> tuple[viser.SceneNodeHandle, viser.SceneNodeHandle]:
+        own, model = target.instance.instance_id, target.model
+        return (
+            add_mesh(self._scene, f"/cam/sides/a_{own}", display_mesh(model), SIDE_COLORS["A"], COMPARED_OPACITY),
+            add_wireframe(self._scene, f"/cam/sides/b_{own}", outline_of(model), SIDE_COLORS["B"], OUTLINE_PX),
+        )

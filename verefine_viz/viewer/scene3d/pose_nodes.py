@@ -12,16 +12,15 @@ import viser
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import quat_wxyz
+from verefine_viz.core.geometry import quat_wxyz, rotation_of_quat_wxyz, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.palette import RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.viewer.commands import Command, SelectArm
-from verefine_viz.viewer.scene3d import names
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.names import arm_color
+from verefine_viz.viewer.text.display_names import arm_color
 
 OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "edited": 0.7}
 OUTLINED = ("accepted", "best", "ground truth")
@@ -31,6 +30,10 @@ _BEND_RAD = np.deg2rad(28)
 _FEWEST_EDGES = 12
 _DISPLAY_MM = 0.2
 _SIMPLIFY_FROM = 3000
+
+
+Mesh = tuple[Float, NDArray[np.int32]]
+"""Vertices (V, 3) [m] and faces (F, 3)."""
 
 
 class PoseNodes:
@@ -45,41 +48,23 @@ class PoseNodes:
         key: int = 0,
     ):
         """Makes the nodes; ``key`` tells those of several objects apart."""
-        scene = server.scene
-        vertices, faces = display_mesh(model)
-        outline = outline_of(model)
+        scene, mesh = server.scene, display_mesh(model)
         self.n_arms = n_arms
         self._nodes: dict[str, viser.SceneNodeHandle] = {}
         for name in STAGES:
-            color, node = STAGE_COLORS[name], names.stage(key, name)
+            color, node = STAGE_COLORS[name], f"/cam/stages/{key}/{name.replace(' ', '_')}"
             if name in OUTLINED:
-                self._nodes[name] = scene.add_line_segments(
-                    node, outline, color, thickness=1.4, thickness_units="screen", visible=False
-                )
+                self._nodes[name] = add_wireframe(scene, node, outline_of(model), color, 1.4)
             else:
-                self._nodes[name] = scene.add_mesh_simple(
-                    node, vertices, faces, color=color, opacity=OPACITY[name], flat_shading=True, side="double",
-                    visible=False, cast_shadow=False, receive_shadow=False,
-                )  # fmt: skip
-        self._mover = scene.add_mesh_simple(
-            names.stage(key, "moving"),
-            vertices,
-            faces,
-            flat_shading=True,
-            side="double",
-            visible=False,
-            cast_shadow=False,
-        )
-        self._path = scene.add_mesh_simple(
-            names.stage(key, "path"), vertices, faces, color=(255, 190, 90), opacity=0.85, flat_shading=True,
-            side="double", visible=False, cast_shadow=False,
-        )  # fmt: skip
+                self._nodes[name] = add_mesh(scene, node, mesh, color, OPACITY[name])
+        self._mover = add_mesh(scene, f"/cam/stages/{key}/moving", mesh)
+        self._path = add_mesh(scene, f"/cam/stages/{key}/path", mesh, (255, 190, 90), 0.85)
         self._ghosts = None
         if n_arms:
             colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
             # Front faces alone: transparent ones of both sides are drawn in two passes, which software renderers feel.
             self._ghosts = scene.add_batched_meshes_simple(
-                names.hypotheses(key), vertices, faces, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
+                f"/cam/hypotheses/{key}", *mesh, np.tile([1.0, 0, 0, 0], (n_arms, 1)), np.zeros((n_arms, 3)),
                 batched_colors=colors, batched_opacities=np.ones(n_arms), opacity=0.25, lod="off", side="front",
                 cast_shadow=False, receive_shadow=False, visible=False,
             )  # fmt: skip
@@ -89,18 +74,18 @@ class PoseNodes:
                 if event.instance_index is not None:
                     send(SelectArm(int(event.instance_index)))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Poses and visibility of all stages, ghosts and the simulated path."""
-        layers = view.options.layers
+        layers = snapshot.options.layers
         for name, node in self._nodes.items():
-            pose = view.poses.get(name)
+            pose = snapshot.poses.get(name)
             if pose is not None:
                 place(node, pose.T_cam_obj)
             # The edited pose is drawn by the gizmo that moves it.
             node.visible = pose is not None and name in layers and name != "edited"
-        self._show_answer(view)
-        self._show_ghosts(view)
-        self._show_path(view)
+        self._show_answer(snapshot)
+        self._show_ghosts(snapshot)
+        self._show_path(snapshot)
 
     def hide(self) -> None:
         """Takes the object from the screen; another one is in focus."""
@@ -109,37 +94,37 @@ class PoseNodes:
         if self._ghosts is not None:
             self._ghosts.visible = False
 
-    def _show_answer(self, view: Snapshot) -> None:
+    def _show_answer(self, snapshot: Snapshot) -> None:
         """The answer of a finished run; among several objects it is drawn in their own colour, as the others are."""
-        best = view.poses.get("best")
-        alone = len(view.scene.objects) == 1
-        self._mover.visible = view.is_answer and alone and best is not None and "best" in view.options.layers
+        best = snapshot.poses.get("best")
+        alone = len(snapshot.scene.objects) == 1
+        self._mover.visible = snapshot.is_answer and alone and best is not None and "best" in snapshot.options.layers
         if self._mover.visible and best is not None:
             place(self._mover, best.T_cam_obj)
             self._mover.color = STAGE_COLORS["best"]
 
-    def _show_ghosts(self, view: Snapshot) -> None:
-        if self._ghosts is None or view.state is None:
+    def _show_ghosts(self, snapshot: Snapshot) -> None:
+        if self._ghosts is None or snapshot.state is None:
             return
-        Ts = [arm.current.T_cam_obj for arm in view.state.arms]
-        Ts += [h.T_cam_obj for h in view.target.instance.hypotheses[len(Ts) :]]
+        Ts = [arm.current.T_cam_obj for arm in snapshot.state.arms]
+        Ts += [h.T_cam_obj for h in snapshot.target.instance.hypotheses[len(Ts) :]]
         self._ghosts.batched_positions = np.array([T[:3, 3] for T in Ts], np.float32)
         self._ghosts.batched_wxyzs = np.array([quat_wxyz(T[:3, :3]) for T in Ts], np.float32)
         opacity = np.full(len(Ts), 1.0, np.float32)
-        opacity[view.arm] = 2.0 if view.options.arm is not None else 1.0
+        opacity[snapshot.arm] = 2.0 if snapshot.options.arm is not None else 1.0
         self._ghosts.batched_opacities = opacity
-        self._ghosts.visible = "hypotheses" in view.options.layers
+        self._ghosts.visible = "hypotheses" in snapshot.options.layers
 
-    def _show_path(self, view: Snapshot) -> None:
-        path = view.shown.path if view.shown else None
-        k = view.options.path_pose
+    def _show_path(self, snapshot: Snapshot) -> None:
+        path = snapshot.shown.path if snapshot.shown else None
+        k = snapshot.options.path_pose
         if path is not None and k is not None:
             place(self._path, path.Ts_cam_obj[min(k, len(path.Ts_cam_obj) - 1)])
         self._path.visible = path is not None and k is not None
 
-    def animation(self, view: Snapshot) -> Iterator[None]:
+    def animation(self, snapshot: Snapshot) -> Iterator[None]:
         """The way of the iteration at the cursor, one picture per turn; ends as :meth:`show` has it."""
-        iteration = view.shown
+        iteration = snapshot.shown
         if iteration is None:
             return
         visible = {name: node.visible for name, node in self._nodes.items()}
@@ -156,11 +141,11 @@ class PoseNodes:
         for name, was in visible.items():
             self._nodes[name].visible = was
         self._mover.visible = False
-        self._show_answer(view)
+        self._show_answer(snapshot)
 
-    def path_animation(self, view: Snapshot) -> Iterator[int]:
+    def path_animation(self, snapshot: Snapshot) -> Iterator[int]:
         """The simulated path pose by pose; gives the index of the pose that is shown."""
-        path = view.shown.path if view.shown else None
+        path = snapshot.shown.path if snapshot.shown else None
         if path is None:
             return
         self._path.visible = True
@@ -173,6 +158,27 @@ def place(node: viser.SceneNodeHandle, T_cam_obj: Float) -> None:
     """Moves a node that lives in the camera frame."""
     node.position = T_cam_obj[:3, 3]
     node.wxyz = quat_wxyz(T_cam_obj[:3, :3])
+
+
+def add_mesh(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: Mesh,
+    color: RGB = (90, 200, 255),
+    opacity: float | None = None,
+) -> viser.MeshHandle:
+    """A mesh that is not visible yet."""
+    return scene.add_mesh_simple(
+        name, *mesh, color=color, opacity=opacity, flat_shading=True, side="double", visible=False, cast_shadow=False,
+        receive_shadow=False,
+    )  # fmt: skip
+
+
+def add_wireframe(
+    scene: viser.SceneApi, name: str, edges: NDArray[np.float32], color: RGB, width_px: float
+) -> viser.LineSegmentsHandle:
+    """The edges (E, 2, 3) of a mesh, not visible yet."""
+    return scene.add_line_segments(name, edges, color, thickness=width_px, thickness_units="screen", visible=False)
 
 
 def way(iteration: Iteration, n_between: int = 5) -> Iterator[tuple[Float, str]]:
@@ -199,16 +205,8 @@ def between(T_a: Float, T_b: Float, share: float) -> Float:
     q_a, q_b = quat_wxyz(T_a[:3, :3]), quat_wxyz(T_b[:3, :3])
     if q_a @ q_b < 0:
         q_b = -q_b
-    q = (1 - share) * q_a + share * q_b
-    w, x, y, z = q / np.linalg.norm(q)
-    T = np.eye(4)
-    T[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    T[:3, 3] = (1 - share) * T_a[:3, 3] + share * T_b[:3, 3]
-    return T
+    position = (1 - share) * T_a[:3, 3] + share * T_b[:3, 3]
+    return transform(rotation_of_quat_wxyz((1 - share) * q_a + share * q_b), position)
 
 
 @lru_cache(maxsize=64)
@@ -218,7 +216,7 @@ def outline_of(model: ObjectModel) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=64)
-def display_mesh(model: ObjectModel) -> tuple[Float, NDArray[np.int32]]:
+def display_mesh(model: ObjectModel) -> Mesh:
     """The mesh as it is drawn: the simplified one that is scored, where the original is large."""
     if len(model.faces) < _SIMPLIFY_FROM:
         return model.vertices, model.faces
@@ -242,7 +240,7 @@ def edges(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.float32]:
     return vertices[chosen].astype(np.float32)
 
 
-def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
+def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> Mesh:
     """A few hundred triangles, so that a wireframe can be looked through."""
     if len(faces) <= _OUTLINE_FACES:
         return vertices, faces

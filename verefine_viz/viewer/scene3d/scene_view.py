@@ -13,8 +13,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Contacts
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
-from verefine_viz.viewer.drawing.plausibility import LIGHTS, drawn_stage
-from verefine_viz.viewer.scene3d import names
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, drawn_stage
 from verefine_viz.viewer.scene3d.frame_nodes import (
     IMAGE_PLANE_M,
     CameraNodes,
@@ -26,20 +25,21 @@ from verefine_viz.viewer.scene3d.frame_nodes import (
     measured_points,
 )
 from verefine_viz.viewer.scene3d.object_nodes import ObjectNodes
-from verefine_viz.viewer.scene3d.pose_nodes import PoseNodes, display_mesh, place
+from verefine_viz.viewer.scene3d.pose_nodes import PoseNodes, add_mesh, display_mesh, place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.edited_pose import SentPoses
-from verefine_viz.viewer.text.plausibility import plausibility_verdict
+from verefine_viz.viewer.text.display_names import in_focus
+from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict
 
-# Where a person looks from when a frame is opened.
+# Where the camera is when a frame is opened.
 
 
-def aim(server: viser.ViserServer, view: Snapshot, T_world_cam: Float) -> None:
+def aim(server: viser.ViserServer, snapshot: Snapshot, T_world_cam: Float) -> None:
     """The first look: from beside the sensor, with the objects in the part that no panel covers."""
-    points = measured_points(view.problem)
+    points = measured_points(snapshot.problem)
     middle = points.mean(axis=0)
     extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
-    several = len(view.problem.instances) > 1
+    several = len(snapshot.problem.instances) > 1
     distance = max(0.42, (2.75 if several else 2.5) * extent)
     towards_sensor = -middle / np.linalg.norm(middle)
     beside = np.array([0.75, -0.35, 0.0])
@@ -80,181 +80,172 @@ class SceneView:
         self._all_nodes: dict[int, PoseNodes] = {}
         self._gizmo: viser.TransformControlsHandle | None = None
         self._dragged = SentPoses()
-        self._view: Snapshot | None = None
+        self._snapshot: Snapshot | None = None
         # An environment map costs software renderers many seconds and shows nothing here.
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(True, cast_shadow=False)
         server.scene.world_axes.visible = False
         server.scene.on_click()(self._on_click)
 
-    def show(self, view: Snapshot) -> None:
-        """Draws a view: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
-        if view.problem is not self._problem:
-            self._load_frame(view)
-        self._choose_nodes(view)
-        self._view = view
+    def show(self, snapshot: Snapshot) -> None:
+        """Draws a snapshot: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
+        if snapshot.problem is not self._problem:
+            self._load_frame(snapshot)
+        self._choose_nodes(snapshot)
+        self._snapshot = snapshot
         assert self._nodes is not None
-        self._nodes.show(view)
-        self._others.show(view)
-        self._show_contacts(view)
-        self._show_gizmo(view)
-        self.show_deep(view)
-        self._ground.show(view)
+        self._nodes.show(snapshot)
+        self._others.show(snapshot)
+        self._show_contacts(snapshot)
+        self._show_gizmo(snapshot)
+        self.show_deep(snapshot)
+        self._ground.show(snapshot)
 
-    def show_deep(self, view: Snapshot) -> None:
+    def show_deep(self, snapshot: Snapshot) -> None:
         """What needs score maps or plausibility; the rest is left as it is, be it an animation."""
-        self._points.visible = "cloud" in view.options.layers
-        self._camera.show(view)
-        if view.deep:
-            self._show_cloud(view)
-            self._camera.show_map(view)
-        if view.has_plausibility:
-            self._show_polygon(view)
-        self._others.show_overlaps(view)
+        self._points.visible = "cloud" in snapshot.options.layers
+        self._camera.show(snapshot)
+        if snapshot.deep:
+            self._show_cloud(snapshot)
+            self._camera.show_map(snapshot)
+        if snapshot.has_plausibility:
+            self._show_polygon(snapshot)
+        self._others.show_overlaps(snapshot)
 
-    def show_physics(self, view: Snapshot) -> None:
+    def show_physics(self, snapshot: Snapshot) -> None:
         """What was worked out about the whole scene since."""
-        self._show_polygon(view)
-        self._others.show_overlaps(view)
+        self._show_polygon(snapshot)
+        self._others.show_overlaps(snapshot)
 
-    def _choose_nodes(self, view: Snapshot) -> None:
-        """The nodes of the object in focus: kept once made, since a run may go from object to object all the time."""
-        key = view.target.instance.instance_id
+    def _choose_nodes(self, snapshot: Snapshot) -> None:
+        """The nodes of the object in focus: made once, since a run may go from object to object all the time."""
+        key = snapshot.target.instance.instance_id
         nodes = self._all_nodes.get(key)
-        if nodes is not None and nodes.n_arms != view.n_arms:  # Another branch may have other initial poses.
+        if nodes is not None and nodes.n_arms != snapshot.n_arms:  # Another branch may have other initial poses.
             nodes.hide()
             nodes = None
         if nodes is None:
-            nodes = PoseNodes(self._server, view.target.model, view.n_arms, self._send, key)
+            nodes = PoseNodes(self._server, snapshot.target.model, snapshot.n_arms, self._send, key)
             self._all_nodes[key] = nodes
         if self._nodes is not None and self._nodes is not nodes:
             self._nodes.hide()
         self._nodes = nodes
 
-    def animation(self, view: Snapshot) -> Iterator[None]:
+    def animation(self, snapshot: Snapshot) -> Iterator[None]:
         """The iteration at the cursor, picture by picture."""
         assert self._nodes is not None
-        yield from self._nodes.animation(view)
+        yield from self._nodes.animation(snapshot)
 
-    def path_animation(self, view: Snapshot) -> Iterator[None]:
+    def path_animation(self, snapshot: Snapshot) -> Iterator[None]:
         """The simulated path with its contacts, pose by pose."""
         assert self._nodes is not None
-        for k in self._nodes.path_animation(view):
-            self._draw_contacts(view, k)
+        for k in self._nodes.path_animation(snapshot):
+            self._draw_contacts(snapshot, k)
             yield
             yield
 
     # The frame
 
-    def _load_frame(self, view: Snapshot) -> None:
-        scene, observation = self._server.scene, view.problem.observation
-        for name in (names.CAMERA_FRAME, names.WORLD_FRAME):
+    def _load_frame(self, snapshot: Snapshot) -> None:
+        scene, observation = self._server.scene, snapshot.problem.observation
+        for name in ("/cam", "/world"):
             scene.remove_by_name(name)
         self._gizmo = self._nodes = None
         self._all_nodes = {}
         support = observation.support
         T_world_cam = support.T_world_cam if support else _UP_FROM_CAMERA
         self._T_world_cam = T_world_cam
-        cam = scene.add_frame(names.CAMERA_FRAME, show_axes=False)
+        cam = scene.add_frame("/cam", show_axes=False)
         place(cam, T_world_cam)
         self._cloud: Cloud = cloud_of(observation)
         z = float(np.median(self._cloud.points_cam[:, 2])) if len(self._cloud.points_cam) else 1.0
         self._points = scene.add_point_cloud(
-            names.CLOUD, self._cloud.points_cam, self._cloud.natural, precision="float32",
+            "/cam/cloud", self._cloud.points_cam, self._cloud.natural, precision="float32",
             point_size=(1.1 + 0.5 * self._cloud.spacing_px) * z / observation.camera.fx,
             point_shape="square", point_shading="flat",
         )  # fmt: skip
         self._colors = self._cloud.natural
-        self._camera = CameraNodes(scene, view)
-        self._ground = GroundNodes(scene, view, T_world_cam)
+        self._camera = CameraNodes(scene, snapshot)
+        self._ground = GroundNodes(scene, snapshot, T_world_cam)
         self._contacts = None
         self._contacts_shown: Contacts | None = None
         self._balance = scene.add_line_segments(
-            names.BALANCE, np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
+            "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
         up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
-        self._others = ObjectNodes(self._server, view, up_cam, self._send)
-        self._problem = view.problem
-        aim(self._server, view, T_world_cam)
+        self._others = ObjectNodes(self._server, snapshot, up_cam, self._send)
+        self._problem = snapshot.problem
+        aim(self._server, snapshot, T_world_cam)
 
-    # What changes with every view
+    # What changes with every snapshot
 
-    def _show_cloud(self, view: Snapshot) -> None:
-        maps = view.b.maps if view.b else view.a.maps if view.a else None
-        colors = cloud_colors(self._cloud, view.options.cloud, maps, view.session.score.tau_m)
+    def _show_cloud(self, snapshot: Snapshot) -> None:
+        maps = snapshot.b.maps if snapshot.b else snapshot.a.maps if snapshot.a else None
+        colors = cloud_colors(self._cloud, snapshot.options.cloud, maps, snapshot.session.score.tau_m)
         if colors is not self._colors:
             self._points.colors = colors
             self._colors = colors
 
-    def _show_contacts(self, view: Snapshot) -> None:
-        path = view.shown.path if view.shown and not view.is_answer else None
-        if path is None or not path.contacts or "contacts" not in view.options.layers:
-            if self._contacts is not None:
-                self._contacts.visible = False
-            return
-        k = view.options.path_pose
-        self._draw_contacts(view, len(path.contacts) if k is None else k)
+    def _show_contacts(self, snapshot: Snapshot) -> None:
+        """The contacts at the pose of the path that is shown; those of its end where none is chosen."""
+        path = snapshot.shown.path if snapshot.shown and not snapshot.is_answer else None
+        k = snapshot.options.path_pose
+        self._draw_contacts(snapshot, len(path.contacts) if path is not None and k is None else k or 0)
 
-    def _draw_contacts(self, view: Snapshot, pose: int) -> None:
-        """Arrows onto the object where it touches something, at one pose of the path."""
-        path = view.shown.path if view.shown else None
+    def _draw_contacts(self, snapshot: Snapshot, pose: int) -> None:
+        """Arrows onto the object where it touches something, at one pose of the path; none touches at the first."""
+        path = snapshot.shown.path if snapshot.shown else None
         contacts = path.contacts[min(pose, len(path.contacts)) - 1] if path and path.contacts and pose else None
-        if contacts is None or len(contacts.depths_m) == 0 or "contacts" not in view.options.layers:
-            if self._contacts is not None:
-                self._contacts.visible = False
-            return
-        if contacts is self._contacts_shown and self._contacts is not None:
-            self._contacts.visible = True
+        is_shown = contacts is not None and len(contacts.depths_m) > 0 and "contacts" in snapshot.options.layers
+        if self._contacts is not None:
+            self._contacts.visible = is_shown
+        if contacts is None or not is_shown or (contacts is self._contacts_shown and self._contacts is not None):
             return
         self._contacts_shown = contacts
-        length = 0.35 * view.target.model.diameter_m
+        length = 0.35 * snapshot.target.model.diameter_m
         ends = np.stack([contacts.points_cam - length * contacts.normals_cam, contacts.points_cam], axis=1)
         deep = contacts.depths_m > 0.001
         colors = np.where(deep[:, None], (220, 50, 47), (255, 140, 0)).astype(np.uint8)
         self._contacts = self._server.scene.add_arrows(
-            names.CONTACTS, ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
+            "/cam/contacts", ends, colors, shaft_radius=0.008 * length, head_radius=0.03 * length,
             head_length=0.12 * length,
         )  # fmt: skip
 
-    def _show_polygon(self, view: Snapshot) -> None:
+    def _show_polygon(self, snapshot: Snapshot) -> None:
         """The support polygon on the plane, and a line down from the centre of mass."""
-        name = drawn_stage(view)
-        found = view.plausible[name] if name else None
-        self._balance.visible = found is not None and "contacts" in view.options.layers
-        if found is None:
+        name = drawn_stage(snapshot)
+        plausibility = snapshot.plausible[name] if name else None
+        self._balance.visible = plausibility is not None and "contacts" in snapshot.options.layers
+        if plausibility is None:
             return
-        corners = found.polygon_cam
+        corners = plausibility.polygon_cam
         segments = [(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners))]
-        segments.append((found.com_cam, found.com_on_plane_cam))
+        segments.append((plausibility.com_cam, plausibility.com_on_plane_cam))
         points = np.array(segments, np.float32)
         colors = np.empty((len(points), 2, 3), np.uint8)
-        shown = view.scene.object(view.target.instance.instance_id)
-        colors[:] = LIGHTS[plausibility_verdict(found, shown, view.scene).light]
+        colors[:] = LIGHTS[plausibility_verdict(plausibility, in_focus(snapshot), snapshot.scene).light]
         self._balance.points = points
         self._balance.colors = colors
 
-    def _show_gizmo(self, view: Snapshot) -> None:
-        T = view.options.T_cam_obj_edited
-        if T is None or view.options.edited is None:
+    def _show_gizmo(self, snapshot: Snapshot) -> None:
+        T = snapshot.options.T_cam_obj_edited
+        if T is None or snapshot.options.edited is None:
             if self._gizmo is not None:
                 self._gizmo.remove()
                 self._gizmo = None
                 self._dragged.clear()
             return
-        is_news = self._dragged.is_news(view.options.edited)
+        is_news = self._dragged.is_news(snapshot.options.edited)
         if self._gizmo is None:
-            self._gizmo = self._make_gizmo(view, T)
+            self._gizmo = self._make_gizmo(snapshot, T)
         elif is_news:  # Numbers were typed.
             place(self._gizmo, T)
 
-    def _make_gizmo(self, view: Snapshot, T_cam_obj: Float) -> viser.TransformControlsHandle:
-        scene, model = self._server.scene, view.target.model
-        gizmo = scene.add_transform_controls(names.GIZMO, scale=0.9 * model.diameter_m, depth_test=False)
+    def _make_gizmo(self, snapshot: Snapshot, T_cam_obj: Float) -> viser.TransformControlsHandle:
+        scene, model = self._server.scene, snapshot.target.model
+        gizmo = scene.add_transform_controls("/cam/gizmo", scale=0.9 * model.diameter_m, depth_test=False)
         place(gizmo, T_cam_obj)
-        scene.add_mesh_simple(
-            names.GIZMO_MESH, *display_mesh(model), color=STAGE_COLORS["edited"], opacity=0.7, flat_shading=True,
-            side="double", cast_shadow=False,
-        )  # fmt: skip
+        add_mesh(scene, "/cam/gizmo/mesh", display_mesh(model), STAGE_COLORS["edited"], 0.7).visible = True
 
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:
@@ -266,13 +257,13 @@ class SceneView:
         return gizmo
 
     def _on_click(self, event: viser.SceneClickEvent) -> None:
-        view = self._view
-        if view is None:
+        snapshot = self._snapshot
+        if snapshot is None:
             return
         T_cam_world = inverse(self._T_world_cam)
         origin = apply(T_cam_world, np.array([event.ray_origin]))[0]
         direction = T_cam_world[:3, :3] @ np.array(event.ray_direction)
-        plane = IMAGE_PLANE_M if "camera image" in view.options.layers else None
-        pixel = clicked_pixel(view.problem.observation, origin, direction, plane)
+        plane = IMAGE_PLANE_M if "camera image" in snapshot.options.layers else None
+        pixel = clicked_pixel(snapshot.problem.observation, origin, direction, plane)
         if pixel is not None:
             self._send(ProbePixel(*pixel))

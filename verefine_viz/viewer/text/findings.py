@@ -1,4 +1,4 @@
-"""What is probably wrong, said without being asked. Each finding names its evidence and what to do."""
+"""What is probably wrong. Each finding names its evidence and what to do."""
 
 from __future__ import annotations
 
@@ -10,58 +10,13 @@ from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
-from verefine_viz.viewer.text.names import is_correct
-from verefine_viz.viewer.text.plausibility import plane_doubt, unsupported_stacking, unsupported_stacking_warning
-from verefine_viz.viewer.text.poses import preferred_wrong, prefers, start_errors
-
-# What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
-
-
-def batch_words(view: Snapshot) -> str:
-    """What happened at the iteration where it went wrong, and the cause with its evidence; empty: nothing."""
-    entry = view.entry
-    if entry is None:
-        return ""
-    # What is in doubt about the data stands above it by itself.
-    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
-    return " ".join(filter(None, (_why_here(view, entry), verdict)))
-
-
-def _verdict(entry: Entry) -> str:
-    row = entry.row
-    if row.status != "ok":
-        return f"In the batch: no answer, {row.message}."
-    if not entry.is_wrong or row.relative_error is None:
-        return ""
-    if row.evidence:
-        return f"Why it failed in the batch: {row.evidence}"
-    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
-    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
-
-
-def _why_here(view: Snapshot, entry: Entry) -> str:
-    """Why the frame was opened at this iteration of all."""
-    at = entry.iteration
-    if view.cursor != at or view.progress.running or entry.row.status != "ok":
-        return ""
-    if at == 0:
-        return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
-    if entry.row.worst_iteration is None:
-        return f"No iteration made it much worse; iteration {at} made the answer."
-    before, after = view.poses.get("current"), view.poses.get("accepted")
-    if not view.is_current or before is None or after is None:
-        return ""
-    if before.errors is not None and after.errors is not None:
-        was, now = before.errors.add_s_mm, after.errors.add_s_mm
-        much = MUCH * (entry.row.diameter_mm or 0.0)
-        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
-    elif before.score is not None and after.score is not None:
-        was, now = before.score.score, after.score.score
-        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
-    else:
-        return ""
-    return f"Iteration {at}: {change}." if lost else ""
-
+from verefine_viz.viewer.text.display_names import in_focus, is_correct
+from verefine_viz.viewer.text.plausibility_verdict import (
+    plane_doubt,
+    unsupported_stacking,
+    unsupported_stacking_warning,
+)
+from verefine_viz.viewer.text.pose_words import preferred_wrong, prefers, start_errors
 
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""
@@ -85,154 +40,144 @@ class Finding:
     """Whether it stands above the words about the iteration."""
 
 
-def findings(view: Snapshot) -> tuple[Finding, ...]:
+def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
-    found = (
-        *_of_data(view), *_of_batch(view), *_support(view), *_no_hypothesis(view), *_alone(view), *_why_wrong(view),
-        *_leak(view), *_low(view),
-    )  # fmt: skip
-    return found
+    checks = (_of_data, _of_batch, _support, _no_hypothesis, _stacking, _why_wrong, _leak, _low)
+    return tuple(finding for check in checks for finding in check(snapshot))
 
 
-def _of_data(view: Snapshot) -> list[Finding]:
+def _of_data(snapshot: Snapshot) -> list[Finding]:
     """A wrong camera or wrong models are behind all that follows."""
-    return [Finding(f"{DATA_FIRST} {plane_doubt}.", red=True, on_top=True) for plane_doubt in view.data_doubts]
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in snapshot.data_doubts]
 
 
-def _of_batch(view: Snapshot) -> list[Finding]:
+def _of_batch(snapshot: Snapshot) -> list[Finding]:
     """Why the batch says that this object failed, and the way to the iteration."""
-    entry = view.entry
-    said = batch_words(view)
-    if entry is None or not said:
+    entry, words = snapshot.entry, batch_words(snapshot)
+    if entry is None or not words:
         return []
-    command = c.OpenAt(view.frame, entry.iteration, instance=entry.row.instance_id)
-    at = view.cursor == entry.iteration
-    return [
-        Finding(
-            said, entry.is_wrong, not entry.is_wrong, None if at else command, f"go to iteration {entry.iteration}",
-            on_top=entry.is_wrong,
-        )
-    ]  # fmt: skip
+    command = None
+    if snapshot.cursor != entry.iteration:
+        command = c.OpenAt(snapshot.frame, entry.iteration, instance=entry.row.instance_id)
+    label = f"go to iteration {entry.iteration}"
+    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label, on_top=entry.is_wrong)]
 
 
-def _support(view: Snapshot) -> list[Finding]:
-    observation = view.target.observation
+def _support(snapshot: Snapshot) -> list[Finding]:
+    observation = snapshot.target.observation
     support = observation.support
     if support is None:
         note = observation.support_note or "no support plane was found"
-        given = view.session.scene.gravity != "plane"
+        given = snapshot.session.scene.gravity != "plane"
         remedy = "Check scene.gravity" if given else "Give scene.gravity"
         return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
-    said = plane_doubt(support)
-    return [Finding(said)] if said else []
+    doubt = plane_doubt(support)
+    return [Finding(doubt)] if doubt else []
 
 
-def _no_hypothesis(view: Snapshot) -> list[Finding]:
-    if view.state is not None:
+def _no_hypothesis(snapshot: Snapshot) -> list[Finding]:
+    if snapshot.state is not None:
         return []
-    known = without(view.target.instance, view.target.model)
-    why = next((note for note in view.problem.notes if note.startswith(known)), None)
-    return [Finding(f"{why or f'{known}add a results file that holds object {view.target.model.obj_id}'}.")]
+    known = without(snapshot.target.instance, snapshot.target.model)
+    why = next((note for note in snapshot.problem.notes if note.startswith(known)), None)
+    return [Finding(f"{why or f'{known}add a results file that holds object {snapshot.target.model.obj_id}'}.")]
 
 
-def _why_wrong(view: Snapshot) -> list[Finding]:
+def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     """What made the answer wrong. As in a batch, a turn that the model should have declared explains all of it."""
-    if view.undeclared is None or not _is_over(view):
-        return [*_far_start(view), *_starved(view), *_wrong_score(view)]
-    said = view.undeclared.in_words(view.name)
-    if view.entry is not None and said in view.entry.row.evidence:
+    if snapshot.undeclared is None or not _is_over(snapshot):
+        return [*_far_start(snapshot), *_starved(snapshot), *_wrong_score(snapshot)]
+    turn = snapshot.undeclared.in_words(snapshot.name)
+    if snapshot.entry is not None and turn in snapshot.entry.row.evidence:
         return []
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
-    return [Finding(f"{said} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    return [Finding(f"{turn} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
-def _far_start(view: Snapshot) -> list[Finding]:
-    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(view)) if e is not None]
+def _far_start(snapshot: Snapshot) -> list[Finding]:
+    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(snapshot)) if e is not None]
     if not known:
         return []
     _, j, errors = min(known, key=lambda k: k[0])
-    best = view.poses.get("best")
-    found = [best.errors if best is not None else None, *(errors for _, _, errors in view.error_series[-1:])]
-    arrived = any(is_correct(e) for e in found)
-    if errors.relative < FAR or arrived:
+    best = snapshot.poses.get("best")
+    reached = [best.errors if best is not None else None, *(errors for _, _, errors in snapshot.error_series[-1:])]
+    if errors.relative < FAR or any(is_correct(e) for e in reached):
         return []
     off = (
         f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
         f"{errors.relative:.0%} of the diameter."
     )
-    if not _is_over(view):
-        text = f"The nearest start{_whose(view)} is off by {off} Refinement may get there or not: run it and see."
+    if not _is_over(snapshot):
+        text = f"The nearest start{_whose(snapshot)} is off by {off} Refinement may get there or not: run it and see."
         return [Finding(text, calm=True, command=c.SelectArm(j), label="show it")]
     text = (
-        f"No hypothesis{_whose(view)} starts near: best initial error {off} Refinement did not help: look at the "
+        f"No hypothesis{_whose(snapshot)} starts near: best initial error {off} Refinement did not help: look at the "
         "estimator first."
     )
     return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
 
 
-def _alone(view: Snapshot) -> list[Finding]:
-    """Objects carry each other, and the method does not know."""
-    said = unsupported_stacking_warning(view)
-    if not said:
+def _stacking(snapshot: Snapshot) -> list[Finding]:
+    """Objects rest on each other, and the method does not know."""
+    warning = unsupported_stacking_warning(snapshot)
+    if not warning:
         return []
     command = c.Restart((("method.name", "vf_breadth"),))
-    answers = [view.scene.object(one.instance_id).errors for one in unsupported_stacking(view)]
-    arrived = view.is_answer and all(is_correct(e) for e in answers)
-    return [Finding(said, calm=arrived, command=command, label="restart with VF_b")]
+    answers = [snapshot.scene.object(own).errors for own in unsupported_stacking(snapshot)]
+    is_solved = snapshot.is_answer and all(is_correct(e) for e in answers)
+    return [Finding(warning, calm=is_solved, command=command, label="restart with VF_b")]
 
 
-def _whose(view: Snapshot) -> str:
+def _whose(snapshot: Snapshot) -> str:
     """As in: of mug. Nothing where there is one object."""
-    several = len(view.scene.objects) > 1
-    return f" of {view.scene.object(view.target.instance.instance_id).label}" if several else ""
+    return f" of {in_focus(snapshot).label}" if len(snapshot.scene.objects) > 1 else ""
 
 
-def _is_over(view: Snapshot) -> bool:
+def _is_over(snapshot: Snapshot) -> bool:
     """Whether the object in focus has had all its iterations at the cursor: then its best pose is the answer."""
-    own = view.own_iterations
-    if view.is_partial or (own and own[-1].index > view.cursor):
+    own = snapshot.own_iterations
+    if snapshot.is_partial or not own or own[-1].index > snapshot.cursor:
         return False
-    if own and (own[-1].scene_pass is not None or own[-1].tree is not None):  # Objects take turns.
-        return view.progress.done == view.progress.total
-    done = view.progress.done == view.progress.total
-    return bool(own) and (done or view.iterations[-1].instance_id != own[-1].instance_id)
+    takes_turns = own[-1].scene_pass is not None or own[-1].tree is not None
+    moved_on = not takes_turns and snapshot.iterations[-1].instance_id != own[-1].instance_id
+    return moved_on or snapshot.progress.done == snapshot.progress.total
 
 
-def _starved(view: Snapshot) -> list[Finding]:
+def _starved(snapshot: Snapshot) -> list[Finding]:
     """A hypothesis that was the best start, by ground truth or by score, and got next to no iterations."""
-    if not _is_over(view) or view.state is None or len(view.state.arms) < 2:
+    if not _is_over(snapshot) or snapshot.state is None or len(snapshot.state.arms) < 2:
         return []
-    pulls = [sum(i.arm == j for i in view.own_iterations) for j in range(len(view.state.arms))]
-    if view.shown is None or view.shown.choice is None or not view.shown.choice.exploration.any():
+    pulls = [sum(i.arm == j for i in snapshot.own_iterations) for j in range(len(snapshot.state.arms))]
+    if snapshot.shown is None or snapshot.shown.choice is None or not snapshot.shown.choice.exploration.any():
         return []
-    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(view)) if e is not None]
+    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(snapshot)) if e is not None]
     if not known:
         return []
     error, j = min(known)
-    fair = len(view.own_iterations) / len(pulls)
-    best = view.poses["best"]
+    fair = len(snapshot.own_iterations) / len(pulls)
+    best = snapshot.poses["best"]
     if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
         return []
-    if prefers(view.poses["best"], view.ground_truth):
+    if prefers(snapshot.poses["best"], snapshot.ground_truth):
         return []  # More turns would not have helped it.
-    wider = max(2 * view.session.method.exploration, 0.05)
+    wider = max(2 * snapshot.session.method.exploration, 0.05)
     text = (
-        f"Hypothesis {j + 1}{_whose(view)} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} "
-        f"of {sum(pulls)} times: its exploration bonus never won."
+        f"Hypothesis {j + 1}{_whose(snapshot)} started nearest to ground truth ({error:.0f} mm) but was tried "
+        f"{pulls[j]} of {sum(pulls)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
 
 
-def _wrong_score(view: Snapshot) -> list[Finding]:
-    best, truth = view.poses.get("best"), view.ground_truth
-    if not _is_over(view) or best is None or truth is None or truth.score is None:
+def _wrong_score(snapshot: Snapshot) -> list[Finding]:
+    best, truth = snapshot.poses.get("best"), snapshot.ground_truth
+    if not _is_over(snapshot) or best is None or truth is None or truth.score is None:
         return []
     if best.errors is None or best.score is None or is_correct(best.errors):
         return []
     wrong, true = best.score, truth.score
     if prefers(best, truth):
-        text = preferred_wrong(view, wrong, true)
+        text = preferred_wrong(snapshot, wrong, true)
         return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
     how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
     text = (
@@ -242,9 +187,9 @@ def _wrong_score(view: Snapshot) -> list[Finding]:
     return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
-def _leak(view: Snapshot) -> list[Finding]:
-    best = view.poses.get("best")
-    if not _is_over(view) or best is None or best.score is None:
+def _leak(snapshot: Snapshot) -> list[Finding]:
+    best = snapshot.poses.get("best")
+    if not _is_over(snapshot) or best is None or best.score is None:
         return []
     missed = best.score.shares["missed"]
     if missed < LEAK_SHARE:
@@ -256,11 +201,60 @@ def _leak(view: Snapshot) -> list[Finding]:
     return [Finding(text, red=True, command=c.ColorCloud("class"), label="colour the cloud by class")]
 
 
-def _low(view: Snapshot) -> list[Finding]:
-    if not _is_over(view) or view.state is None:
+def _low(snapshot: Snapshot) -> list[Finding]:
+    if not _is_over(snapshot) or snapshot.state is None:
         return []
-    score = view.state.best.score.score
+    score = snapshot.state.best.score.score
     if score >= LOW_SCORE:
         return []
-    text = f"All hypotheses{_whose(view)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
+    text = f"All hypotheses{_whose(snapshot)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
     return [Finding(text)]
+
+
+# What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
+
+
+def batch_words(snapshot: Snapshot) -> str:
+    """What happened at the iteration where it went wrong, and the cause with its evidence; "" = nothing."""
+    entry = snapshot.entry
+    if entry is None:
+        return ""
+    # What is in doubt about the data stands above it by itself.
+    verdict = _verdict(entry).partition(f" {DATA_FIRST}")[0]
+    return " ".join(filter(None, (_why_here(snapshot, entry), verdict)))
+
+
+def _verdict(entry: Entry) -> str:
+    row = entry.row
+    if row.status != "ok":
+        return f"In the batch: no answer, {row.message}."
+    if not entry.is_wrong or row.relative_error is None:
+        return ""
+    if row.evidence:
+        return f"Why it failed in the batch: {row.evidence}"
+    cause = cause_title(row.cause) if row.cause else "no cause was looked for"
+    return f"In the batch it was wrong by {row.relative_error:.0%} of the diameter: {cause}."
+
+
+def _why_here(snapshot: Snapshot, entry: Entry) -> str:
+    """Why the frame was opened at this iteration of all."""
+    at = entry.iteration
+    if snapshot.cursor != at or snapshot.progress.running or entry.row.status != "ok":
+        return ""
+    if at == 0:
+        return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
+    if entry.row.worst_iteration is None:
+        return f"No iteration made it much worse; iteration {at} made the answer."
+    before, after = snapshot.poses.get("current"), snapshot.poses.get("accepted")
+    if not snapshot.is_current or before is None or after is None:
+        return ""
+    if before.errors is not None and after.errors is not None:
+        was, now = before.errors.add_s_mm, after.errors.add_s_mm
+        much = MUCH * (entry.row.diameter_mm or 0.0)
+        lost, change = now - was > much, f"here its error grew most ({was:.1f} → {now:.1f} mm)"
+    elif before.score is not None and after.score is not None:
+        was, now = before.score.score, after.score.score
+        lost, change = was - now > MUCH_SCORE, f"here its score fell most ({was:.2f} → {now:.2f})"
+    else:
+        return ""
+    return f"Iteration {at}: {change}." if lost else ""

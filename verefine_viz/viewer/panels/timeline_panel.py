@@ -10,60 +10,66 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import arms_legend, carries, link, text
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, Mark
-from verefine_viz.viewer.text.names import arm_color, shortened
-from verefine_viz.viewer.text.scene import place_in_run
-from verefine_viz.viewer.text.sentences import the_answer
+from verefine_viz.viewer.text.display_names import arm_color, counted, in_focus, shortened
+from verefine_viz.viewer.text.headline import place_in_run
 from verefine_viz.viewer.web.viser_internals import compact
 
 # The sentence above the timeline: where the cursor is, what was worked on there, and where trouble is marked.
 
 
-def timeline_words(view: Snapshot, marks: Sequence[Mark]) -> str:
+def timeline_words(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
     """As in: Iteration 17 of 25: mug, hypothesis 2 of 5. 3 red marks, the next at 21.
 
     Args:
-        view: what is on the screen.
+        snapshot: what is on the screen.
         marks: those that the timeline shows.
     """
-    p = view.progress
-    made = "" if p.done == view.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
-    return f"Iteration {view.cursor} of {p.total}: {text(_what(view))}{made}.{_red(view, marks)}"
+    p = snapshot.progress
+    made = "" if p.done == snapshot.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
+    return f"Iteration {snapshot.cursor} of {p.total}: {text(_what(snapshot))}{made}.{_red(snapshot, marks)}"
 
 
-def _what(view: Snapshot) -> str:
-    if view.is_answer:
-        return the_answer(view)
-    if view.cursor == 0:
-        return "the start" if view.progress.done else "nothing has run yet"
-    if view.is_current and view.shown is not None:
-        place, stage = place_in_run(view.scene, view.shown), view.options.stage
-        said = f"{view.name}, hypothesis {view.shown.arm + 1} of {view.n_arms}"
-        return ", ".join(filter(None, (place, said, f"up to the {stage} pose" if stage else "")))
-    if view.cursor > len(view.iterations):
+def _what(snapshot: Snapshot) -> str:
+    if snapshot.is_answer:
+        return _the_answer(snapshot)
+    if snapshot.cursor == 0:
+        return "the start" if snapshot.progress.done else "nothing has run yet"
+    if snapshot.is_current and snapshot.shown is not None:
+        place, stage = place_in_run(snapshot.scene, snapshot.shown), snapshot.options.stage
+        who = f"{snapshot.name}, hypothesis {snapshot.shown.arm + 1} of {snapshot.n_arms}"
+        return ", ".join(filter(None, (place, who, f"up to the {stage} pose" if stage else "")))
+    if snapshot.cursor > len(snapshot.iterations):
         return "shown stage by stage"
-    worked_on = view.at(view.cursor)
-    return f"it worked on {view.scene.object(worked_on.instance_id).label}, hypothesis {worked_on.arm + 1}"
+    worked_on = snapshot.at(snapshot.cursor)
+    return f"it worked on {snapshot.scene.object(worked_on.instance_id).label}, hypothesis {worked_on.arm + 1}"
 
 
-def _red(view: Snapshot, marks: Sequence[Mark]) -> str:
+def _the_answer(snapshot: Snapshot) -> str:
+    """As in: the answer, of iteration 16. The objects of a frame are each of another."""
+    o = in_focus(snapshot)
+    if snapshot.is_whole_scene:
+        return "the answer"
+    if o.answer is None:
+        return "no answer"
+    origin = f"of iteration {o.answer.iteration}" if o.answer.iteration else "an initial pose"
+    return f"the answer; {o.label}: {origin}" if len(snapshot.scene.objects) > 1 else f"the answer, {origin}"
+
+
+def _red(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
     """How many iterations are marked red, and the way to the nearest one."""
     red = sorted({mark.iteration for mark in marks if mark.is_red})
-    if not view.progress.done:
-        return ""
     if not red:
-        return " No red marks."
-    said = f" {len(red)} red mark{'s' if len(red) > 1 else ''}"
-    after, before = [k for k in red if k > view.cursor], [k for k in red if k < view.cursor]
-    if view.cursor in red:
-        said += ", one here"
+        return " No red marks." if snapshot.progress.done else ""
+    words = f" {counted(len(red), 'red mark')}{', one here' if snapshot.cursor in red else ''}"
+    after, before = [k for k in red if k > snapshot.cursor], [k for k in red if k < snapshot.cursor]
     if not after and not before:
-        return f"{said}."
-    which, k = ("next", after[0]) if after else ("one before", before[-1])
-    which = f"the {which} at" if len(red) > 1 else "at"
-    return f"{said}, {which} {link(str(k), visit(view, view.at(k)), 'go there')}."
+        return f"{words}."
+    which, k = ("the next at", after[0]) if after else ("the one before at", before[-1])
+    nearest = link(str(k), visit(snapshot, snapshot.at(k)), "go there")
+    return f"{words}, {which if len(red) > 1 else 'at'} {nearest}."
 
 
 _WIDTH, _HEIGHT = 860, 43
@@ -80,135 +86,139 @@ class TimelinePanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._line = Block(gui, "line tight")
         self.slider = gui.add_slider("Iteration", 0, 1, 1, 0, hint="0 = before the first; Home, End, PageUp, PageDown")
-        self.slider.on_update(by_person(lambda v: send(c.Seek(int(v)))))
-        gui.add_html(f"<style>{compact(self.slider, ROW_PX)}</style>")
+        self.slider.on_update(by_user(lambda v: send(c.Seek(int(v)))))
+        add_style(gui, compact(self.slider, ROW_PX))
 
-    def show(self, view: Snapshot, hand_is_ahead: bool = False) -> None:
-        """Draws the strip; leaves the slider alone while a hand moves it further."""
-        self._line.show(strip(view))
-        self.slider.max = max(view.progress.total, 1)
-        if not hand_is_ahead:
-            self.slider.value = min(view.cursor, int(self.slider.max))
+    def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
+        """Draws the strip; leaves the slider alone while the user moves it further."""
+        self._line.show(strip(snapshot))
+        self.slider.max = max(snapshot.progress.total, 1)
+        if not slider_is_ahead:
+            self.slider.value = min(snapshot.cursor, int(self.slider.max))
 
 
-def strip(view: Snapshot) -> str:
+def strip(snapshot: Snapshot) -> str:
     """The iterations as an SVG: a cell each, coloured by hypothesis; red, blue, orange and green marks above.
 
     With several objects a band below the cells has each object's colour, and the whole cell where the scene is shown.
     Cells and marks of other objects are faint while the page is filtered to one.
     """
-    total = max(view.progress.total, 1)
+    total = max(snapshot.progress.total, 1)
     cell = _WIDTH / total
-    parts = _cells(view, cell) if total <= MOST_CELLS else _runs(view, cell)
-    parts += _objects(view, cell)
-    parts += _passes(view, cell)
-    marks = [m for m in view.marks if is_shown(view, view.at(m.iteration))]
+    parts = _cells(snapshot, cell) if total <= MOST_CELLS else _runs(snapshot, cell)
+    parts += _objects(snapshot, cell)
+    parts += _passes(snapshot, cell)
+    marks = [m for m in snapshot.marks if is_shown(snapshot, snapshot.at(m.iteration))]
     aside = _aside(marks)
     for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
         x = (mark.iteration - 0.5) * cell + aside[mark.iteration, mark.color]
         shape = _star(x) if mark.kind == "new_best_scene" else _triangle(x, small=mark.kind == "new_best")
         title = text(f"iteration {mark.iteration}: {mark.text}")
-        to = carries(visit(view, view.at(mark.iteration)))
+        to = carries(visit(snapshot, snapshot.at(mark.iteration)))
         parts.append(f'<g {to}><polygon points="{shape}" fill="rgb{mark.color}"/><title>{title}</title></g>')
-    x = view.cursor * cell - cell / 2 if view.cursor else 0
+    x = snapshot.cursor * cell - cell / 2 if snapshot.cursor else 0
     parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
-    head = f'<div class="head">{timeline_words(view, marks)}</div>'
-    colors = f'<div class="colors">{blocks_legend(view)}{legend(marks)}</div>'
+    head = f'<div class="head">{timeline_words(snapshot, marks)}</div>'
+    colors = f'<div class="colors">{_blocks_legend(snapshot)}{legend(marks)}</div>'
     return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{colors}"
 
 
-def blocks_legend(view: Snapshot) -> str:
+def _blocks_legend(snapshot: Snapshot) -> str:
     """What the colours of the blocks below the marks mean."""
-    several = len(view.scene.objects) > 1
-    if view.is_whole_scene:
+    if snapshot.is_whole_scene:
         return '<div class="blocks">Blocks: objects, in the colours of the list of objects.</div>'
-    said, tip = "Blocks: hypotheses", ""
-    if several:
-        said += f" of {view.scene.object(view.target.instance.instance_id).label}:"
+    words, tip = "Blocks: hypotheses", ""
+    if len(snapshot.scene.objects) > 1:
+        words += f" of {in_focus(snapshot).label}:"
         tip = ' title="The line below the blocks has the colours of the objects."'
-    return f'<div class="blocks"{tip}>{text(said)} {arms_legend(view.target, brief=True)}</div>'
+    return f'<div class="blocks"{tip}>{text(words)} {arms_legend(snapshot.target, brief=True)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:
     """What the colours of these marks mean, in one short line."""
     kinds = {mark.kind for mark in marks}
-    said = [
+    meanings = [
         f'<span title="{text(m.hint)}"><span style="color:rgb{m.color}">{m.sign}</span> {text(m.words)}</span>'
         for m in MEANINGS
         if m.kinds & kinds
     ]
-    return f'<span class="legend">{" ".join(said)}</span>' if said else ""
+    return f'<span class="legend">{" ".join(meanings)}</span>' if meanings else ""
 
 
-def is_shown(view: Snapshot, iteration: Iteration) -> bool:
+def is_shown(snapshot: Snapshot, iteration: Iteration) -> bool:
     """Whether an iteration is about what the page is filtered to."""
-    return view.options.focus is None or view.is_whole_scene or iteration.instance_id == view.options.focus
+    return snapshot.options.focus is None or snapshot.is_whole_scene or iteration.instance_id == snapshot.options.focus
 
 
-def _color(view: Snapshot, iteration: Iteration) -> RGB:
-    if view.is_whole_scene:
-        return view.scene.object(iteration.instance_id).color
+def _color(snapshot: Snapshot, iteration: Iteration) -> RGB:
+    if snapshot.is_whole_scene:
+        return snapshot.scene.object(iteration.instance_id).color
     return arm_color(iteration.arm)
 
 
-def _cells(view: Snapshot, cell: float) -> list[str]:
+def _cells(snapshot: Snapshot, cell: float) -> list[str]:
     """A box per iteration."""
     parts = []
-    several = len(view.scene.objects) > 1
-    for iteration in view.iterations:
+    several = len(snapshot.scene.objects) > 1
+    for iteration in snapshot.iterations:
         x, width = (iteration.index - 1) * cell, max(cell - 1, 0.8)
         title = f"iteration {iteration.index}: "
-        title += f"{view.scene.object(iteration.instance_id).label}, " if several else ""
+        title += f"{snapshot.scene.object(iteration.instance_id).label}, " if several else ""
         title += f"hypothesis {iteration.arm + 1}, {iteration.accepted} accepted"
         score = iteration.accepted_stage.score
         if score is not None:
             title += f", score {score.score:.3f}"
-        faint = "" if is_shown(view, iteration) else ' opacity="0.18"'
-        box = f'<rect x="{x:.1f}" y="14" width="{width:.1f}" height="12" rx="1.5" fill="rgb{_color(view, iteration)}"/>'
+        faint = "" if is_shown(snapshot, iteration) else ' opacity="0.18"'
+        color = _color(snapshot, iteration)
+        box = f'<rect x="{x:.1f}" y="14" width="{width:.1f}" height="12" rx="1.5" fill="rgb{color}"/>'
         if several:
-            band = view.scene.object(iteration.instance_id).color
+            band = snapshot.scene.object(iteration.instance_id).color
             box += f'<rect x="{x:.1f}" y="26.5" width="{width:.1f}" height="3" fill="rgb{band}"/>'
-        parts.append(f"<g {carries(visit(view, iteration))}{faint}>{box}<title>{text(title)}</title></g>")
+        parts.append(f"<g {carries(visit(snapshot, iteration))}{faint}>{box}<title>{text(title)}</title></g>")
     return parts
 
 
-def _runs(view: Snapshot, cell: float) -> list[str]:
+def _runs(snapshot: Snapshot, cell: float) -> list[str]:
     """Many iterations: one path per colour, and one surface to click, so that long runs stay light."""
     paths: dict[tuple[RGB, float, bool], list[str]] = {}
-    several = len(view.scene.objects) > 1
-    for iteration in view.iterations:
-        x, faint = (iteration.index - 1) * cell, not is_shown(view, iteration)
-        paths.setdefault((_color(view, iteration), 20.0, faint), []).append(f"M{x:.1f} 20h{cell:.2f}")
+    several = len(snapshot.scene.objects) > 1
+    for iteration in snapshot.iterations:
+        x, faint = (iteration.index - 1) * cell, not is_shown(snapshot, iteration)
+        paths.setdefault((_color(snapshot, iteration), 20.0, faint), []).append(f"M{x:.1f} 20h{cell:.2f}")
         if several:
-            band = view.scene.object(iteration.instance_id).color
+            band = snapshot.scene.object(iteration.instance_id).color
             paths.setdefault((band, 28.0, faint), []).append(f"M{x:.1f} 28h{cell:.2f}")
     parts = [
         f'<path d="{"".join(lines)}" stroke="rgb{color}" stroke-width="{12 if y == 20.0 else 3}" fill="none"'
         f"{' opacity=' + chr(34) + '0.18' + chr(34) if faint else ''}/>"
         for (color, y, faint), lines in paths.items()
     ]
-    width = len(view.iterations) * cell
+    width = len(snapshot.iterations) * cell
     parts.append(
         f'<rect x="0" y="12" width="{width:.1f}" height="18" fill="transparent" {carries(c.Seek(0))} '
-        f'data-cells="{len(view.iterations)}"><title>click to go to an iteration</title></rect>'
+        f'data-cells="{len(snapshot.iterations)}"><title>click to go to an iteration</title></rect>'
     )
     return parts
 
 
-def _objects(view: Snapshot, cell: float) -> list[str]:
+def _objects(snapshot: Snapshot, cell: float) -> list[str]:
     """Where the run goes on to another object: a line, and where there is room the object's name below."""
-    if len(view.scene.objects) < 2 or not view.iterations:
+    if len(snapshot.scene.objects) < 2 or not snapshot.iterations:
         return []
-    starts = [k for k, i in enumerate(view.iterations) if k == 0 or view.iterations[k - 1].instance_id != i.instance_id]
-    parts, passes = [], {closed.iteration for closed in view.scene.closed}
-    for k, end in zip(starts, [*starts[1:], view.progress.total], strict=True):
+    starts = [
+        k
+        for k, i in enumerate(snapshot.iterations)
+        if k == 0 or snapshot.iterations[k - 1].instance_id != i.instance_id
+    ]
+    parts, passes = [], {closed.iteration for closed in snapshot.scene.closed}
+    for k, end in zip(starts, [*starts[1:], snapshot.progress.total], strict=True):
         # The number of a pass stands at the right end of its last object.
         room = (end - k) * cell - (_PASS_PX if end in passes else 0.0)
         if room < _NAME_PX:
             continue
-        x, name = k * cell, view.scene.object(view.iterations[k].instance_id).label
+        x, name = k * cell, snapshot.scene.object(snapshot.iterations[k].instance_id).label
         parts.append(
             f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
             f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(shortened(name, room))}'
@@ -217,10 +227,10 @@ def _objects(view: Snapshot, cell: float) -> list[str]:
     return parts
 
 
-def _passes(view: Snapshot, cell: float) -> list[str]:
+def _passes(snapshot: Snapshot, cell: float) -> list[str]:
     """Where passes were closed: a tick each, and numbers as far as there is room."""
     parts, free = [], 0.0
-    for closed in view.scene.closed:
+    for closed in snapshot.scene.closed:
         x = closed.iteration * cell
         parts.append(f'<path d="M{x:.1f} 30v3" stroke="currentColor" opacity="0.6"/>')
         if x >= free:

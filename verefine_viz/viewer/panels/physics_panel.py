@@ -10,14 +10,14 @@ import viser
 from verefine_viz.core.arrays import Float
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence, warning
-from verefine_viz.viewer.drawing.plausibility import plausibility_html
-from verefine_viz.viewer.drawing.tables import changes_table, contacts_table
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.drawing.plausibility_picture import plausibility_html
+from verefine_viz.viewer.drawing.pose_tables import changes_table, contacts_table
+from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
-from verefine_viz.viewer.text.plausibility import plane_doubt
-from verefine_viz.viewer.text.poses import edited_score
-from verefine_viz.viewer.text.sentences import physics
+from verefine_viz.viewer.text.display_names import method_name
+from verefine_viz.viewer.text.plausibility_verdict import plane_doubt
+from verefine_viz.viewer.text.pose_words import beside_answer, edited_score, turn
 from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 
 # The edited pose as numbers: how far it was moved and turned, to read and to type.
@@ -37,21 +37,21 @@ class PoseNumbers:
             "Axes of", get_args(Axes), visible=False,
             hint="camera: x to the right, y down, z away from it. object: those of its model, as it was",
         )  # fmt: skip
-        self.axes.on_update(by_person(lambda _: self._show_numbers()))
+        self.axes.on_update(by_user(lambda _: self._show_numbers()))
         # No hints: they would cover the numbers.
         self.shift = gui.add_vector3("Moved mm", _NOTHING, min=-FARTHEST_MM, max=FARTHEST_MM, step=1.0, visible=False)
         self.turn = gui.add_vector3("Turned °", _NOTHING, min=-MOST_DEG, max=MOST_DEG, step=1.0, visible=False)
         for field in (self.shift, self.turn):
             field.precision = DIGITS
-            field.on_update(by_person(lambda _: self._typed()))
-        gui.add_html(f"<style>{lettered(self.shift)}{lettered(self.turn)}</style>")
+            field.on_update(by_user(lambda _: self._typed()))
+        add_style(gui, lettered(self.shift), lettered(self.turn))
         self._sent = SentPoses()
         self._from: Float | None = None
         self._to: Float | None = None
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The edited pose; nothing where none is."""
-        options = view.options
+        options = snapshot.options
         for widget in (self.axes, self.shift, self.turn):
             widget.visible = options.edited is not None
         self._from, self._to = options.T_cam_obj_edited_from, options.T_cam_obj_edited
@@ -92,48 +92,70 @@ def _rounded(numbers: Any) -> tuple[float, float, float]:
 
 
 class PhysicsPanel:
-    """Changes per stage, the simulated path with its contacts, plausibility, and moving a pose by hand."""
+    """Changes per stage, the simulated path with its contacts, plausibility, and editing a pose."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         # No hint: it would cover the numbers below while the pointer rests on a button that was pressed.
-        self.edit = gui.add_button_group("By hand", ["Edit pose"])
-        self.edit.on_click(by_person(lambda _: send(c.EditPose())))
+        self.edit = add_buttons(gui, "Edit", {"Edit pose": c.EditPose()}, send)
         # In its place while a pose is edited: a button of a group cannot be greyed out.
-        self.go_on = gui.add_button_group("By hand", ["Continue from here", "Cancel"], visible=False)
         actions = {"Continue from here": c.ForkFromPose(), "Cancel": c.EditPose(False)}
-        self.go_on.on_click(by_person(lambda v: send(actions[v])))
-        gui.add_html(f"<style>{unlabelled(self.edit)}{unlabelled(self.go_on)}</style>")
+        self.go_on = add_buttons(gui, "Edit", actions, send, visible=False)
+        add_style(gui, unlabelled(self.edit), unlabelled(self.go_on))
         self.numbers = PoseNumbers(gui, send)
-        self._words = Block(gui)  # Below: while a pose is moved it changes, and must not push what moves it.
-        self._standing = Block(gui)
+        self._words = Block(gui)  # Below: while a pose is edited it changes, and must not push the numbers away.
+        self._plausibility = Block(gui)
         self._changes = Block(gui)
         self.path = gui.add_slider("Sim. pose", 0, 1, 1, 0, hint="0 = start, then one per step", visible=False)
-        self.path.on_update(by_person(lambda v: send(c.ScrubPath(int(v)))))
-        self.play = gui.add_button_group("Path", ["Play", "Hide"], visible=False, hint="the simulated path in 3D")
-        self.play.on_click(by_person(lambda v: send(c.PlayPath() if v == "Play" else c.ScrubPath(None))))
+        self.path.on_update(by_user(lambda v: send(c.ScrubPath(int(v)))))
+        played = {"Play": c.PlayPath(), "Hide": c.ScrubPath(None)}
+        self.play = add_buttons(gui, "Path", played, send, "the simulated path in 3D", visible=False)
         self._contacts = Block(gui)
 
-    def show(self, view: Snapshot) -> None:
-        """The iteration that is shown; tables only where there is something to tell."""
-        self.go_on.visible = view.options.edited is not None
+    def show(self, snapshot: Snapshot) -> None:
+        """The iteration that is shown; tables only where there is something to show."""
+        self.go_on.visible = snapshot.options.edited is not None
         self.edit.visible = not self.go_on.visible
-        # Who moves a pose looks at what becomes of it: the words about the iteration would push that off the screen.
-        self._words.show(sentence(edited_score(view) or physics(view)) + plane_warning(view))
-        if view.has_plausibility:
-            self._standing.show(plausibility_html(view))
-        self._changes.show(changes_table(view))
-        path = view.shown.path if view.shown and is_revealed(view, "simulated") else None
+        # While a pose is edited its numbers alone: words about the iteration would push them off the screen.
+        self._words.show(sentence(edited_score(snapshot) or physics_words(snapshot)) + plane_warning(snapshot))
+        if snapshot.has_plausibility:
+            self._plausibility.show(plausibility_html(snapshot))
+        self._changes.show(changes_table(snapshot))
+        path = snapshot.shown.path if snapshot.shown and is_revealed(snapshot, "simulated") else None
         self.path.visible = self.play.visible = path is not None
         if path is not None:
             self.path.max = len(path.Ts_cam_obj) - 1
-            pose = view.options.path_pose
+            pose = snapshot.options.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
-        self._contacts.show(contacts_table(view) if path is not None else "")
-        self.numbers.show(view)
+        self._contacts.show(contacts_table(snapshot) if path is not None else "")
+        self.numbers.show(snapshot)
 
 
-def plane_warning(view: Snapshot) -> str:
+def physics_words(snapshot: Snapshot) -> str:
+    """Why nothing was simulated; else what the table of changes does not say of the simulation."""
+    shown, observation = snapshot.shown, snapshot.target.observation
+    if observation.support is None:
+        return f"Physics is off for this frame: {observation.support_note or 'no support plane was found'}"
+    if not snapshot.session.physics.enabled:
+        return "Physics is switched off in the settings: nothing was simulated."
+    if shown is None:
+        return "No simulation yet: step once (N)."
+    simulated = shown.stage("simulated")
+    if simulated is not None and not is_revealed(snapshot, "simulated"):
+        return f"Iteration {shown.index} is about to be simulated: press Stage (M)."
+    if simulated is None or shown.path is None:
+        return f"{method_name(snapshot.session.method.name)} did not simulate in iteration {shown.index}."
+    refined = shown.stage("refined") if is_revealed(snapshot, "refined") else None
+    words = beside_answer(snapshot)
+    if refined is not None:
+        start = shown.stages[0].T_cam_obj
+        left_deg, turned_deg = turn(start, refined.T_cam_obj)[0], turn(start, simulated.T_cam_obj)[0]
+        if turned_deg > 2 and left_deg < turned_deg / 2:
+            words += f"The refiner took back most of the simulation's turn: {left_deg:.1f}° are left."
+    return words
+
+
+def plane_warning(snapshot: Snapshot) -> str:
     """A box where the plane that everything rests on is doubtful."""
-    support = view.target.observation.support
-    said = plane_doubt(support) if support is not None else ""
-    return warning(said) if said else ""
+    support = snapshot.target.observation.support
+    doubt = plane_doubt(support) if support is not None else ""
+    return warning(doubt) if doubt else ""

@@ -1,4 +1,4 @@
-"""Breakpoints: when a running method stops and waits."""
+"""The View panel, what is drawn in 3D; and the Breakpoints panel, when a running method stops and waits."""
 
 from __future__ import annotations
 
@@ -7,13 +7,79 @@ from typing import Any
 
 import viser
 
+from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.sentences import breakpoint_words
-from verefine_viz.viewer.web.viser_internals import beside_the_box, compact
+from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGES
+from verefine_viz.viewer.text.display_names import STAGE_MEANINGS
+from verefine_viz.viewer.web.viser_internals import beside_the_box, compact, label_of, side_by_side
+
+WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited"))
+ROWS = tuple(
+    zip((n for n in WITH_BOX if n in STAGES), (n for n in WITH_BOX if n not in STAGES), strict=True),
+)
+"""Poses on the left, all else on the right."""
+HINTS = STAGE_MEANINGS | {
+    "hypotheses": "where each hypothesis stands; click one for its history",
+    "camera image": "the photo with a score map on it, before the sensor; click for a pixel's numbers",
+}
+LAYER_PX, LABEL_PX, RIGHT_FROM_PX = 20, 92, 124
+"""Height of a row, width of a label, and where the right column begins."""
+
+
+class ViewPanel:
+    """A box per layer, whose labels carry the colours so that it is the legend as well, and the cloud's colours."""
+
+    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+        self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
+        self._words = Block(gui, "brief tight")
+        self.cloud = gui.add_dropdown(
+            "Cloud", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
+        )
+        self.cloud.on_update(by_user(lambda v: send(c.ColorCloud(v))))
+        for name in (name for row in ROWS for name in row):
+            label = "photo" if name == "camera image" else name
+            box = gui.add_checkbox(label, name in SHOWN_AT_FIRST, hint=HINTS.get(name))
+            box.on_update(by_user(lambda on, name=name: send(c.ShowLayer(name, on))))
+            self.boxes[name] = box
+        rules = [_swatch_rule(name, box) for name, box in self.boxes.items()]
+        for left, right in ROWS:
+            rules.append(side_by_side(self.boxes[left], self.boxes[right], LAYER_PX, RIGHT_FROM_PX, LABEL_PX))
+        add_style(gui, *rules)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Boxes as the view options have them."""
+        self._words.show(sentence(view_words(snapshot)))
+        self.cloud.value = snapshot.options.cloud
+        for name, box in self.boxes.items():
+            box.value = name in snapshot.options.layers
+
+
+def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
+    color = STAGE_COLORS.get(name)
+    bar = f"border-left:9px solid {f'rgb{color}' if color else 'transparent'};padding-left:5px;white-space:nowrap"
+    return f"{label_of(box)}{{{bar}}}{compact(box, LAYER_PX)}"
+
+
+def view_words(snapshot: Snapshot) -> str:
+    """What the boxes do not say: whose poses are drawn, which were not made, and what the cloud's colours are of."""
+    layers, of = snapshot.options.layers, snapshot.b.pose.label if snapshot.b is not None else "B"
+    sentences = [f"Poses of {snapshot.name}."]
+    not_made = [name for name in WITH_BOX if name in STAGES and name in layers and name not in snapshot.poses]
+    if snapshot.comparison is not None:
+        sentences = ["Poses of A, solid, and of B, as an outline."]
+    elif not_made:
+        sentences.append(f"Not made here: {', '.join(not_made)}.")
+    if "cloud" in layers and snapshot.options.cloud != "colour":
+        colors = {"residual": "observed − rendered depth", "class": "class of each pixel"}[snapshot.options.cloud]
+        sentences.append(f"Cloud: {colors} for {of}.")
+    return " ".join(sentences)
+
+
+# Breakpoints.
 
 
 @dataclass(frozen=True)
@@ -49,9 +115,8 @@ FLAGS = {
     "empty_render": ("empty render", "a pose rendered to nothing, or its score was not a number"),
 }
 """Field: (label that fits on one line, meaning)."""
-ROW_PX = 25
-NUMBER_FROM_PX = 140
-"""Where the numbers begin: behind the boxes, in the same rows."""
+BREAKPOINT_PX, NUMBER_FROM_PX = 25, 140
+"""Height of a row, and where the numbers begin: behind the boxes, in the same rows."""
 
 
 class BreakpointsPanel:
@@ -59,6 +124,7 @@ class BreakpointsPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui, "brief tight")
+        self._words.show(sentence("A run stops before its end only where one of these is ticked and happens."))
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self.numbers: dict[str, viser.GuiNumberHandle[float]] = {}
         self._seen: dict[str, float] = {}
@@ -69,19 +135,18 @@ class BreakpointsPanel:
             self._add_threshold(gui, name, threshold)
         for name, (label, meaning) in FLAGS.items():
             box = gui.add_checkbox(label, False, hint=f"stop when {meaning}")
-            box.on_update(by_person(lambda on, name=name: self._set(name, on)))
+            box.on_update(by_user(lambda on, name=name: self._set(name, on)))
             self.boxes[name] = box
-        rows = "".join(compact(row, ROW_PX) for row in (*self.boxes.values(), *self.numbers.values()))
-        rows += "".join(beside_the_box(number, ROW_PX, NUMBER_FROM_PX) for number in self.numbers.values())
-        gui.add_html(f"<style>{rows}</style>")
+        rules = [compact(row, BREAKPOINT_PX) for row in (*self.boxes.values(), *self.numbers.values())]
+        rules += [beside_the_box(number, BREAKPOINT_PX, NUMBER_FROM_PX) for number in self.numbers.values()]
+        add_style(gui, *rules)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Boxes and numbers as the breakpoints are set."""
-        self._words.show(sentence(breakpoint_words(view.session.breakpoints)))
         for name, box in self.boxes.items():
-            box.value = getattr(view.session.breakpoints, name) not in (None, False)
+            box.value = getattr(snapshot.session.breakpoints, name) not in (None, False)
         for name, threshold in THRESHOLDS.items():
-            held = number_of(view.session.breakpoints, name)
+            held = number_of(snapshot.session.breakpoints, name)
             value = threshold.at_first if held is None else held
             if value != self._seen.get(name):
                 self._seen[name] = value
@@ -90,13 +155,14 @@ class BreakpointsPanel:
                 self._typed[name].clear()
 
     def _add_threshold(self, gui: viser.GuiApi, name: str, t: Threshold) -> None:
-        box = gui.add_checkbox("", False, hint=f"stop when {t.meaning} this{_in_words(name)}")
+        unit = f", in {UNITS[name].strip()}" if UNITS[name] else ""
+        box = gui.add_checkbox("", False, hint=f"stop when {t.meaning} this{unit}")
         number = gui.add_number(f"threshold: {LABELS[name]}", t.at_first, step=t.step)
         number.precision = 6  # Numbers of a session file are shown as they are.
         self.boxes[name], self.numbers[name] = box, number
         self._label(name)
-        box.on_update(by_person(lambda on: self._switched(name, on)))
-        number.on_update(by_person(lambda value: self._typed_in(name, value)))
+        box.on_update(by_user(lambda on: self._switched(name, on)))
+        number.on_update(by_user(lambda value: self._typed_in(name, value)))
 
     def _switched(self, name: str, on: bool) -> None:
         number = self.numbers[name].value
@@ -127,7 +193,3 @@ class BreakpointsPanel:
 
     def _set(self, name: str, value: Any) -> None:
         self._send(c.SetBreakpoints(((name, value),)))
-
-
-def _in_words(name: str) -> str:
-    return f", in {UNITS[name].strip()}" if UNITS[name] else ""

@@ -10,21 +10,20 @@ import viser
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import from_json
-from verefine_viz.viewer.panels.bandit import BanditPanel, CurvesPanel
-from verefine_viz.viewer.panels.batch import BatchPanel
-from verefine_viz.viewer.panels.breakpoints import BreakpointsPanel
-from verefine_viz.viewer.panels.compare import ComparePanel
-from verefine_viz.viewer.panels.dependencies import DependenciesPanel
-from verefine_viz.viewer.panels.errors import ErrorsPanel, ScoreErrorPanel
-from verefine_viz.viewer.panels.objects import ObjectsPanel, height_px
-from verefine_viz.viewer.panels.physics import PhysicsPanel
-from verefine_viz.viewer.panels.run import RunPanel
-from verefine_viz.viewer.panels.score import MapsPanel, ScorePanel
-from verefine_viz.viewer.panels.session import SessionPanel
-from verefine_viz.viewer.panels.settings import SettingsPanel
-from verefine_viz.viewer.panels.timeline import TimelinePanel
-from verefine_viz.viewer.panels.view import ViewPanel
-from verefine_viz.viewer.panels.widgets import Send, asked_by, by_person
+from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
+from verefine_viz.viewer.panels.batch_panel import BatchPanel
+from verefine_viz.viewer.panels.compare_panel import ComparePanel
+from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
+from verefine_viz.viewer.panels.order_panel import OrderPanel
+from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
+from verefine_viz.viewer.panels.run_panel import RunPanel
+from verefine_viz.viewer.panels.score_panel import MapsPanel, ScorePanel
+from verefine_viz.viewer.panels.session_panel import SessionPanel
+from verefine_viz.viewer.panels.settings_panel import SettingsPanel
+from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
+from verefine_viz.viewer.panels.view_panels import BreakpointsPanel, ViewPanel
+from verefine_viz.viewer.panels.widgets import Send, add_style, asked_by, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
@@ -64,7 +63,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Cancel what is being done", "escape", c.Cancel()),
     ("Restart", None, c.Restart()),
     ("Score the ground truth", None, c.ScoreGroundTruth()),
-    ("Edit the pose by hand", None, c.EditPose()),
+    ("Edit the pose", None, c.EditPose()),
     ("Continue from the edited pose", None, c.ForkFromPose()),
     ("Fork here", None, c.Fork()),
     ("Animate steps", None, c.Animate(True)),
@@ -98,9 +97,8 @@ class Layout:
         gui.add_html(small_window(RIGHT_PX))
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
-        gui.add_html(f"<style>{hidden(self.link)}</style>")
-        if batch is not None:  # One tab more, and still one row of them.
-            gui.add_html(f"<style>{NARROW_TABS}</style>")
+        # One tab more with a batch, and still one row of them.
+        add_style(gui, hidden(self.link), NARROW_TABS if batch is not None else "")
         main = gui.main_panel
         main.dock_right()
         main.set_width(RIGHT_PX)
@@ -112,13 +110,13 @@ class Layout:
         with tabs.add_tab("Score"):
             self.score = ScorePanel(gui, send)
         with tabs.add_tab("Bandit"):
-            self.bandit = BanditPanel(gui, send)
+            self.bandit = BanditPanel(gui)
         with tabs.add_tab("Physics"):
             self.physics = PhysicsPanel(gui, send)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
         with tabs.add_tab("Order"):
-            self.dependencies = DependenciesPanel(gui, send)
+            self.order = OrderPanel(gui)
         with tabs.add_tab("A/B"):
             self.compare = ComparePanel(gui, send)
         with tabs.add_tab("Session"):
@@ -130,7 +128,7 @@ class Layout:
         timeline.float(x=GAP_PX, y=-GAP_PX, width=MAPS_PX + GAP_PX + CURVES_PX, height=TIMELINE_PX)
         maps = gui.add_panel()
         with maps.add_tab("Score maps"):
-            self.maps = MapsPanel(gui, send)
+            self.maps = MapsPanel(gui)
         above = -(TIMELINE_PX + 2 * GAP_PX)
         maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
         curves = gui.add_panel()
@@ -150,7 +148,7 @@ class Layout:
         layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
         self._objects_panel = gui.add_panel(visible=False)
         with self._objects_panel.add_tab("Objects"):
-            self.objects = ObjectsPanel(gui, send)
+            self.objects = ObjectsPanel(gui)
         self._n_objects = 0
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
@@ -172,48 +170,48 @@ class Layout:
             except InputError as error:
                 _LOG.warning("a link was refused: %s", error)
 
-        self.link.on_update(by_person(received))
+        self.link.on_update(by_user(received))
 
-    def show(self, view: Snapshot, hand_is_ahead: bool = False) -> None:
+    def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
-        self.run.show(view)
-        self.settings.show(view)
-        self.breakpoints.show(view)
-        self._show_objects(view)
-        self.timeline.show(view, hand_is_ahead)
-        self.score.show(view)
-        self.bandit.show(view)
-        self.physics.show(view)
-        self.errors.show(view)
-        self.compare.show(view)
-        self.dependencies.show(view)
-        self.session.show(view)
-        self.layers.show(view)
+        self.run.show(snapshot)
+        self.settings.show(snapshot)
+        self.breakpoints.show(snapshot)
+        self._show_objects(snapshot)
+        self.timeline.show(snapshot, slider_is_ahead)
+        self.score.show(snapshot)
+        self.bandit.show(snapshot)
+        self.physics.show(snapshot)
+        self.errors.show(snapshot)
+        self.compare.show(snapshot)
+        self.order.show(snapshot)
+        self.session.show(snapshot)
+        self.layers.show(snapshot)
         if self.batch is not None and self.score_error is not None:
-            self.batch.show(view)
-            self.score_error.show(view)
-        self.curves.show(view)
-        self.maps.show(view)
+            self.batch.show(snapshot)
+            self.score_error.show(snapshot)
+        self.curves.show(snapshot)
+        self.maps.show(snapshot)
 
-    def show_deep(self, view: Snapshot) -> None:
+    def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
-        self.run.show(view)
-        self.maps.show(view)
-        self.score.show(view)
-        self.physics.show(view)
+        self.run.show(snapshot)
+        self.maps.show(snapshot)
+        self.score.show(snapshot)
+        self.physics.show(snapshot)
 
-    def show_physics(self, view: Snapshot) -> None:
+    def show_physics(self, snapshot: Snapshot) -> None:
         """The panels about physics of the whole scene, and the one that may have shown what takes long."""
-        self.run.show(view)
-        self._show_objects(view)
-        self.physics.show(view)
+        self.run.show(snapshot)
+        self._show_objects(snapshot)
+        self.physics.show(snapshot)
 
-    def _show_objects(self, view: Snapshot) -> None:
+    def _show_objects(self, snapshot: Snapshot) -> None:
         """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
-        n = len(view.scene.objects)
+        n = len(snapshot.scene.objects)
         if n != self._n_objects:
             self._n_objects = n
             self._objects_panel.visible = n > 1
             self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
         if n > 1:
-            self.objects.show(view)
+            self.objects.show(snapshot)

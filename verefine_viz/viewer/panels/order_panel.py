@@ -1,21 +1,97 @@
-"""The dependency graph as a picture: objects from top to bottom in the order to solve them, edges as arcs beside them.
+"""The Order panel: which objects depend on which, the order that follows, and changing it.
 
-An arc of what carries is solid, of what hides dashed, of what may touch dotted; an arrow points to what is carried or
-hidden. Edges that are left out because they run in a circle are red, cut ones faint.
+The picture has the objects from top to bottom in the order to solve them, and edges as arcs beside them. An arc of
+what carries is solid, of what hides dashed, of what may touch dotted; an arrow points to what is carried or hidden.
+Edges that are excluded because they run in a circle are red, cut ones faint.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+import viser
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
-from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import MoveInOrder
-from verefine_viz.viewer.drawing.markup import carries, text
+from verefine_viz.methods.registry import method_of
+from verefine_viz.viewer.commands import CutDependency, Focus, MoveInOrder, ResetOrder
+from verefine_viz.viewer.drawing.markup import carries, link, sentence, text, warning
 from verefine_viz.viewer.handlers.open_handlers import moved
+from verefine_viz.viewer.panels.widgets import Block
+from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+
+RULES = {
+    "recommended": "The order follows from what touches, hides and carries what.",
+    "published": "The order follows the authors' rule: masks that touch form a cluster, lower tops come first.",
+    "given": "The order is given by the session.",
+}
+
+
+class OrderPanel:
+    """Words, the graph, and the evidence with links to cut it."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._block = Block(gui, "order")
+
+    def show(self, snapshot: Snapshot) -> None:
+        """The graph of the frame; it does not change during a run."""
+        self._block.show(order_html(snapshot))
+
+
+def order_html(snapshot: Snapshot) -> str:
+    """The whole content of the panel."""
+    graph, names = snapshot.problem.dependencies, labels_of(snapshot.problem)
+    if len(names) < 2:
+        return sentence("There is one object in this frame, and nothing to order.")
+    if graph is None:
+        return sentence("How the objects depend on each other was not worked out.")
+    focus = None if snapshot.is_whole_scene else snapshot.target.instance.instance_id
+    nodes = {
+        i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
+        for k, i in enumerate(snapshot.problem.instances)
+    }
+    method, words = method_of(snapshot.session.method.name), RULES[graph.source]
+    if not method.knows_others:
+        alone = f"solves each object alone, in the order of the frame: {', '.join(names.values())}"
+        words = f"{method.label} {alone}. VF_b, VF_d and PHYSIM-MCTS follow the order below. {words}"
+    back = ""
+    if graph.source == "given":
+        back = " · " + link("back to the rule's order", ResetOrder(), "forget the given order; cuts stay")
+    hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
+    pairs: dict[frozenset[int], list[Edge]] = {}
+    for edge in _most_telling_first(graph.edges):
+        pairs.setdefault(frozenset((edge.first, edge.second)), []).append(edge)
+    return "".join(
+        (
+            sentence(words),
+            picture(graph, nodes),
+            f'<p style="margin-top:4px">{hint}{back}</p>',
+            *(_pair(edges, names) for edges in pairs.values()),
+            *(warning(f"{note[:1].upper()}{note[1:]}.") for note in graph.notes),
+        )
+    )
+
+
+def _most_telling_first(edges: Iterable[Edge]) -> list[Edge]:
+    return sorted(edges, key=lambda e: (TELLING[e.kind], e.first, e.second))
+
+
+def _pair(edges: list[Edge], names: Mapping[int, str]) -> str:
+    """What is seen between two objects, and a link to cut or restore it."""
+    first, second = edges[0].first, edges[0].second
+    is_cut = edges[0].state == "cut"
+    if is_cut:
+        act = link("restore", CutDependency(first, second, False), "let it count again (restarts the run)")
+    else:
+        act = link("cut", CutDependency(first, second), "what is seen between the two is to count no more")
+    evidence = ". ".join(text(full(e, names[e.first], names[e.second])) for e in edges)
+    return f'<p class="{"dim" if is_cut else ""}" style="margin-bottom:4px;font-size:12px">{evidence}. {act}</p>'
+
+
+# The picture.
 
 WIDTH_PX = 352
 ROW_PX, GAP_PX, MARGIN_PX = 25, 9, 4
@@ -48,25 +124,26 @@ def picture(graph: DependencyGraph, nodes: Mapping[int, Node]) -> str:
 
 
 def shown_edges(graph: DependencyGraph) -> list[Edge]:
-    """Those that are drawn, the most telling first: a contact says nothing new about what carries."""
+    """Those that are drawn, the most telling first: a contact says nothing new beside a support."""
     carrying = {frozenset((e.first, e.second)) for e in graph.edges if e.kind == "support"}
-    edges = [e for e in graph.edges if e.kind != "contact" or frozenset((e.first, e.second)) not in carrying]
-    return sorted(edges, key=lambda e: (TELLING[e.kind], e.first, e.second))
+    return _most_telling_first(
+        e for e in graph.edges if e.kind != "contact" or frozenset((e.first, e.second)) not in carrying
+    )
 
 
 def short(edge: Edge) -> str:
     """An edge in two words: "carries 64%", "hides 38 mm"."""
     number = re.match(r"[\d.]+ ?(%|mm)", edge.evidence)
-    said = f"{VERBS[edge.kind]} {number.group() if number else ''}".strip()
-    return said + {"used": "", "ambiguous": " ⟲", "cut": " ✂"}[edge.state]
+    words = f"{VERBS[edge.kind]} {number.group() if number else ''}".strip()
+    return words + {"used": "", "ambiguous": " ⟲", "cut": " ✂"}[edge.state]
 
 
 def full(edge: Edge, first: str, second: str) -> str:
     """As in: cereal carries can: 64% of its footprint, 2 mm above."""
     joined = "and" if edge.kind == "contact" else VERBS[edge.kind]
     ending = " may touch" if edge.kind == "contact" else ""
-    left_out = {"used": "", "ambiguous": "; in a circle, left out of the order", "cut": "; cut"}[edge.state]
-    return f"{first} {joined} {second}{ending}: {edge.evidence}{left_out}"
+    excluded = {"used": "", "ambiguous": "; in a circle, excluded from the order", "cut": "; cut"}[edge.state]
+    return f"{first} {joined} {second}{ending}: {edge.evidence}{excluded}"
 
 
 def _rows(graph: DependencyGraph) -> dict[int, float]:
@@ -102,7 +179,7 @@ def _object(graph: DependencyGraph, instance_id: int, node: Node, y: float) -> s
     weight = ' font-weight="700"' if node.in_focus else ""
     return (
         f'<text x="6" y="{y + 4:.1f}" font-size="11" fill="currentColor" opacity="0.65">{place}</text>'
-        f'<g {carries(c.Focus(instance_id))} style="cursor:pointer"><rect x="{x}" y="{y - 5:.1f}" width="10" '
+        f'<g {carries(Focus(instance_id))} style="cursor:pointer"><rect x="{x}" y="{y - 5:.1f}" width="10" '
         f'height="10" rx="2" fill="rgb{node.color}"/><text x="{x + 15}" y="{y + 4:.1f}" font-size="12" '
         f'fill="currentColor"{weight}>{text(name)}</text><title>{text(node.label)}: click to show it</title></g>'
         + _mover(graph, instance_id, -1, y)
@@ -161,12 +238,12 @@ def _arcs(graph: DependencyGraph, nodes: Mapping[int, Node], rows: Mapping[int, 
         )
         labels.append(((y_first + y_second) / 2, apex, short(edge), stroke, opacity, title))
     end = MARGIN_PX + LABEL_PX / 2
-    for y_arc, apex, said, color, opacity, title in sorted(labels, key=lambda label: label[:3]):
+    for y_arc, apex, label, color, opacity, title in sorted(labels, key=lambda label: label[:3]):
         y = max(y_arc, end)
         end = y + LABEL_PX
         parts.append(
             f'<g><line x1="{apex:.1f}" y1="{y_arc:.1f}" x2="{LABEL_X - 2}" y2="{y:.1f}" stroke="{color}" '
             f'opacity="0.3"/><text x="{LABEL_X}" y="{y + 3.5:.1f}" font-size="11" fill="{color}" '
-            f'opacity="{max(opacity, 0.45)}">{text(said)}</text><title>{title}</title></g>'
+            f'opacity="{max(opacity, 0.45)}">{text(label)}</text><title>{title}</title></g>'
         )
     return parts, end

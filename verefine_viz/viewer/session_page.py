@@ -1,4 +1,4 @@
-"""What the page shows of a debugger, what a person needs first at once and the rest when nothing else waits."""
+"""What the page shows of a debugger: what the user needs first at once, and the rest when nothing else waits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from verefine_viz.refiners.registry import raised_by_refiner
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.debugger import STOP, Debugger, RequestQueue
-from verefine_viz.viewer.panels.layout import Layout
+from verefine_viz.viewer.panels.page_layout import Layout
 from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
 from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
 from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
@@ -30,7 +30,7 @@ CANCELLED = "Cancelled: everything is as it was before."
 FRAME_S = 1 / 25
 """Time between two pictures of an animation, and from words to the picture that goes with them [s]."""
 CALM_S = 0.25
-"""What is shown sooner after the last comes with its picture [s]: a person drags a slider."""
+"""What is shown sooner after the last comes with its picture [s]: the user drags a slider."""
 _END = object()
 
 
@@ -39,8 +39,8 @@ class Page:
 
     Args:
         server: where they are shown.
-        debugger: whose view they show.
-        requests: takes what a person asks for.
+        debugger: whose snapshot they show.
+        requests: takes what the user asks for.
         batch: whose answers are listed; None = no batch.
     """
 
@@ -51,7 +51,7 @@ class Page:
         self.layout = Layout(server, requests.send, lambda client: look_again(server, client), batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
-        self._view: Snapshot | None = None
+        self._snapshot: Snapshot | None = None
         self._left: Literal["maps", "picture"] | None = None
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
@@ -80,27 +80,29 @@ class Page:
             with_picture: leave that by no means; there is more to do.
             with_maps: whether those follow it; False = they could not be made.
         """
-        view = self._debugger.view(deep=False)
-        hurries = with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(view, self._view)
+        snapshot = self._debugger.view(deep=False)
+        hurries = (
+            with_picture or self._left == "picture" or self.age_s < CALM_S or not _is_known(snapshot, self._snapshot)
+        )
         self._left = "picture" if not hurries else "maps" if with_maps else None
-        self._view = view if hurries else self._debugger.view()
-        hand_is_ahead = self._requests.holds(c.Seek)
+        self._snapshot = snapshot if hurries else self._debugger.view()
+        slider_is_ahead = self._requests.holds(c.Seek)
         with self._server.atomic():
             if hurries:
-                self._draw(self._view)
-            self.layout.show(self._view, hand_is_ahead)
+                self._draw(self._snapshot)
+            self.layout.show(self._snapshot, slider_is_ahead)
         self._server.flush()
         self._shown_at = monotonic()
 
     def animate(self, command: c.Command, before: int) -> None:
         """Has what a command did shown picture by picture, where it is to be; ``before`` was the cursor before it."""
-        view = self._view
-        assert view is not None
-        stepped = isinstance(command, c.Step) and view.cursor == before + 1
-        if stepped and view.options.animate and view.is_current:
-            self._animation = self.scene.animation(view)
+        snapshot = self._snapshot
+        assert snapshot is not None
+        stepped = isinstance(command, c.Step) and snapshot.cursor == before + 1
+        if stepped and snapshot.options.animate and snapshot.is_current:
+            self._animation = self.scene.animation(snapshot)
         elif isinstance(command, c.PlayPath):
-            self._animation = self.scene.path_animation(view)
+            self._animation = self.scene.path_animation(snapshot)
 
     def go_on(self) -> None:
         """One thing more: score maps or the picture, the next one of an animation, or physics of the whole scene."""
@@ -117,48 +119,48 @@ class Page:
         """Something else is to be shown: what is left of animation and physics is of no use."""
         self._animation = self._later = None
 
-    def _draw(self, view: Snapshot) -> None:
-        self.scene.show(view)
-        self.comparison.show(view)
+    def _draw(self, snapshot: Snapshot) -> None:
+        self.scene.show(snapshot)
+        self.comparison.show(snapshot)
 
     def _show_left(self) -> None:
         left, self._left = self._left, None
         if left == "maps":
-            self._view = self._debugger.view()
-        view = self._view
-        assert view is not None
+            self._snapshot = self._debugger.view()
+        snapshot = self._snapshot
+        assert snapshot is not None
         with self._server.atomic():
             if left == "picture":
-                self._draw(view)
+                self._draw(snapshot)
             else:
-                self.scene.show_deep(view)
-                self.layout.show_deep(view)
+                self.scene.show_deep(snapshot)
+                self.layout.show_deep(snapshot)
         self._server.flush()
-        if not view.physics.complete or _lacks_plausibility(view):
-            self._later = deferred_physics(view, self._debugger.workspace.branch.evaluator)
+        if not snapshot.physics.complete or _lacks_plausibility(snapshot):
+            self._later = deferred_physics(snapshot, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""
-        view = self._debugger.view()
+        snapshot = self._debugger.view()
         with self._server.atomic():
-            self.scene.show_physics(view)
-            self.layout.show_physics(view)
+            self.scene.show_physics(snapshot)
+            self.layout.show_physics(snapshot)
         self._server.flush()
 
 
-def _is_known(view: Snapshot, shown: Snapshot | None) -> bool:
+def _is_known(snapshot: Snapshot, shown: Snapshot | None) -> bool:
     """Whether it is of the frame and object that are shown already."""
     return (
         shown is not None
-        and view.problem is shown.problem
-        and view.target.instance.instance_id == shown.target.instance.instance_id
+        and snapshot.problem is shown.problem
+        and snapshot.target.instance.instance_id == shown.target.instance.instance_id
     )
 
 
-def _lacks_plausibility(view: Snapshot) -> bool:
+def _lacks_plausibility(snapshot: Snapshot) -> bool:
     """Whether the plausibility of the poses in focus is still to be worked out."""
-    missing = any(name not in view.plausible for name in plausibility_stages(view.poses))
-    return missing and view.target.observation.support is not None
+    missing = any(name not in snapshot.plausible for name in plausibility_stages(snapshot.poses))
+    return missing and snapshot.target.observation.support is not None
 
 
 class Worker:

@@ -13,17 +13,16 @@ from verefine_viz.viewer.drawing.comparison_tables import (
     legend,
     now_table,
     outcome_table,
+    parting,
     scores_note,
     settings_list,
-    summary,
     where,
 )
-from verefine_viz.viewer.drawing.markup import hinted, link, sentence, text
-from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, by_person
+from verefine_viz.viewer.drawing.markup import link, sentence, text
+from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
-from verefine_viz.viewer.text.names import TERMS
 from verefine_viz.viewer.web.viser_internals import compact
 
 MOVES: dict[str, c.Command] = {
@@ -33,6 +32,7 @@ MOVES: dict[str, c.Command] = {
     "Swap": c.SwapSides(),
 }
 POSES: dict[str, c.SidePose] = {"best so far": "best", "accepted now": "kept"}
+OPEN_RECORDING = {"Open as B": c.CompareRecording, "Open as A": c.OpenRecording}
 AS_A = "as A"
 ROW_PX = 25
 """So that the answers of six objects fit into the panel."""
@@ -48,15 +48,13 @@ class ComparePanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui, "tight")
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self.moves = gui.add_button_group(
-            "Both", list(MOVES), visible=False, hint="along the common timeline; First difference F, Swap X, B on/off T"
-        )
-        self.moves.on_click(by_person(lambda label: send(MOVES[label])))
+        hint = "along the common timeline; First difference F, Swap X, B on/off T"
+        self.moves = add_buttons(gui, "Both", MOVES, send, hint, visible=False)
         self.slider = gui.add_slider(
             "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
         )
-        self.slider.on_update(by_person(lambda v: send(c.SeekMoment(int(v)))))
-        gui.add_html(f"<style>{compact(self.moves, ROW_PX)}{compact(self.slider, ROW_PX)}</style>")
+        self.slider.on_update(by_user(lambda v: send(c.SeekMoment(int(v)))))
+        add_style(gui, compact(self.moves, ROW_PX), compact(self.slider, ROW_PX))
         self._now = Block(gui, "errors tight")
         self._outcome = Block(gui, "names")
         self._curves = gui.add_folder("Curves", visible=False)
@@ -65,19 +63,19 @@ class ComparePanel:
         self.score = Chart(gui, 110, self._curves)
         self.error = Chart(gui, 110, self._curves)
         self.poses = gui.add_dropdown("In 3D", tuple(POSES), visible=False, hint="which poses of A and B are drawn")
-        self.poses.on_update(by_person(lambda v: send(c.ShowSidePoses(POSES[v]))))
+        self.poses.on_update(by_user(lambda v: send(c.ShowSidePoses(POSES[v]))))
         self.shown: dict[c.Side, viser.GuiCheckboxHandle] = {
             side: gui.add_checkbox(f"Show {side}", True, visible=False, hint=hint) for side, hint in HINTS.items()
         }
         for side, box in self.shown.items():
-            box.on_update(by_person(lambda on, side=side: send(c.ShowSide(side, on))))
+            box.on_update(by_user(lambda on, side=side: send(c.ShowSide(side, on))))
         self._settings = Block(gui)
         self.choice = ChoiceOfB(gui, send)
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The comparison, or how to begin one."""
-        v = view.comparison
-        self.choice.show(view)
+        v = snapshot.comparison
+        self.choice.show(snapshot)
         for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
             handle.visible = v is not None
         self._progress.visible = v is not None and v.running
@@ -88,7 +86,7 @@ class ComparePanel:
             return
         b = v.effort_b
         self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
-        self._words.show(hinted(summary(v), TERMS) + legend(v) + computing(v, view.progress.running))
+        self._words.show(sentence(parting(v)) + legend(v) + computing(v, snapshot.progress.running))
         self.slider.max = max(len(v.timeline), 1)
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{scores_note(v)}{now_table(v)}')
@@ -102,23 +100,19 @@ class ComparePanel:
     def _show_curves(self, v: ComparisonSnapshot) -> None:
         x, curves = [float(n) for n in v.curves.calls], v.curves
         alike = "" if v.scores_alike else ", each by its own settings"
-        said = f"{v.curves_of}: score of the best pose so far{alike}"
+        caption = f"{v.curves_of}: score of the best pose so far{alike}"
         self.score.show(x, _pair(curves.score_a, curves.score_b))
         if curves.error_a is not None and curves.error_b is not None:
-            said += "; below, its ADD(-S) in mm"
+            caption += "; below, its ADD(-S) in mm"
             self.error.show(x, _pair(curves.error_a, curves.error_b))
         else:
-            said += "; there is no ground truth"
+            caption += "; there is no ground truth"
             self.error.show([], [])
-        self._caption.show(_caption(said))
+        self._caption.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)}</div>')
 
 
 def _pair(a: tuple[float, ...], b: tuple[float, ...]) -> list[Line]:
     return [Line("A", SIDE_COLORS["A"], a, width=2.5), Line("B", SIDE_COLORS["B"], b, width=2.0, dashed=True)]
-
-
-def _caption(words: str) -> str:
-    return f'<div style="font-size:11px;margin-bottom:-8px">{text(words)}</div>'
 
 
 def computing(v: ComparisonSnapshot, a_is_running: bool) -> str:
@@ -129,8 +123,7 @@ def computing(v: ComparisonSnapshot, a_is_running: bool) -> str:
     if v.running:
         return f"<p>B: {b.iterations} of {b.planned} iterations. {link('Pause', c.PauseB())}</p>"
     if b.iterations < b.planned:
-        said = f"B has made {b.iterations} of {b.planned} iterations."
-        return f"<p>{said} {link('Compute the rest', c.RunB())}</p>"
+        return f"<p>B has made {b.iterations} of {b.planned} iterations. {link('Compute the rest', c.RunB())}</p>"
     return ""
 
 
@@ -157,38 +150,31 @@ class ChoiceOfB:
             self.run = gui.add_button("Run B with these", hint="from the start, on this frame; looking around goes on")
             self.branch = gui.add_dropdown("Branch", [""], visible=False, hint="a run of this frame as B")
             self.path = gui.add_text("File", "", hint="a recording (.rrd) of this frame")
-            self.recording = gui.add_button_group("Recording", ["Open as B", "Open as A"])
-        self.run.on_click(by_person(lambda _: send(c.CompareRun(self.changes(), self.more.value))))
-        self.branch.on_update(by_person(self._chosen(send)))
-        self.recording.on_click(
-            by_person(
-                lambda label: send((c.CompareRecording if label.endswith("B") else c.OpenRecording)(self.path.value))
-            )
-        )
+            self.recording = gui.add_button_group("Recording", list(OPEN_RECORDING))
+        self.run.on_click(by_user(lambda _: send(c.CompareRun(self.changes(), self.more.value))))
+        self.branch.on_update(by_user(lambda label: self._choose(send, label)))
+        self.recording.on_click(by_user(lambda label: send(OPEN_RECORDING[label](self.path.value))))
 
-    def _chosen(self, send: Send) -> Any:
-        def chosen(label: str) -> None:
-            if label in self._branches and label:
-                send(c.CompareBranch(self._branches.index(label) - 1))
-
-        return chosen
+    def _choose(self, send: Send, label: str) -> None:
+        if label in self._branches[1:]:
+            send(c.CompareBranch(self._branches.index(label) - 1))
 
     def changes(self) -> c.Changes:
         """What is set otherwise than in A."""
         values = {name: field.value for name, field in self.fields.items()}
         return tuple((name, v) for name, v in values.items() if v != self._known.get(name))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Drafts are kept until the settings of A change."""
         names = tuple(n for n in self.fields if n != "preset")
-        values = {**current_values(view.session, names), "preset": AS_A}
+        values = {**current_values(snapshot.session, names), "preset": AS_A}
         if values != self._known:
             self._known = values
             for name, field in self.fields.items():
                 field.value = values[name]
-        labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(view.branches)))
+        labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(snapshot.branches)))
         if labels != self._branches:
             self._branches = labels
             self.branch.options = labels
-        self.branch.visible = len(view.branches) > 1
-        self.branch.value = labels[view.comparison.index_b + 1] if view.comparison is not None else ""
+        self.branch.visible = len(snapshot.branches) > 1
+        self.branch.value = labels[snapshot.comparison.index_b + 1] if snapshot.comparison is not None else ""

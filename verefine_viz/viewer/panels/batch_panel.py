@@ -13,8 +13,8 @@ from verefine_viz.core.palette import RGB
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import BatchFilter, Command
-from verefine_viz.viewer.drawing.markup import carries, choice, link, number, sentence, warning
-from verefine_viz.viewer.drawing.plausibility import LIGHTS
+from verefine_viz.viewer.drawing.markup import carries, choice, filled, link, number, ready, sentence, warning
+from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
 from verefine_viz.viewer.drawing.thumbnails import Painter, Thumbnails
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -106,8 +106,6 @@ def _label(by: BatchFilter, value: str) -> str:
 
 def card(entry: Entry, command: Command, picture: str | None, is_open: bool, with_run: bool) -> str:
     """One answer: its picture, how wrong it is, and why. ``picture``: a data URI, empty = there is none, None = yet."""
-    from verefine_viz.viewer.drawing.templates import filled, ready  # The page starts without jinja2.
-
     row = entry.row
     made_by = entry.run if with_run else row.method
     why, off = row.message, ""

@@ -13,15 +13,14 @@ from verefine_viz.rendering.png import indexed_png
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import MAP_NAMES, MapName
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
-from verefine_viz.viewer.drawing.markup import carries, cut, hinted, swatch, text
+from verefine_viz.viewer.drawing.markup import carries, focus_label, sentence, swatch, text
+from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, probe_table, score_table
 from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, map_shades, png, scale_of, shared_crop
-from verefine_viz.viewer.drawing.tables import CLASS_MEANING, probe_table, score_table
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.names import TERMS
-from verefine_viz.viewer.text.poses import compared, score_digits
-from verefine_viz.viewer.text.scene import scene_sentence
+from verefine_viz.viewer.text.display_names import TERMS
+from verefine_viz.viewer.text.pose_words import compared, score_digits
 from verefine_viz.viewer.web.viser_internals import compact
 
 ROW_PX = 26
@@ -35,39 +34,45 @@ class ScorePanel:
         self._words = Block(gui)
         self.a = gui.add_dropdown("A", STAGES, initial_value="simulated", hint="first stage to compare")
         self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
-        self.a.on_update(by_person(lambda v: send(c.Compare(a=v))))
-        self.b.on_update(by_person(lambda v: send(c.Compare(b=v))))
+        self.a.on_update(by_user(lambda v: send(c.Compare(a=v))))
+        self.b.on_update(by_user(lambda v: send(c.Compare(b=v))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
-        self.map.on_update(by_person(lambda v: send(c.ShowMap(labels[v]))))
-        rows = "".join(compact(row, ROW_PX) for row in (self.a, self.b, self.map))
-        gui.add_html(f"<style>{rows}</style>")
+        self.map.on_update(by_user(lambda v: send(c.ShowMap(labels[v]))))
+        add_style(gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Numbers of both stages and of the probed pixel."""
-        self.a.visible = self.b.visible = not view.is_whole_scene
-        self.a.value, self.b.value = view.options.a, view.options.b
-        self.map.value = LABELS[view.options.map][0]
-        if view.is_whole_scene and not view.deep:
+        options, whole = snapshot.options, snapshot.is_whole_scene
+        self.a.visible = self.b.visible = not whole
+        self.a.value, self.b.value = options.a, options.b
+        self.map.value = LABELS[options.map][0]
+        if whole and not snapshot.deep:
             return  # A scene is scored when there is time to draw it.
-        self._words.show(hinted(scene_sentence(view) if view.is_whole_scene else compared(view), TERMS))
-        a, b = (side.pose if side else None for side in (view.a, view.b))
-        s = view.session.score
-        cut = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
-        probed = view.options.pixel is not None
+        self._words.show("" if whole else sentence(compared(snapshot)))
+        self._numbers.show(score_html(snapshot))
+        if snapshot.deep:
+            a, b = ((side.pose.label, side.probe) if side else ("", None) for side in (snapshot.a, snapshot.b))
+            self._probe.show(probe_table(a, b))
+
+
+def score_html(snapshot: Snapshot) -> str:
+    """Both scores part by part, the passes of a scene, and what the scores are by."""
+    a, b = (side.pose if side else None for side in (snapshot.a, snapshot.b))
+    if snapshot.is_whole_scene:
+        of = f'<span title="frame score: {text(TERMS["frame score"])}">all objects</span>'
+    else:
+        of = focus_label(snapshot, 52)
+    passes = passes_table(snapshot) if snapshot.is_whole_scene else ""
+    if snapshot.options.pixel is not None:
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
-        below = "" if probed else f'<p class="dim">{text(cut)}</p>{_HINT}'
-        passes = passes_table(view) if view.is_whole_scene else ""
-        self._numbers.show(score_table([a, b], short=probed) + passes + below)
-        if not view.deep:
-            return
-        sides = [(side.pose.label, side.probe) if side else ("", None) for side in (view.a, view.b)]
-        self._probe.show(probe_table(sides[0], sides[1]))
-
-
-_HINT = "<p class='dim'>Click a map, photo or cloud for a pixel in numbers.</p>"
+        return score_table(a, b, of, short=True) + passes
+    s = snapshot.session.score
+    rule = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
+    hint = "Click a map, photo or cloud for a pixel in numbers."
+    return f'{score_table(a, b, of)}{passes}<p class="dim">{text(rule)}</p><p class="dim">{hint}</p>'
 
 
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
@@ -76,50 +81,46 @@ _HINT = "<p class='dim'>Click a map, photo or cloud for a pixel in numbers.</p>"
 class MapsPanel:
     """Two rows of pictures."""
 
-    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         self._strip = Block(gui, "strip")
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """New pictures; the old ones stay until they are known."""
-        if view.deep:
-            self._strip.show(maps_html(view))
+        if snapshot.deep:
+            self._strip.show(maps_html(snapshot))
 
 
-def maps_html(view: Snapshot) -> str:
+def maps_html(snapshot: Snapshot) -> str:
     """The strip as HTML with the pictures inside."""
-    sides = [s for s in (view.a, view.b) if s is not None and s.maps is not None]
+    sides = [s for s in (snapshot.a, snapshot.b) if s is not None and s.maps is not None]
     if not sides:
-        missing = view.options.a if view.a is None else view.options.b
+        missing = snapshot.options.a if snapshot.a is None else snapshot.options.b
         return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
-    crop = shared_crop(view)
-    o = view.scene.object(view.target.instance.instance_id)
-    several = len(view.scene.objects) > 1 and not view.is_whole_scene
-    whose = swatch(o.color) + cut(o.label, 52) if several else ""
+    crop = shared_crop(snapshot)
     head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
-    rows = "".join(_row(view, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
-    bars = "".join(f"<td>{_bar(view, m)}</td>" for m in MAP_NAMES)
+    rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
+    bars = "".join(f"<td>{_bar(snapshot, m)}</td>" for m in MAP_NAMES)
+    whose = focus_label(snapshot, 52)
     return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
 
 
-def _row(view: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:
-    assert side.maps is not None
-    digits = score_digits([s.pose.score for s in (view.a, view.b) if s is not None])
+def _row(snapshot: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:
+    digits = score_digits([s.pose.score for s in (snapshot.a, snapshot.b) if s is not None])
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
     name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.label)}<br>{score}"
-    cells = [f"<td>{_picture(view, side, m, crop)}</td>" for m in MAP_NAMES]
+    cells = [f"<td>{_picture(snapshot, side, m, crop)}</td>" for m in MAP_NAMES]
     return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
 
 
-def _picture(view: Snapshot, side: ComparedPose, name: MapName, crop: Crop) -> str:
+def _picture(snapshot: Snapshot, side: ComparedPose, name: MapName, crop: Crop) -> str:
     assert side.maps is not None
-    shades, palette = map_shades(name, side.maps, view.map_target, view.session.score.tau_m, crop)
-    if view.options.pixel is None:
+    shades, palette = map_shades(name, side.maps, snapshot.map_target, snapshot.session.score.tau_m, crop)
+    if snapshot.options.pixel is None:
         picture = indexed_png(shades, palette)
     else:
-        picture = png(
-            _with_cross(rgb(shades, palette), view.options.pixel[0] - crop.u0, view.options.pixel[1] - crop.v0)
-        )
+        u, v = snapshot.options.pixel
+        picture = png(_with_cross(rgb(shades, palette), u - crop.u0, v - crop.v0))
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     return (
         f'<img src="{data_uri(picture)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '
@@ -137,10 +138,9 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(view: Snapshot, name: MapName) -> str:
-    if name == "classes":
+def _bar(snapshot: Snapshot, name: MapName) -> str:
+    scale = scale_of(name, snapshot.map_target, snapshot.session.score.tau_m)
+    if scale is None:
         return "".join(swatch(color, f"{k}: {CLASS_MEANING[k]}") for k, color in CLASS_COLORS.items())
-    scale = scale_of(name, view.map_target, view.session.score.tau_m)
-    assert scale is not None
     ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))
     return f'<div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div>'

@@ -1,20 +1,24 @@
-"""Settings of the method, for a restart or a fork."""
+"""The Settings panel: settings of the method, for a restart or a fork."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import viser
 
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.session.files import AT_ITS_START, changed, resolve
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send, by_person
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.branch import current_values
-from verefine_viz.viewer.text.names import shortened
-from verefine_viz.viewer.text.sentences import settings_words, waiting
+from verefine_viz.viewer.state.branch import current_values, nested
+from verefine_viz.viewer.text.display_names import shortened
 from verefine_viz.viewer.web.viser_internals import compact, side_by_side, unlabelled
 
 ROW_PX = 18
@@ -38,7 +42,7 @@ class SettingsPanel:
         # Above the fields, so that it is in sight however many settings there are.
         self.apply = gui.add_button_group(
             "Apply", ["Restart with these", "Fork here"],
-            hint="Restart: from before iteration 1 with these settings, without poses moved by hand. "
+            hint="Restart: from before iteration 1 with these settings, without edited poses. "
             "Fork: keeps the iterations up to the cursor and goes on as a new branch",
         )  # fmt: skip
         self._fields: dict[str, Any] = {
@@ -78,29 +82,29 @@ class SettingsPanel:
         pairs = ((self._fields[a], self._fields[b]) for a, b in PAIRS)
         rules = [compact(row, ROW_PX) for row in rows] + [unlabelled(self.apply)]
         rules += [side_by_side(left, right, ROW_PX, RIGHT_FROM_PX, LABEL_PX) for left, right in pairs]
-        gui.add_html(f"<style>{''.join(rules)}</style>")
+        add_style(gui, *rules)
         self._labels = {name: handle.label for name, handle in self._fields.items()}
         for handle in self._fields.values():
-            handle.on_update(by_person(lambda _: self._tell()))
-        self._view: Snapshot | None = None
+            handle.on_update(by_user(lambda _: self._show_words()))
+        self._snapshot: Snapshot | None = None
         self._known: dict[str, Any] = {}
         self._focus = 0
 
         def estimate(_: bool) -> None:
             send(c.Estimate(self._focus, ESTIMATORS[self.estimator.value]))
 
-        self.estimate.on_click(by_person(estimate))
-        self.estimator.on_update(by_person(lambda _: self._label_estimate()))
+        self.estimate.on_click(by_user(estimate))
+        self.estimator.on_update(by_user(lambda _: self._label_estimate()))
 
         def apply(label: str) -> None:
             changes = tuple((k, f.value) for k, f in self._fields.items() if f.value != self._known.get(k))
             send(c.Fork(changes) if label == "Fork here" else c.Restart(changes))
 
-        self.apply.on_click(by_person(apply))
+        self.apply.on_click(by_user(apply))
 
-    def show(self, view: Snapshot) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """The settings that hold at the end of this branch; drafts are kept until those change."""
-        values = dict(current_values(view.session, tuple(self._fields)))
+        values = dict(current_values(snapshot.session, tuple(self._fields)))
         if values != self._known:
             self._known = values
             for name, handle in self._fields.items():
@@ -108,20 +112,20 @@ class SettingsPanel:
                 if isinstance(handle, viser.GuiDropdownHandle) and values[name] not in handle.options:
                     handle.options = (*handle.options, values[name])
                 handle.value = values[name]
-        self._view = view
-        self._tell()
-        self._focus = view.target.instance.instance_id
+        self._snapshot = snapshot
+        self._show_words()
+        self._focus = snapshot.target.instance.instance_id
         self._label_estimate()
-        self._fields["method.discount"].visible = method_of(view.session.method.name).has_passes
-        self._fields["tricp.trim"].visible = view.session.method.refiner == "trimmed_icp"
-        self._fields["icp.max_iterations"].visible = view.session.method.refiner == "icp"
-        self._fields["dependency.rule"].visible = len(view.problem.instances) > 1
-        self._fields["hypotheses.seed"].visible = view.session.hypotheses.source == "perturb"
+        self._fields["method.discount"].visible = method_of(snapshot.session.method.name).has_passes
+        self._fields["tricp.trim"].visible = snapshot.session.method.refiner == "trimmed_icp"
+        self._fields["icp.max_iterations"].visible = snapshot.session.method.refiner == "icp"
+        self._fields["dependency.rule"].visible = len(snapshot.problem.instances) > 1
+        self._fields["hypotheses.seed"].visible = snapshot.session.hypotheses.source == "perturb"
 
     @property
     def waiting(self) -> tuple[str, ...]:
         """What was typed and waits for Restart or Fork, in words."""
-        return () if self._view is None else waiting(self._view.session, self._labels, self._typed)
+        return () if self._snapshot is None else waiting(self._snapshot.session, self._labels, self._typed)
 
     @property
     def _typed(self) -> dict[str, Any]:
@@ -129,12 +133,76 @@ class SettingsPanel:
 
     def _label_estimate(self) -> None:
         """What the button does with the object in focus."""
-        if self._view is not None:
+        if self._snapshot is not None:
             does = "Restore" if ESTIMATORS[self.estimator.value] == "session" else "Estimate"
-            self.estimate.label = f"{does} {shortened(self._view.name, NAME_PX)} here"
+            self.estimate.label = f"{does} {shortened(self._snapshot.name, NAME_PX)} here"
 
-    def _tell(self) -> None:
+    def _show_words(self) -> None:
         """What holds, and what was typed since."""
-        if self._view is not None:
-            said = settings_words(self._view.session, self._labels, self._typed, self._view.cursor)
-            self._words.show(sentence(said))
+        if self._snapshot is not None:
+            words = settings_words(self._snapshot.session, self._labels, self._typed, self._snapshot.cursor)
+            self._words.show(sentence(words))
+
+
+# The sentence above the settings: what holds now that is not usual, and what a change that was typed will do.
+
+MOST = 3
+"""Settings that are named; of more only how many."""
+
+
+def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any], cursor: int) -> str:
+    """As in: As recommended, but c 0.4, not 0.7. Changes wait for Restart or Fork.
+
+    Args:
+        session: the settings that hold.
+        labels: by dotted name of a setting, what the panel calls it.
+        typed: values in the fields by dotted name.
+        cursor: the iteration that a fork would go on from.
+    """
+    held = current_values(session, tuple(labels))
+    changes = waiting(session, labels, typed)
+    if mistake := _mistake(session, labels, typed):
+        return f"{mistake}. Restart and Fork would refuse it."
+    if changes:
+        fork = (
+            f"keeps iterations 1 to {cursor}" if cursor > 1 else "keeps iteration 1" if cursor else "is the same here"
+        )
+        return f"Not in use yet: {first_of(changes, MOST)}. Restart starts again with it; Fork {fork}."
+    usual = current_values(resolve({"preset": session.preset}), tuple(labels))
+    other = [
+        f"{labels[name]} {_shown_value(held[name])}, not {_shown_value(usual[name])}"
+        for name in labels
+        if held[name] != usual[name]
+    ]
+    of = "as published" if session.preset == "published" else "as recommended"
+    if not other:
+        return f"All {of}. Changes wait for Restart or Fork."
+    return f"{of.capitalize()}, but {first_of(other, MOST, '; ')}. Changes wait for Restart or Fork."
+
+
+def waiting(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any]) -> tuple[str, ...]:
+    """What was typed and is not in use yet, as in: c 0.7 → 0.4. Takes what :func:`settings_words` does."""
+    held = current_values(session, tuple(labels))
+    return tuple(
+        f"{labels[name]} {_shown_value(held[name])} → {_shown_value(value)}"
+        for name, value in typed.items()
+        if value != held[name]
+    )
+
+
+def _mistake(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any]) -> str | None:
+    """What is wrong with the first value that no run can have, as in: K = -3: input should be greater than …"""
+    held = current_values(session, tuple(labels))
+    for name, value in typed.items():
+        try:
+            if value != held[name]:
+                changed(session, nested(((name, value),)), (*AT_ITS_START, "hypotheses"))
+        except SettingsError as error:
+            return str(error).removeprefix("changed settings: ").replace(name, labels[name])
+    return None
+
+
+def _shown_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
