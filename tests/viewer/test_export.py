@@ -78,7 +78,7 @@ def test_a_pose_that_the_shown_branch_lacks_is_written_until_the_user_insists(
     T_cam_obj = tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())
     move = [c.Step(), c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose(), c.SaveSession("mine")]
     debugger.carry_out([*move, c.Seek(0), FORK])
-    with pytest.raises(Unconfirmed, match=r"another branch, “hypothesis 1 moved.*”, with 1 edited pose that"):
+    with pytest.raises(Unconfirmed, match=r"another branch, “hypothesis 1 edited.*”, with 1 edited pose that"):
         debugger.carry_out([c.SaveSession("mine")])
     debugger.carry_out([c.Restart()])
     with pytest.raises(Unconfirmed, match="holds 1 edited pose that the shown branch does not have"):

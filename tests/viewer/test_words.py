@@ -123,7 +123,7 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     assert ": 0.940 against 0.820 for the truth" in said
     assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
     assert "The score prefers best to ground truth. More iterations need not help" in errors_words(view)
-    view = replace(view, truth=replace(truth, score=replace(best.score, score=0.99)))
+    view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
 
