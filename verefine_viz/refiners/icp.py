@@ -6,21 +6,7 @@ model serves all poses.
 
 The default gate starts at half of the observed cloud's largest extent and shrinks, by the same factor each iteration,
 to the published 0.1 of it; and a match counts only where the observed and the model's normal lie within 90°, which
-keeps the seen front from being pulled to the model's back. Share of poses within 10 % of the diameter (ADD, ADD-S for
-symmetric objects) on the 8 real YCB-V frames (28 instances), after 1 and after 5 calls of 10 iterations:
-
-=============================  ==========  ==========  ==========  ===========
-start (224 each)               30° 30 mm   30°         50 mm       5° 5 mm
-=============================  ==========  ==========  ==========  ===========
-before                         4 %         27 %        0 %         100 %
-gate published, matches all    36, 66 %    77, 92 %    15, 38 %    100, 100 %
-gate shrinking, matches all    52, 72 %    80, 93 %    45, 63 %    100, 100 %
-the default (both)             60, 79 %    79, 90 %    50, 77 %    100, 100 %
-default, point to plane        80, 81 %    90, 88 %    79, 81 %    97, 93 %
-=============================  ==========  ==========  ==========  ===========
-
-Starting at the whole extent, at 0.3 of it, without any gate, or from a multiple of the median distance was the same or
-worse.
+keeps the seen front from being pulled to the model's back. docs/methods.md 4.1 has what that gains.
 """
 
 from __future__ import annotations

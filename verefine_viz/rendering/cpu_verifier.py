@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -14,19 +14,18 @@ from numba.core import config
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.rendering.prepared import far_m, intrinsics
+from verefine_viz.rendering.prepared import PreparedTarget, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth
 from verefine_viz.rendering.score_kernels import N_SUMS, draw_at, score_every
 from verefine_viz.rendering.verifier import (
     NOTHING_PLACED,
-    PIXELS,
     RenderingVerifier,
     as_poses,
+    rule_of,
     score_maps,
     scores_from_sums,
 )
@@ -48,11 +47,9 @@ class _Scene:
 
     targets: tuple[Target, ...]
     whole_frame: bool
-    before_placed: tuple[Any, ...]
-    after_placed: tuple[Any, ...]
-
-    def is_of(self, targets: Sequence[Target], whole_frame: bool) -> bool:
-        return self.whole_frame == whole_frame and self.targets == tuple(targets)
+    drawing: tuple[Any, ...]
+    """Meshes, camera, far limit."""
+    prepared: PreparedTarget
 
 
 class CpuVerifier(RenderingVerifier):
@@ -100,18 +97,14 @@ class CpuVerifier(RenderingVerifier):
         self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool
     ) -> tuple[Any, ...]:
         """What the kernel takes after its first two arguments; the last one is where it leaves the sums."""
-        if self._scene is None or not self._scene.is_of(targets, whole_frame):
-            self._scene = self._prepared(targets, whole_frame)
-        before, after = self._scene.before_placed, self._scene.after_placed
-        return (Ts, *before, self._placed_depth(targets, placed), *after, np.empty((len(Ts), N_SUMS)))
-
-    def _prepared(self, targets: Sequence[Target], whole_frame: bool) -> _Scene:
-        prepared, settings = self._targets.scene(targets, whole_frame), self.settings
-        meshes = self._meshes.together([target.model for target in targets])
-        pinhole = intrinsics(targets[0].observation.camera, settings)
-        before = meshes.arrays, pinhole, far_m(settings), prepared.observed, prepared.flags, prepared.own
-        after = prepared.n_objects, prepared.n_own, PIXELS[settings.pixels], settings.tau_m, settings.alpha
-        return _Scene(tuple(targets), whole_frame, before, after)
+        scene, settings = self._scene, self.settings
+        if scene is None or scene.whole_frame != whole_frame or scene.targets != tuple(targets):
+            meshes = self._meshes.together([target.model for target in targets])
+            drawing = meshes.arrays, intrinsics(targets[0].observation.camera, settings), far_m(settings)
+            scene = _Scene(tuple(targets), whole_frame, drawing, self._targets.scene(targets, whole_frame))
+            self._scene = scene
+        seen = scene.prepared.arrays(self._placed_depth(targets, placed))
+        return (Ts, *scene.drawing, seen, rule_of(settings), np.empty((len(Ts), N_SUMS)))
 
     def _maps(
         self,
@@ -131,20 +124,16 @@ class CpuVerifier(RenderingVerifier):
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
         return score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
 
-    def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
-        """(H, W) z of objects at their poses [m]; 0 = empty."""
-        depth_m = np.zeros(camera.shape, np.float32)
-        for p in objects:
-            T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
-            draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
-        return depth_m
-
     def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
         """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""
         others, key = self._others(targets, placed)
         if not others:
             return NOTHING_PLACED
         if key != self._placed_key:
-            self._placed_m = self._depth(others, targets[0].observation.camera)
-            self._placed_key = key
+            camera = targets[0].observation.camera
+            depth_m = np.zeros(camera.shape, np.float32)
+            for p in others:
+                T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
+                draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
+            self._placed_m, self._placed_key = depth_m, key
         return self._placed_m

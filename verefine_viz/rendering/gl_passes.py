@@ -124,7 +124,7 @@ class GlPasses:
         windows: Windows,
         camera: Intrinsics,
         has_placed: bool,
-        rule: dict[str, float | int],
+        rule: tuple[int, float, float],
     ) -> NDArray[np.float32]:
         """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each combination's tile.
 
@@ -135,7 +135,7 @@ class GlPasses:
             windows: as there.
             camera: (fx, fy, cx, cy) [px].
             has_placed: whether ``placed`` holds objects that may hide others.
-            rule: ``pixels``, ``tau_m`` and ``alpha``.
+            rule: (pixels, τ, α).
         """
         joint = _joint(windows)
         context, n, m, (columns, rows) = self.context, *Ts.shape[:2], _tile(joint)
@@ -153,7 +153,8 @@ class GlPasses:
             "placed": self.placed.texture if has_placed else self.atlas.texture,
         }
         values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(joint), "n_models": m}
-        _bind(self._score, inputs, {**values, **rule, "has_placed": has_placed})
+        values |= dict(zip(("pixels", "tau_m", "alpha"), rule, strict=True))
+        _bind(self._score, inputs, {**values, "has_placed": has_placed})
         row_target = context.framebuffer(by_row)
         row_target.use()
         self._score_all.render(vertices=3)

@@ -19,7 +19,7 @@ from verefine_viz.rendering.gl_context import create_context
 from verefine_viz.rendering.gl_passes import GlPasses
 from verefine_viz.rendering.prepared import far_m, intrinsics
 from verefine_viz.rendering.score_kernels import windows
-from verefine_viz.rendering.verifier import NOTHING_PLACED, PIXELS, RenderingVerifier, score_maps, scores_from_sums
+from verefine_viz.rendering.verifier import NOTHING_PLACED, RenderingVerifier, rule_of, score_maps, scores_from_sums
 
 
 class GlVerifier(RenderingVerifier):
@@ -48,12 +48,11 @@ class GlVerifier(RenderingVerifier):
         camera = intrinsics(frame, settings)
         has_placed = self._draw_placed(passes, targets, placed)
         shown = windows(Ts, meshes.arrays, camera, frame.height, frame.width)
-        rule = {"pixels": PIXELS[settings.pixels], "tau_m": settings.tau_m, "alpha": settings.alpha}
         raw = np.zeros((len(Ts), 3, 4))
         for first, last in passes.batches(shown):
             part = Ts[first:last], shown[first:last], camera
             passes.draw_tiles(meshes, *part, far_m(settings))
-            raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, rule)
+            raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, rule_of(settings))
         return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
 
     def _maps(

@@ -43,6 +43,10 @@ class PreparedTarget:
     own: NDArray[np.uint8]
     """(m, H, W) the flags of each instance by itself."""
 
+    def arrays(self, placed_m: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray, NDArray, int, int]:
+        """What the kernels take; ``placed_m`` is z of the objects placed before, (H, W), or (0, 0) for none [m]."""
+        return self.observed, self.flags, self.own, placed_m, self.n_objects, self.n_own
+
 
 _Scene = tuple[tuple[PreparedTarget, ...], PreparedTarget]
 

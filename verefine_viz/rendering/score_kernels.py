@@ -61,7 +61,7 @@ def classify(observed, rendered, other, is_own, is_any, tau):
 
 
 @njit(cache=True)
-def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, sums):
+def score_scene(Ts, meshes, camera, far, seen, rule, sums):
     """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
     Args:
@@ -69,23 +69,12 @@ def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects
         meshes: ``RenderMeshes.arrays``.
         camera: (fx, fy, cx, cy) [px].
         far: farthest surface that is drawn [m].
-        observed: (H, W, 4) normal and depth; 0 where missing.
-        flags: (H, W) bits ``OWN``, ``OBJECTS``.
-        own: (m, H, W) the bit ``OWN`` of each instance by itself.
-        placed: (H, W) z of the objects placed before, or (0, 0) for none [m].
-        n_objects: how many pixels have the flag ``OBJECTS``.
-        n_own: how many have ``OWN``.
-        pixels: ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``.
-        tau: depth tolerance [m].
-        alpha: tolerance of 1 − n·n̂.
+        seen: ``PreparedTarget.arrays``: what was observed.
+        rule: (pixels, τ, α): ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``, depth tolerance [m], tolerance of 1 − n·n̂.
         sums: (9,) result.
     """
-    x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
-    facing = _facing(Ts, meshes)
-    _sum(
-        inv_z, face_of, x0, y0, facing, meshes[6], far, observed, flags, own, placed, n_objects, n_own,
-        pixels, tau, alpha, sums,
-    )  # fmt: skip
+    x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, seen[1].shape[0], seen[1].shape[1])
+    _sum(inv_z, face_of, x0, y0, _facing(Ts, meshes), meshes[6], far, seen, rule, sums)
 
 
 @njit(cache=True)
@@ -105,11 +94,10 @@ def _facing(Ts, meshes):
 
 
 @njit(cache=True)
-def _sum(
-    inv_z, face_of, x0, y0, facing, face_starts, far, observed, flags, own, placed, n_objects, n_own,
-    pixels, tau, alpha, sums,
-):  # fmt: skip
-    """Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
+def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
+    """Eq. 1. Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
+    observed, flags, own, placed, n_objects, n_own = seen
+    pixels, tau, alpha = rule
     rows, columns = inv_z.shape
     per_tau, per_alpha = 1.0 / tau, 1.0 / alpha
     sum_d, sum_n, n_rendered, n_stray = 0.0, 0.0, 0, 0
@@ -201,14 +189,10 @@ def draw_window(Ts, meshes, camera, height, width):
 
 
 @njit(cache=True, nogil=True)
-def score_every(
-    first, step, Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out
-):
+def score_every(first, step, Ts, meshes, camera, far, seen, rule, out):
     """:func:`score_scene` of combinations first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
-        score_scene(
-            Ts[i], meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out[i]
-        )
+        score_scene(Ts[i], meshes, camera, far, seen, rule, out[i])
 
 
 @njit(cache=True)
@@ -238,7 +222,7 @@ def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
         meshes: ``RenderMeshes.arrays``.
         camera: (fx, fy, cx, cy) [px].
         shape: (H, W) of the image.
-        far: what is beyond is left out [m].
+        far: what is beyond is not drawn [m].
         rows: (h,) of the pixels of the grid.
         columns: (w,) of them.
         depth: (h, w) float32 result, 0 = empty.
@@ -257,56 +241,26 @@ def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
 
 
 @njit(cache=True, nogil=True)
-def fill_maps(
-    Ts,
-    face_normals,
-    face_starts,
-    rows,
-    columns,
-    depth,
-    faces,
-    camera,
-    observed,
-    flags,
-    own,
-    placed,
-    pixels,
-    tau,
-    alpha,
-    normals,
-    difference,
-    angle,
-    f_d,
-    f_n,
-    counted,
-    classes,
-):
-    """Fills the fields of ``ScoreMaps``.
+def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps):
+    """Eq. 1 pixel by pixel: fills the fields of ``ScoreMaps``.
 
     Args:
-        Ts: (m, 4, 4) T_cam_obj of each model.
-        face_normals: (ΣF, 3) of ``RenderMeshes``.
-        face_starts: (m + 1,) of ``RenderMeshes``.
+        Ts: as in :func:`score_scene`, and so are meshes, camera, seen and rule.
+        meshes: as there.
         rows: (h,) of the pixels of the grid.
         columns: (w,) of them.
         depth: (h, w) z of the models there [m]; 0 = empty.
         faces: (h, w) the face that is seen there, counted through all models.
-        camera: (fx, fy, cx, cy) [px].
-        observed: (H, W, 4) normal and depth; 0 where missing.
-        flags: (H, W) bits ``OWN``, ``OBJECTS``.
-        own: (m, H, W) the bit ``OWN`` of each instance by itself.
-        placed: (H, W) z of the objects placed before, or (0, 0) for none [m].
-        pixels: ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``.
-        tau: depth tolerance [m].
-        alpha: tolerance of 1 − n·n̂.
-        normals: (h, w, 3) result, all 0 so far, as are the others without a remark.
-        difference: (h, w) result, NaN so far.
-        angle: (h, w) result, NaN so far.
-        f_d: (h, w) result.
-        f_n: (h, w) result.
-        counted: (h, w) result.
-        classes: (h, w) result.
+        camera: as there.
+        seen: as there.
+        rule: as there.
+        maps: results: normals (h, w, 3), difference, angle, f_d, f_n, counted and classes (h, w); so far NaN in
+            difference and angle, 0 in the others.
     """
+    face_normals, face_starts = meshes[2], meshes[6]
+    observed, flags, own, placed, _, _ = seen
+    pixels, tau, alpha = rule
+    normals, difference, angle, f_d, f_n, counted, classes = maps
     fx, fy, cx, cy = camera
     for y in range(len(rows)):
         v = rows[y]

@@ -21,8 +21,7 @@ from verefine_viz.rendering.mesh import RenderMeshes
 from verefine_viz.rendering.prepared import MeshStore, PreparedTarget, TargetStore
 from verefine_viz.rendering.score_kernels import CLASSES, HIDDEN, N_SUMS, OBSERVED, PUBLISHED, UNKNOWN, fill_maps
 
-PIXELS = {"published": PUBLISHED, "observed": OBSERVED, "classes": CLASSES}
-"""The renderers' code of ``ScoreSettings.pixels``."""
+_PIXELS = {"published": PUBLISHED, "observed": OBSERVED, "classes": CLASSES}
 
 NOTHING_PLACED = np.zeros((0, 0), np.float32)
 """z of the objects placed before, where there are none."""
@@ -138,6 +137,11 @@ class RenderingVerifier(ABC):
         return others, (camera.K.tobytes(), camera.shape, *poses) if others else None
 
 
+def rule_of(settings: ScoreSettings) -> tuple[int, float, float]:
+    """The pixels that count, as the renderers' code, τ [m] and α."""
+    return _PIXELS[settings.pixels], settings.tau_m, settings.alpha
+
+
 def as_poses(Ts_cam_obj: Float) -> Float:
     """The poses as a contiguous (N, 4, 4) array.
 
@@ -219,28 +223,7 @@ def score_maps(
     difference_m, angle_rad = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
     f_d, f_n = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     counted, classes = np.zeros(shape, np.bool_), np.zeros(shape, np.uint8)
-    fill_maps(
-        np.ascontiguousarray(Ts_cam_obj),
-        meshes.face_normals,
-        meshes.face_starts,
-        at.rows,
-        at.columns,
-        depth_m,
-        faces,
-        camera,
-        prepared.observed,
-        prepared.flags,
-        prepared.own,
-        placed_m,
-        PIXELS[settings.pixels],
-        settings.tau_m,
-        settings.alpha,
-        normals,
-        difference_m,
-        angle_rad,
-        f_d,
-        f_n,
-        counted,
-        classes,
-    )
-    return ScoreMaps(depth_m, normals, difference_m, angle_rad, f_d, f_n, counted, classes)
+    maps = normals, difference_m, angle_rad, f_d, f_n, counted, classes
+    Ts, seen, rule = np.ascontiguousarray(Ts_cam_obj), prepared.arrays(placed_m), rule_of(settings)
+    fill_maps(Ts, meshes.arrays, at.rows, at.columns, depth_m, faces, camera, seen, rule, maps)
+    return ScoreMaps(depth_m, *maps)
