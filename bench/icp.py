@@ -14,12 +14,12 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
+from tests.refiners.alignment import Cloud, icp_align, trimmed_align
 from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, inverse, nearest_rotation, transform
 from verefine_viz.core.settings import PUBLISHED
-from verefine_viz.refiners.icp import IcpTarget, icp_align, largest_extent_m
-from verefine_viz.refiners.trimmed_icp import TrimmedTarget, trimmed_align
+from verefine_viz.refiners.icp import largest_extent_m
 
 N_SOURCE, N_TARGET, N_ITERATIONS = 1000, 2000, 10
 REPEATS = 60
@@ -31,7 +31,7 @@ def run() -> list[dict[str, Any]]:
     model, normals = _box(rng, N_TARGET)
     seen, seen_normals = _box(rng, 3 * N_SOURCE)
     front = np.flatnonzero(seen_normals @ [0.5, 0.6, 0.62] > 0)[:N_SOURCE]
-    target = IcpTarget.build(model, normals)
+    target = Cloud(model, normals)
     plain = IcpSettings(gate="published", matches="all")
     cases: list[tuple[str, IcpSettings]] = [
         ("as open3d: fixed gate, all matches", plain),
@@ -44,10 +44,9 @@ def run() -> list[dict[str, Any]]:
             "start": "",
             "icp": "index of a model, built once",
             "iterations": None,
-            "ms per call": _median_ms(lambda: IcpTarget.build(model, normals), 5),
+            "ms per call": _median_ms(lambda: Cloud(model, normals), 5),
         }
     ]
-    trimmed_target = TrimmedTarget.build(model)
     for start, angle_deg, shift_m in (("5° 5 mm", 5, 0.005), ("30° 30 mm", 30, 0.030), ("30° 300 mm", 30, 0.3)):
         T = transform(axis_angle([1, 2, 3], np.deg2rad(angle_deg)), np.array([0.6, -0.48, 0.64]) * shift_m)
         # In reading order, as a cloud from an image is.
@@ -55,7 +54,7 @@ def run() -> list[dict[str, Any]]:
         source = apply(inverse(T), seen[front][order]) + rng.normal(0, 0.0005, (N_SOURCE, 3))
         source_normals = seen_normals[front][order] @ T[:3, :3]
         for trim in (1.0, 0.7):
-            rows += _trimmed(start, source, model, trimmed_target, TricpSettings(trim=trim))
+            rows += _trimmed(start, source, model, target, TricpSettings(trim=trim))
         if shift_m > 0.1:
             continue  # nothing lies within ICP's gate
         theirs = _median_ms(_open3d_call(source, model, 0.1 * largest_extent_m(source)))
@@ -81,19 +80,17 @@ def _row(start: str, name: str, n_iterations: int, ms: float, open3d_ms: float) 
     }
 
 
-def _trimmed(
-    start: str, source: Float, model: Float, target: TrimmedTarget, settings: TricpSettings
-) -> list[dict[str, Any]]:
+def _trimmed(start: str, source: Float, model: Float, target: Cloud, settings: TricpSettings) -> list[dict[str, Any]]:
     """Trimmed ICP in numpy and ours, measured in turns; they agree."""
     calls = (lambda: _numpy_trimmed(source, model, settings), lambda: trimmed_align(source, target, settings))
     (T, n_passes), ours = calls[0](), calls[1]()
-    assert n_passes == ours.n_passes
+    assert n_passes == ours.n_iterations
     assert np.abs(T - ours.T_target_source).max() < 1e-9
     theirs_ms, ours_ms = (float(np.median(times)) for times in zip(*(map(_ms, calls) for _ in range(20)), strict=True))
     name = f"trimmed ICP, trim {settings.trim:g}"
     return [
         _row(start, f"{name}, numpy and scipy", n_passes, theirs_ms, theirs_ms),
-        _row(start, name, ours.n_passes, ours_ms, theirs_ms),
+        _row(start, name, ours.n_iterations, ours_ms, theirs_ms),
     ]
 
 

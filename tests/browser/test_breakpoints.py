@@ -77,7 +77,7 @@ def test_a_pose_put_near_the_truth_is_refined_next_and_wins(look: Look) -> None:
     screen.shot("by_hand_continued")
     screen.click("Step ▶")
     screen.tab("Bandit")
-    screen.text("Iteration 4 took hypothesis 1: it was moved by hand and is played first")
+    screen.text("Iteration 4 took hypothesis 1: its pose was edited and is played first")
     assert screen.page.locator('th[title*="An edited pose starts again at 1."]').count()
     screen.shot("by_hand_bandit")
     screen.click("Run")

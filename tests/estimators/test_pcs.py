@@ -19,7 +19,8 @@ from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates, segment_cloud, thinned
+from verefine_viz.estimators.clouds import segment_cloud, thinned
+from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.scenes.demo_models import demo_model

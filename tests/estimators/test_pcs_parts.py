@@ -11,21 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.estimators.pcs import large_parts, spread_out, thinned
-from verefine_viz.estimators.pcs_bases import (
-    APART,
-    Base,
-    best_pairing,
-    diameter,
-    draw_base,
-    fit_rms,
-    rotation_of,
-    segment_gap,
-)
-from verefine_viz.estimators.pcs_lcp import NearGrid, lcps
-from verefine_viz.estimators.pcs_quads import PairTable, congruent_quads, fitted
+from verefine_viz.estimators.clouds import large_parts, spread_out, thinned
+from verefine_viz.estimators.pcs import NearGrid, lcps
+from verefine_viz.estimators.pcs_bases import APART, Base, best_pairing, diameter, draw_base, segment_gap
+from verefine_viz.estimators.pcs_quads import PairTable, congruent_quads, fit_rms, fitted, rotation_of
 
 DELTA_M = 0.0035
+ALL = 2**31 - 1
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -160,7 +152,7 @@ def test_the_quad_that_a_base_was_copied_from_is_found_and_its_pose_exact(seed: 
     if base is None:
         return
     truth = [int(np.flatnonzero((segment == corner).all(axis=1))[0]) for corner in base.points]
-    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M)
+    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M, ALL, rng)
     Ts, of_quad = fitted(base.points, model, quads, 2 * DELTA_M)
     mine = [k for k, q in enumerate(of_quad) if quads[q].tolist() == truth]
     assert len(mine) == 1
@@ -174,7 +166,7 @@ def test_quads_are_what_comparing_all_pairs_of_pairs_finds(seed: int) -> None:
     base = draw_base(segment, diameter(segment), DELTA_M, rng)
     if base is None:
         return
-    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M)
+    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M, ALL, rng)
     Ts, of_quad = fitted(base.points, model, quads, 2 * DELTA_M)
     found = {tuple(quads[q].tolist()) for q in of_quad}
     assert found == set(brute_force_quads(base, model))
@@ -214,7 +206,7 @@ def test_no_more_quads_than_asked_for_and_each_among_all() -> None:
     base = draw_base(model, diameter(model), DELTA_M, rng)
     assert base is not None
     pairs = PairTable.build(model)
-    everything = {tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M).tolist()}
+    everything = {tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, ALL, rng).tolist()}
     some = [tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, 50, np.random.default_rng(0)).tolist()]
     others = [tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, 50, np.random.default_rng(1)).tolist()]
     assert len(some) == len(set(some)) == len(others) == 50

@@ -17,13 +17,13 @@ from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.problem import Target
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.estimators.ppf import Ppf
-from verefine_viz.estimators.ppf_cache import LEARNT_FROM, Learnt, cache_file, learn, read, write
+from verefine_viz.estimators.ppf_model import LEARNT_FROM, PpfModel, cache_file, learn, read, write
 from verefine_viz.scenes.demo_models import demo_model
 
 COARSE = PpfSettings(step=0.1)
 
 
-def same(a: Learnt, b: Learnt) -> bool:
+def same(a: PpfModel, b: PpfModel) -> bool:
     return all(np.array_equal(x, y) for x, y in zip((*a.table, *a.field), (*b.table, *b.field), strict=True))
 
 

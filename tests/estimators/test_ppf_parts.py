@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from tests.estimators.views import random_pose, view
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, transform
+from verefine_viz.estimators.clouds import Oriented, model_surface, segment_surface, thinned_surface
+from verefine_viz.estimators.ppf import SamePose, clustered, distinct
 from verefine_viz.estimators.ppf_agreement import agreement, surface_field
-from verefine_viz.estimators.ppf_cloud import Oriented, model_surface, segment_surface, thinned
-from verefine_viz.estimators.ppf_cluster import Nearness, clustered, distinct
-from verefine_viz.estimators.ppf_table import local_rotation, pair_feature, pair_table, pose_of_match, turn_about_normal
+from verefine_viz.estimators.ppf_model import local_rotation, pair_feature, pair_table, pose_of_match, turn_about_normal
 from verefine_viz.scenes.demo_models import demo_model
 
 seeds = st.integers(0, 10**6)
@@ -71,7 +71,7 @@ def test_both_sides_of_a_thin_wall_stay() -> None:
     rng = np.random.default_rng(0)
     front = np.c_[rng.uniform(0, 0.1, (4000, 2)), np.zeros(4000)]
     up = np.tile([0.0, 0.0, 1.0], (4000, 1))
-    wall = thinned(Oriented(np.r_[front, front - [0, 0, 0.001]], np.r_[up, -up]), 0.02)
+    wall = thinned_surface(Oriented(np.r_[front, front - [0, 0, 0.001]], np.r_[up, -up]), 0.02)
     assert np.isclose(np.linalg.norm(wall.normals, axis=1), 1).all()
     assert (wall.normals[:, 2] > 0).sum() == (wall.normals[:, 2] < 0).sum() == 25
     assert np.allclose(wall.points[wall.normals[:, 2] > 0, 2], 0)
@@ -95,7 +95,7 @@ def test_segment_normals_point_to_the_camera_and_points_lie_on_the_object() -> N
 @pytest.mark.parametrize("limit", [7, 10**9])
 def test_a_limited_table_stands_for_all_pairs(limit: int) -> None:
     model = demo_model("block", 10, 0)
-    cloud = thinned(model_surface(model, 0), 0.1 * model.diameter_m)
+    cloud = thinned_surface(model_surface(model, 0), 0.1 * model.diameter_m)
     table = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), limit)
     kept = np.diff(table.starts)
     assert kept.max() <= limit
@@ -114,7 +114,7 @@ def test_poses_that_look_the_same_are_one_cluster(seed: int) -> None:
     T = motion(rng)
     symmetries = round_about_y()
     turned = T @ symmetries[rng.choice(len(symmetries), 5)]
-    poses, votes = clustered(turned, np.arange(1.0, 6.0), Nearness(symmetries, np.array([0.0, 0.3, 0.0]), 0.01, 0.2))
+    poses, votes = clustered(turned, np.arange(1.0, 6.0), SamePose(symmetries, np.array([0.0, 0.3, 0.0]), 0.01, 0.2))
     assert votes.tolist() == [15.0]
     assert min(angle_between(poses[0, :3, :3], R) for R in (T @ symmetries)[:, :3, :3]) < 1e-6
     assert np.allclose(poses[0, :3, 3], T[:3, 3])
@@ -125,7 +125,7 @@ def test_every_vote_is_kept_and_clusters_come_in_order(seed: int) -> None:
     rng = np.random.default_rng(seed)
     Ts = np.stack([motion(rng) for _ in range(12)])
     votes = rng.uniform(1, 2, 12)
-    nearness = Nearness(np.eye(4)[None], np.zeros(3), 0.5, 1.0)
+    nearness = SamePose(np.eye(4)[None], np.zeros(3), 0.5, 1.0)
     poses, sums = clustered(Ts, votes, nearness)
     assert np.isclose(sums.sum(), votes.sum())
     assert (np.diff(sums) <= 0).all()
@@ -140,12 +140,14 @@ def test_the_true_pose_agrees_best_with_the_depth_image() -> None:
     target = view(model, T)
     d = model.diameter_m
     surface = model_surface(model, 0)
-    segment = thinned(segment_surface(target), 0.05 * d)
+    segment = thinned_surface(segment_surface(target), 0.05 * d)
     shifts = [[0, 0, 0], [0.2, 0, 0], [0, -0.2, 0], [0, 0, 0.2], [0, 0, -0.2], [9, 0, 0]]
     poses = np.stack([transform(T[:3, :3], T[:3, 3] + d * np.array(s)) for s in shifts])
     flipped = T @ transform(axis_angle([1, 0, 0], np.pi), [0, 0, 0])
     poses = np.concatenate([poses, flipped[None], transform(T[:3, :3], -T[:3, 3])[None]])
-    agree = agreement(target, thinned(surface, 0.05 * d), surface_field(surface.points, d), segment, poses, 0.03 * d)
+    agree = agreement(
+        target, thinned_surface(surface, 0.05 * d), surface_field(surface.points, d), segment, poses, 0.03 * d
+    )
     assert agree[0] > 0.7
     assert (agree[1:] < 0.75 * agree[0]).all()
     assert (agree >= 0).all()

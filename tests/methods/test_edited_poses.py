@@ -50,8 +50,8 @@ def test_the_next_iteration_works_on_the_moved_hypothesis_whatever_it_scores(nam
         if name in CHOOSING:
             assert first.choice is not None
             assert first.choice.arm == arm
-            assert first.choice.reason == f"hypothesis {arm + 1}: it was moved by hand and is played first"
-        assert fork.state.objects[0].by_hand == ()
+            assert first.choice.reason == f"hypothesis {arm + 1}: its pose was edited and is played first"
+        assert fork.state.objects[0].edited_arms == ()
 
 
 @pytest.mark.parametrize("name", METHOD_NAMES)
@@ -150,7 +150,7 @@ def test_expl_stays_with_a_pose_by_hand_that_scores_best_and_leaves_one_that_doe
     assert [i.arm for i in near.iterations[1:]] == [other] * 8
     said = near.iterations[2].choice
     assert said is not None
-    assert said.reason.endswith("its pose by hand scored best, 1.00")
+    assert said.reason.endswith("its edited pose scored best, 1.00")
     far = run.fork(1, edit=(0, other, transform(np.eye(3), [0.5, 0, 2])))
     far.finish()
     assert [i.arm for i in far.iterations[1:]] == [other, *[usual] * 7]
@@ -170,7 +170,7 @@ def test_without_budget_a_moved_pose_is_scored_but_waits_for_nothing(name: str) 
     run.finish()
     fork = run.fork(run.length, edit=(0, 0, PUT))
     assert fork.is_done
-    assert fork.state.objects[0].by_hand == ()
+    assert fork.state.objects[0].edited_arms == ()
 
 
 def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_among_the_first_ones() -> None:
@@ -182,7 +182,7 @@ def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_amon
     fallen = tuple(replace(arm, mean=0.0 if j == best else arm.mean) for j, arm in enumerate(o.arms))
     entry = replace(o.arms[best].entries[0], T_cam_obj=transform(np.eye(3), [0.5, 0, 2]), stage="refined", iteration=1)
     fallen = tuple(replace(a, entries=(*a.entries, entry)) if j == best else a for j, a in enumerate(fallen))
-    judged = method.judged_anew(state.with_object(0, replace(o, arms=fallen))).objects[0]
+    judged = method.rescored(state.with_object(0, replace(o, arms=fallen))).objects[0]
     assert judged is not None
     assert judged.best.score.score == max(o.initial.score)
 
@@ -190,11 +190,11 @@ def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_amon
 def test_judged_anew_a_moved_hypothesis_still_begins_where_it_was_put() -> None:
     fork = stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT))
     fork.step()
-    o = method_of("rir").judged_anew(fork.state).objects[0]
+    o = method_of("rir").rescored(fork.state).objects[0]
     assert o is not None
     put, kept = o.arms[1].entries[-2:]
     assert put.stage == "edited"
     assert o.arms[1].mean == pytest.approx((put.score.score + kept.score.score) / 2)
-    waiting = method_of("rir").judged_anew(stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT)).state)
+    waiting = method_of("rir").rescored(stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT)).state)
     assert waiting.objects[0] is not None
-    assert waiting.objects[0].by_hand == (1,)
+    assert waiting.objects[0].edited_arms == (1,)

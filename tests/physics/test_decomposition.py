@@ -64,7 +64,7 @@ def test_a_process_that_fails_is_told_in_one_line_with_the_way_out(monkeypatch: 
     with pytest.raises(ShapeError) as caught:
         decomposed("object 7 (ring)", ring().vertices, ring().faces)
     assert str(caught.value) == (
-        "object 7 (ring) cannot be taken apart into convex parts (CoACD ended with exit code 1: it said nothing); "
+        "object 7 (ring) cannot be taken apart into convex parts (CoACD ended with exit code 1: no message); "
         'set physics.collider = "hull"'
     )
 

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import box_model, box_problem
+from tests.refiners.alignment import Cloud, icp_align
 from verefine_viz.core.algorithm_settings import IcpSettings
-from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Target
 from verefine_viz.core.settings import PUBLISHED
-from verefine_viz.refiners.icp import Icp, IcpTarget, gate_schedule_m, icp_align, largest_extent_m, observed_normals
+from verefine_viz.refiners.icp import Icp, gate_schedule_m, largest_extent_m, observed_normals
 from verefine_viz.refiners.icp_kernel import icp_loop, nearest_rotation
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -173,10 +173,10 @@ def test_same_bits_every_time() -> None:
     rng = np.random.default_rng(8)
     cloud = lumpy_cloud(rng, 2000)
     source = apply(small_motion(rng, 20, 0.02), cloud[::2])
-    target = IcpTarget.build(cloud)
+    target = Cloud(cloud)
     results = [icp_align(source, target, IcpSettings()).T_target_source.tobytes() for _ in range(3)]
     icp_align(cloud[::7], target, IcpSettings())
-    results.append(icp_align(source, IcpTarget.build(cloud), IcpSettings()).T_target_source.tobytes())
+    results.append(icp_align(source, Cloud(cloud), IcpSettings()).T_target_source.tobytes())
     assert len(set(results)) == 1
 
 
@@ -311,24 +311,6 @@ def test_too_few_points_leave_the_pose_as_it_is(n: int) -> None:
     few = replace(target, instance=replace(target.instance, points_cam=target.instance.points_cam[:n]))
     T = target.instance.hypotheses[0].T_cam_obj
     assert np.array_equal(Icp(IcpSettings()).refine(few, T), T)
-    assert np.array_equal(icp_align(few.instance.points_cam, target.model.points, PLAIN).T_target_source, np.eye(4))
-
-
-def test_empty_target_leaves_the_source_as_it_is() -> None:
-    result = icp_align(np.zeros((5, 3)), np.empty((0, 3)), PLAIN)
-    assert np.array_equal(result.T_target_source, np.eye(4))
-    assert result.n_iterations == result.n_matches == 0
-
-
-def test_points_to_planes_needs_normals() -> None:
-    with pytest.raises(ShapeError, match="needs the normals of the target"):
-        icp_align(np.zeros((5, 3)), np.zeros((5, 3)), IcpSettings(metric="plane"))
-
-
-@pytest.mark.parametrize("bad", [np.zeros((5, 2)), np.full((5, 3), np.nan)])
-def test_bad_clouds_are_refused(bad: np.ndarray) -> None:
-    with pytest.raises(ShapeError, match="source cloud"):
-        icp_align(bad, np.zeros((5, 3)), PLAIN)
 
 
 def test_published_preset_spells_out_every_choice_of_icp() -> None:

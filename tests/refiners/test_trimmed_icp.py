@@ -9,19 +9,13 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from tests.fakes import box_model, box_problem
+from tests.refiners.alignment import Cloud, trimmed_align
 from tests.refiners.test_icp import assert_rigid, lumpy_cloud, moved, small_motion
 from verefine_viz.core.algorithm_settings import TricpSettings
-from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.refiners.trimmed_icp import (
-    Leaves,
-    TrimmedIcp,
-    TrimmedTarget,
-    nearest_from_afar,
-    trimmed_align,
-    trimmed_loop,
-)
+from verefine_viz.refiners.nearest import Leaves, nearest_from_afar
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp, trimmed_loop
 
 SEEDS = st.integers(0, 2**32 - 1)
 TRIMS = st.sampled_from([1.0, 0.9, 0.5])
@@ -41,7 +35,7 @@ def test_equals_pcl(trim: str, shared_data: Path) -> None:
     golden = json.loads((shared_data / "golden" / "icp_pcl.json").read_text())
     result = trimmed_align(np.array(golden["obs"]), np.array(golden["model"]), TricpSettings(trim=float(trim)))
     assert np.abs(result.T_target_source - golden["tricp"][trim]).max() < 1e-5
-    assert result.n_used == int(float(trim) * len(golden["obs"]))
+    assert result.n_matches == int(float(trim) * len(golden["obs"]))
 
 
 @given(seed=SEEDS, trim=TRIMS)
@@ -104,8 +98,8 @@ def test_equals_the_loop_written_with_a_kd_tree(seed: int, trim: float, passes: 
         if not energy < 0.99 * previous:
             break
     result = trimmed_align(source, cloud, TricpSettings(trim=trim, max_passes=passes))
-    assert result.n_passes == n_passes
-    assert result.n_used == n_used
+    assert result.n_iterations == n_passes
+    assert result.n_matches == n_used
     assert np.abs(result.T_target_source - T).max() < 1e-9
     assert result.rms_m == pytest.approx(np.sqrt(energy / n_used), rel=1e-9)
 
@@ -118,7 +112,7 @@ def test_result_is_rigid_whatever_the_clouds(seed: int, trim: float, spread_m: f
     target = rng.normal(size=(int(rng.integers(0, 60)), 3)) * 0.05 + rng.normal(size=3)
     result = trimmed_align(source, target, TricpSettings(trim=trim))
     assert_rigid(result.T_target_source)
-    assert result.n_passes <= 50
+    assert result.n_iterations <= 50
 
 
 @given(seed=SEEDS, trim=TRIMS)
@@ -148,28 +142,19 @@ def test_stays_where_the_clouds_already_agree() -> None:
     model = box_model()
     result = trimmed_align(model.points[::4], model.points, TricpSettings())
     assert np.abs(result.T_target_source - np.eye(4)).max() < 1e-12
-    assert result.n_passes == 2
+    assert result.n_iterations == 2
 
 
 def test_same_bits_every_time() -> None:
     rng = np.random.default_rng(8)
     cloud = lumpy_cloud(rng, 2000)
     source = apply(small_motion(rng, 20, 0.02), cloud[::2])
-    target = TrimmedTarget.build(cloud)
+    target = Cloud(cloud)
     half = TricpSettings(trim=0.5)
     results = [trimmed_align(source, target, half).T_target_source.tobytes() for _ in range(3)]
     trimmed_align(cloud[::7], target, TricpSettings())
-    results.append(trimmed_align(source, TrimmedTarget.build(cloud), half).T_target_source.tobytes())
+    results.append(trimmed_align(source, Cloud(cloud), half).T_target_source.tobytes())
     assert len(set(results)) == 1
-
-
-@pytest.mark.parametrize("bad", [np.zeros((4, 2)), np.zeros(3), np.full((5, 3), np.nan), "cloud"])
-def test_a_cloud_that_is_none_is_refused(bad: object) -> None:
-    good = np.eye(3)
-    with pytest.raises(ShapeError, match="source cloud"):
-        trimmed_align(bad, good, TricpSettings())  # type: ignore[arg-type]
-    with pytest.raises(ShapeError, match="target cloud"):
-        trimmed_align(good, bad, TricpSettings())  # type: ignore[arg-type]
 
 
 @given(seed=SEEDS, n=st.integers(1, 300), distance_m=st.sampled_from([0.0, 0.1, 3.0]))
@@ -267,8 +252,6 @@ def test_too_few_points_leave_the_pose_as_it_is(n: int, trim: float) -> None:
     few = replace(target, instance=replace(target.instance, points_cam=target.instance.points_cam[:n]))
     T = target.instance.hypotheses[0].T_cam_obj
     assert np.array_equal(TrimmedIcp(TricpSettings(trim=trim)).refine(few, T), T)
-    result = trimmed_align(few.instance.points_cam, target.model.points, TricpSettings(trim=trim))
-    assert (result.n_passes, result.n_used) == (0, 0)
 
 
 def test_a_model_without_points_leaves_the_pose_as_it_is() -> None:

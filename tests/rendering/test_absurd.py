@@ -17,7 +17,7 @@ from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.evaluation.bop_model import EvalModel
 from verefine_viz.evaluation.vsd import EMPTY, model_depth, vsd
 from verefine_viz.observation.normals import estimate_normals
-from verefine_viz.rendering import kernels
+from verefine_viz.rendering import score_kernels
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.mesh import render_mesh, render_meshes
 from verefine_viz.rendering.rasterizer import clamped, draw_depth, draw_frame
@@ -76,7 +76,7 @@ def test_drawing_stays_within_the_image(T: np.ndarray, fx: float, fy: float, cx:
     assert inv_z.is_intact
     assert face_of.is_intact
     assert depth.is_intact
-    windows = kernels.windows(T[None, None], render_meshes((TORUS,)).arrays, (fx, fy, cx, cy), HEIGHT, WIDTH)
+    windows = score_kernels.windows(T[None, None], render_meshes((TORUS,)).arrays, (fx, fy, cx, cy), HEIGHT, WIDTH)
     x0, y0, columns, rows = windows[0, 0].tolist()
     assert 0 <= x0 <= x0 + columns <= WIDTH
     assert 0 <= y0 <= y0 + rows <= HEIGHT

@@ -13,7 +13,7 @@ from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.rendering import gl_context, gl_passes, verifier
+from verefine_viz.rendering import gl_context, gl_passes
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.gl_context import GlInfo, gl_info, gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
@@ -140,7 +140,7 @@ def test_what_was_found_is_named() -> None:
 def test_software_gl_is_used_only_when_asked_for(
     monkeypatch: pytest.MonkeyPatch, renderer: str, is_software: bool, chosen: str
 ) -> None:
-    monkeypatch.setattr(verifier, "probe", lambda: GlInfo("some renderer", "some vendor", "3.3", is_software))
+    monkeypatch.setattr(gl_context, "probe", lambda: GlInfo("some renderer", "some vendor", "3.3", is_software))
     assert make_verifier(ScoreSettings.model_validate({"renderer": renderer})).name == chosen
 
 

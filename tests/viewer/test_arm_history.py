@@ -59,7 +59,7 @@ def test_of_a_few_plays_none_is_left_out() -> None:
 def test_a_pose_put_there_by_hand_is_a_row_below_the_play_that_went_on_from_it() -> None:
     debugger = Debugger(Session(method=MethodSettings(name="rir", iterations=2)), None, FakeTools)
     debugger.carry_out([c.Step(), c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose(), c.Step(), c.SelectArm(2)])
-    put = debugger.workspace.run.state.objects[0].arms[2].own_entries[0]
+    put = debugger.workspace.run.state.objects[0].arms[2].entries_since_edit[0]
     assert listed(debugger) == ["2", "", "0"]
     assert f"edited</td><td>{put.score.score:.3f}</td>" in arm_history(debugger.view())
 

@@ -32,8 +32,8 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
     assert d.message.startswith("Hypothesis 3 goes on from where you put it, with a score of 0.")
     assert d.message.endswith("Step or Run: it is refined next.")
     view = d.carry_out([c.Step()]).view()
-    assert chosen(view) == "Iteration 2 took hypothesis 3: it was moved by hand and is played first."
-    assert "hypothesis 3 of 3 (it was moved by hand and is played first)" in headline(view)
+    assert chosen(view) == "Iteration 2 took hypothesis 3: its pose was edited and is played first."
+    assert "hypothesis 3 of 3 (its pose was edited and is played first)" in headline(view)
     assert "An edited pose starts again at 1." in n_means(view)
 
 

@@ -151,7 +151,7 @@ def test_a_pose_moved_where_the_score_changes_is_told_by_the_earlier_score() -> 
     d = debugger().carry_out([c.Step(), c.Step(), *by_hand, c.Fork(STRICTER)])
     view = d.view()
     assert view.state is not None
-    assert view.state.by_hand
+    assert view.state.edited_arms
     assert scales_of(view) == {False}
 
 

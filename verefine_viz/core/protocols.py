@@ -157,7 +157,7 @@ class Method(Protocol[S]):
         """What it judges poses with."""
         ...
 
-    def judged_anew(self, state: S) -> S:
+    def rescored(self, state: S) -> S:
         """The same state with every pose in it judged by :attr:`verifier`: another one had scored them.
 
         Raises:

@@ -1,8 +1,9 @@
 """Initial poses from congruent point sets (Super4PCS, Mellado 2014), as the system the paper starts from uses them.
 
 Four points of the segment are a base; what a rigid motion cannot change about them is looked for among the model's
-points; each match is a pose; how many of the model's points then lie on the segment (LCP) ranks it; and of the
-thousands of poses a few that differ are kept. docs/methods.md 3.1 and 3.2.
+points; each match is a pose; how many of the model's points then lie on the segment (LCP, the largest common point
+set: counted, not estimated) ranks it; and the thousands of poses are reduced to a few that differ. docs/methods.md 3.1
+and 3.2.
 """
 
 from __future__ import annotations
@@ -14,95 +15,27 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from verefine_viz.core.algorithm_settings import PcsSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.estimators.clouds import large_parts, segment_cloud, spread_out, thinned
 from verefine_viz.estimators.pcs_bases import diameter, draw_base
-from verefine_viz.estimators.pcs_lcp import NearGrid, lcps
 from verefine_viz.estimators.pcs_quads import TOLERANCE, PairTable, congruent_quads, fitted
 from verefine_viz.estimators.pcs_reduction import reduced
-
-# The two clouds that are compared: the segment and the model, each thinned by a grid. docs/methods.md 3.1.
-
-NEIGHBOUR = 2.0
-"""Points of one part of the segment are linked by steps of at most this many sides of the grid."""
-
-
-def segment_cloud(target: Target) -> Float:
-    """Every measured pixel of the instance's mask, (N, 3) in the camera frame [m]."""
-    observation = target.observation
-    v, u = np.nonzero(target.instance.mask & (observation.depth_m > 0))
-    z = observation.depth_m[v, u].astype(np.float64)
-    camera = observation.camera
-    return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
-
-
-def thinned(points: Float, side_m: float) -> Float:
-    """One point per occupied cell of a grid: the mean of those inside. (N, 3) to (n, 3), ordered by cell."""
-    if len(points) == 0:
-        return points
-    cell = np.floor(points / side_m).astype(np.int64)
-    cell -= cell.min(axis=0)
-    counts = cell.max(axis=0) + 1
-    key = (cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
-    _, which, n = np.unique(key, return_inverse=True, return_counts=True)
-    which = which.ravel()
-    sums = np.stack([np.bincount(which, weights=points[:, k]) for k in range(3)], axis=1)
-    return sums / n[:, None]
-
-
-def large_parts(points: Float, side_m: float, share: float) -> Float:
-    """The points without those parts, apart from the rest, that hold less than ``share`` of all."""
-    if share == 0 or len(points) == 0:
-        return points
-    i, j = KDTree(points).query_pairs(NEIGHBOUR * side_m, output_type="ndarray").T
-    links = coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(len(points), len(points)))
-    part = connected_components(links, directed=False)[1]
-    return points[np.bincount(part)[part] >= share * len(points)]
-
-
-def spread_out(points: Float, n: int) -> tuple[Float, Float]:
-    """At most ``n`` of the points, evenly spread, and how far each is from the nearest of those before it [m].
-
-    The first is the cloud's first; each further one is the farthest from all before, so that any beginning of the list
-    is evenly spread too, and the distances never grow.
-    """
-    points = np.array(points, dtype=np.float64, order="C")
-    chosen, distances = _farthest(points, min(n, len(points)))
-    return points[chosen], distances
-
-
-@njit(cache=True)
-def _farthest(points: np.ndarray, n: int) -> tuple[NDArray[np.int64], np.ndarray]:
-    squared = np.full(len(points), np.inf)
-    chosen, distances = np.empty(n, dtype=np.int64), np.empty(n)
-    last = 0
-    for m in range(n):
-        chosen[m], distances[m] = last, np.sqrt(squared[last])
-        farthest, next_one = -1.0, 0
-        for i in range(len(points)):
-            dx, dy, dz = points[i, 0] - points[last, 0], points[i, 1] - points[last, 1], points[i, 2] - points[last, 2]
-            squared[i] = min(squared[i], dx * dx + dy * dy + dz * dz)
-            if squared[i] > farthest:
-                farthest, next_one = squared[i], i
-        last = next_one
-    return chosen, distances
-
 
 MIN_POINTS = 20
 """Thinned points below which a segment says nothing."""
 MIN_PAIRED = 50
 """Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
 POOL = 25
-"""Poses that are kept for whoever wants as many or fewer; he gets the best of them. docs/methods.md 3.2."""
+"""Poses that are chosen where as many or fewer are wanted; the answer is the best of them. docs/methods.md 3.2."""
 AT_ONCE = 10_000
-"""Poses that are counted between two looks at whether somebody still waits: a tenth of a second."""
+"""Poses that are counted between two checkpoints: a tenth of a second."""
+MAX_CELLS = 2**22
+"""Most cells of the LCP's grid; around a larger segment they grow beyond δ, which costs time only."""
 
 
 class PcsModel(NamedTuple):
@@ -142,16 +75,16 @@ class Pcs:
         if len(segment) < MIN_POINTS:
             return ()
         progress.checkpoint(f"Looking for {model.name} in its segment by {s.bases:,} bases of four points.")
-        known = self._models.get(model)
-        if known is None:
-            known = self._models[model] = PcsModel.build(model, s)
+        ready = self._models.get(model)
+        if ready is None:
+            ready = self._models[model] = PcsModel.build(model, s)
         rng = np.random.default_rng(s.seed)
-        Ts, scores = candidates(segment, known, model.diameter_m, s, rng, progress)
+        Ts, scores = candidates(segment, ready, model.diameter_m, s, rng, progress)
         progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         k = math.ceil(math.sqrt(max(n, POOL)))
         Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, s.bins, k, rng)
-        found = zip(Ts[:n], scores[:n], strict=True)
-        return tuple(Hypothesis(T, float(lcp), f"pcs #{i}") for i, (T, lcp) in enumerate(found, start=1))
+        best = zip(Ts[:n], scores[:n], strict=True)
+        return tuple(Hypothesis(T, float(lcp), f"pcs #{i}") for i, (T, lcp) in enumerate(best, start=1))
 
 
 def candidates(
@@ -173,7 +106,7 @@ def candidates(
         progress: checked before each base, and before each batch of poses is counted.
 
     Raises:
-        Cancelled: nobody waits for them any more.
+        Cancelled: through ``progress``.
     """
     grid = NearGrid.build(segment, settings.delta_m)
     longest_m = min(diameter(segment), model_diameter_m)
@@ -188,3 +121,109 @@ def candidates(
     batches = range(0, len(Ts), AT_ONCE)
     scores = [lcps(Ts[k : k + AT_ONCE], model.points, grid) for k in progress.over(batches)]
     return Ts, np.concatenate([np.empty(0), *scores])
+
+
+class NearGrid(NamedTuple):
+    """Cells around a cloud, each with those points that are near to some place in it."""
+
+    points: Float
+    """(N, 3) [m]."""
+    radius_m: float
+    """What "near" means: δ."""
+    low: Float
+    """(3,) where the cells begin."""
+    side: float
+    counts: NDArray[np.int64]
+    """(3,) cells along x, y, z."""
+    starts: NDArray[np.int32]
+    """(cells + 1,) where each cell's points begin."""
+    candidates: NDArray[np.int32]
+    """Indices into ``points``."""
+
+    @staticmethod
+    def build(points: Float, radius_m: float) -> NearGrid:
+        """The grid of a cloud (N, 3) of at least one point."""
+        points = np.array(points, dtype=np.float64, order="C")
+        low = points.min(axis=0) - radius_m
+        extents = points.max(axis=0) + radius_m - low
+        side = max(radius_m, float((extents.prod() / MAX_CELLS) ** (1 / 3)))
+        counts = (extents / side).astype(np.int64) + 1
+        starts, candidates = _fill(points, radius_m, low, side, counts)
+        return NearGrid(points, radius_m, low, side, counts, starts, candidates)
+
+
+def lcps(Ts_cam_obj: Float, model_points: Float, grid: NearGrid) -> Float:
+    """Share of the model's points (M, 3) that lie within δ of a segment point, at each of the poses (N, 4, 4)."""
+    points = np.array(model_points, dtype=np.float64, order="C")
+    Ts = np.array(Ts_cam_obj, dtype=np.float64, order="C")
+    return _counts(Ts, points, grid) / len(points)
+
+
+@njit(cache=True)
+def _counts(Ts: np.ndarray, points: np.ndarray, grid: NearGrid) -> np.ndarray:
+    out = np.empty(len(Ts), dtype=np.int64)
+    for i in range(len(Ts)):
+        out[i] = count_near(Ts[i, :3, :3], Ts[i, :3, 3], points, grid)
+    return out
+
+
+@njit(cache=True)
+def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid) -> int:
+    """How many of ``points`` (M, 3), turned by R (3, 3) and moved by t (3,), lie within δ of a point of the grid."""
+    # Everything in locals: in the loop, a look into a tuple or a strided matrix costs more than the arithmetic.
+    r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
+    r20, r21, r22, tx, ty, tz = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
+    cloud, starts, candidates = grid.points, grid.starts, grid.candidates
+    lx, ly, lz, per_side = grid.low[0], grid.low[1], grid.low[2], 1.0 / grid.side
+    nx, ny, nz = grid.counts[0], grid.counts[1], grid.counts[2]
+    limit = grid.radius_m * grid.radius_m
+    n = 0
+    for i in range(len(points)):
+        a, b, c = points[i, 0], points[i, 1], points[i, 2]
+        x = r00 * a + r01 * b + r02 * c + tx
+        y = r10 * a + r11 * b + r12 * c + ty
+        z = r20 * a + r21 * b + r22 * c + tz
+        u, v, w = (x - lx) * per_side, (y - ly) * per_side, (z - lz) * per_side
+        if u >= 0.0 and v >= 0.0 and w >= 0.0 and u < nx and v < ny and w < nz:
+            cell = (int(u) * ny + int(v)) * nz + int(w)
+            for k in range(starts[cell], starts[cell + 1]):
+                p = candidates[k]
+                dx, dy, dz = cloud[p, 0] - x, cloud[p, 1] - y, cloud[p, 2] - z
+                if dx * dx + dy * dy + dz * dz <= limit:
+                    n += 1
+                    break
+    return n
+
+
+@njit(cache=True)
+def _fill(
+    points: np.ndarray, radius: float, low: np.ndarray, side: float, counts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where each cell's points begin, and the points: once to count them, once to enter them."""
+    nx, ny, nz = counts[0], counts[1], counts[2]
+    starts = np.zeros(nx * ny * nz + 1, dtype=np.int32)
+    candidates = np.empty(0, dtype=np.int32)
+    cursor = starts
+    for entering in range(2):
+        if entering == 1:
+            for cell in range(nx * ny * nz):
+                starts[cell + 1] += starts[cell]
+            candidates = np.empty(starts[-1], dtype=np.int32)
+            cursor = starts[:-1].copy()
+        for p in range(len(points)):
+            x, y, z = points[p, 0] - low[0], points[p, 1] - low[1], points[p, 2] - low[2]
+            for i in range(max(0, int((x - radius) / side)), min(nx - 1, int((x + radius) / side)) + 1):
+                dx = max(i * side - x, x - (i + 1) * side, 0.0)
+                for j in range(max(0, int((y - radius) / side)), min(ny - 1, int((y + radius) / side)) + 1):
+                    dy = max(j * side - y, y - (j + 1) * side, 0.0)
+                    for k in range(max(0, int((z - radius) / side)), min(nz - 1, int((z + radius) / side)) + 1):
+                        dz = max(k * side - z, z - (k + 1) * side, 0.0)
+                        # A hair more than δ, so that rounding loses no point at a cell's border.
+                        if dx * dx + dy * dy + dz * dz <= radius * radius * (1.0 + 1e-9):
+                            cell = (i * ny + j) * nz + k
+                            if entering == 1:
+                                candidates[cursor[cell]] = p
+                                cursor[cell] += 1
+                            else:
+                                starts[cell + 1] += 1
+    return starts, candidates

@@ -39,8 +39,8 @@ def reduced(
         rng: of both.
     """
     highest = lcps.max(initial=0.0)
-    kept = (lcps >= keep_share * highest) & (lcps > 0)
-    Ts, lcps = Ts[kept], lcps[kept]
+    high = (lcps >= keep_share * highest) & (lcps > 0)
+    Ts, lcps = Ts[high], lcps[high]
     bins = best_of_bins(Ts, lcps)[:most_bins]
     if len(bins) == 0:
         return np.empty((0, 4, 4)), np.empty(0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,23 +17,80 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply, nearest_rotation, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.estimators.clouds import Oriented, segment_surface, thinned_surface
 from verefine_viz.estimators.ppf_agreement import agreement
-from verefine_viz.estimators.ppf_cache import Learnt, cache_file, learn, read, write
-from verefine_viz.estimators.ppf_cloud import Oriented, segment_surface, thinned
-from verefine_viz.estimators.ppf_cluster import Nearness, clustered, distinct
-from verefine_viz.estimators.ppf_table import (
+from verefine_viz.estimators.ppf_model import (
     PairTable,
+    PpfModel,
     bin_of,
+    cache_file,
+    learn,
     local_rotation,
     pair_feature,
     pose_of_match,
+    read,
     turn_about_normal,
+    write,
 )
 
-# Votes of scene pairs for where a reference point lies on the model, and how far turned about its normal.
+MIN_POINTS = 10
+"""Thinned points below which a segment says nothing."""
+
+
+class Ppf:
+    """Estimator by point pair features. The answer depends on the arguments of each call only.
+
+    Args:
+        settings: of the method.
+        cache_folder: where tables of models are cached; None = in the user's cache folder.
+    """
+
+    def __init__(self, settings: PpfSettings, cache_folder: Path | None = None) -> None:
+        self.settings = settings
+        self._folder = cache_folder
+        self._models: WeakKeyDictionary[ObjectModel, PpfModel] = WeakKeyDictionary()
+
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+        """At most ``n`` poses, best first, no two of which look the same; see :class:`core.protocols.Estimator`.
+
+        The confidence is in (0, 1]: see :func:`ppf_agreement.agreement`.
+        """
+        s, model = self.settings, target.model
+        d = model.diameter_m
+        segment = thinned_surface(segment_surface(target), s.step * d)
+        if len(segment.points) < MIN_POINTS:
+            return ()
+        ready = self._model(model, progress)
+        references = np.arange(0, len(segment.points), s.reference_every)
+        progress.checkpoint(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
+        Ts, votes = voted_poses(segment, references, ready.table, s.turn_bins, s.peaks, progress)
+        center_obj = ready.table.points.mean(axis=0)
+        same = SamePose(model.symmetries, center_obj, s.cluster_share * d, math.radians(s.cluster_deg))
+        progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
+        candidates = clustered(Ts, votes, same)[0][: s.candidates]
+        progress.checkpoint()
+        agree = agreement(target, ready.cloud, ready.field, segment, candidates, s.tolerance * d)
+        order = np.argsort(-agree, kind="stable")
+        order = order[agree[order] > 0]
+        chosen = order[distinct(candidates[order], n, same)]
+        return tuple(Hypothesis(candidates[i], float(agree[i]), f"ppf #{k}") for k, i in enumerate(chosen, start=1))
+
+    def _model(self, model: ObjectModel, progress: ProgressToken) -> PpfModel:
+        """The model's tables: from memory, else from disk, else learnt now."""
+        ready = self._models.get(model)
+        if ready is None:
+            path = cache_file(model, self.settings, self._folder)
+            ready = read(path)
+            if ready is None:
+                progress.checkpoint(f"Learning the point pairs of {model.name}.")
+                ready = learn(model, self.settings, progress)
+                write(path, ready)
+            self._models[model] = ready
+        return ready
 
 
 def voted_poses(
@@ -46,7 +104,7 @@ def voted_poses(
     """Poses ``Ts_cam_obj`` (N, 4, 4) that got most votes, and their votes (N,); N ≤ references · peaks.
 
     Every reference makes pairs with all other scene points. Each pair looks up the model's pairs with the same feature,
-    and each of these says: the reference is this model point, turned so far about the normal.
+    and each of these is a vote: the reference is this model point, turned so far about the normal.
 
     Args:
         scene: (S, 3) thinned points and normals, camera frame.
@@ -57,12 +115,12 @@ def voted_poses(
         progress: checked before each reference, a tenth of a second on the finest grid.
 
     Raises:
-        Cancelled: nobody waits for them any more.
+        Cancelled: through ``progress``.
     """
-    found = [(np.empty((0, 4, 4)), np.empty(0))]
+    peaks_of = [(np.empty((0, 4, 4)), np.empty(0))]
     for k in progress.over(range(len(references))):
-        found.append(_voted(scene.points, scene.normals, references[k : k + 1], table, turn_bins, peaks))
-    poses, votes = zip(*found, strict=True)
+        peaks_of.append(_voted(scene.points, scene.normals, references[k : k + 1], table, turn_bins, peaks))
+    poses, votes = zip(*peaks_of, strict=True)
     return np.concatenate(poses), np.concatenate(votes)
 
 
@@ -117,57 +175,109 @@ def _voted(
     return poses[:used], votes[:used]
 
 
-MIN_POINTS = 10
-"""Thinned points below which a segment says nothing."""
+class SamePose(NamedTuple):
+    """When two poses of a model count as the same."""
+
+    symmetries: Float
+    """(S, 4, 4) transforms of the object frame that leave it looking the same, the identity first."""
+    center_obj: Float
+    """(3,) the point whose distance is measured [m]; an object's origin may lie far outside it."""
+    near_m: float
+    """Centres nearer than this, and …"""
+    near_rad: float
+    """… rotations that differ by less than this [rad]."""
 
 
-class Ppf:
-    """Estimator by point pair features. The answer depends on the arguments of each call only.
+def clustered(Ts: Float, votes: Float, same: SamePose) -> tuple[Float, Float]:
+    """Poses (C, 4, 4) and their votes (C,), most votes first, of poses (N, 4, 4) and votes (N,).
 
-    Args:
-        settings: of the method.
-        cache_folder: where tables of models are kept; None = in the user's cache folder.
+    Greedy, in falling order of votes: a pose joins the first cluster whose founder, turned by any symmetry, is near;
+    else it founds one. A cluster's pose is the mean of its members, weighted by their votes.
     """
+    order = np.argsort(-votes, kind="stable")
+    R_sums, c_sums, v_sums = _clustered(
+        np.ascontiguousarray(Ts[order]),
+        votes[order],
+        np.array(same.symmetries),
+        np.array(same.center_obj),
+        same.near_m,
+        float(np.cos(same.near_rad)),
+    )
+    means = np.empty((len(v_sums), 4, 4))
+    for k, (R_sum, c_sum, v) in enumerate(zip(R_sums, c_sums, v_sums, strict=True)):
+        R = nearest_rotation(R_sum)
+        means[k] = transform(R, c_sum / v - R @ same.center_obj)
+    best_first = np.argsort(-v_sums, kind="stable")
+    return means[best_first], v_sums[best_first]
 
-    def __init__(self, settings: PpfSettings, cache_folder: Path | None = None) -> None:
-        self.settings = settings
-        self._folder = cache_folder
-        self._learnt: WeakKeyDictionary[ObjectModel, Learnt] = WeakKeyDictionary()
 
-    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
-        """At most ``n`` poses, best first, no two of which look the same; see :class:`core.protocols.Estimator`.
+def distinct(Ts: Float, n: int, same: SamePose) -> list[int]:
+    """Indices of the first ``n`` of ``Ts`` (N, 4, 4) that are not near an earlier one of them.
 
-        The confidence is in (0, 1]: see :func:`ppf_agreement.agreement`.
-        """
-        s, model = self.settings, target.model
-        d = model.diameter_m
-        segment = thinned(segment_surface(target), s.step * d)
-        if len(segment.points) < MIN_POINTS:
-            return ()
-        learnt = self._of(model, progress)
-        references = np.arange(0, len(segment.points), s.reference_every)
-        progress.checkpoint(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
-        Ts, votes = voted_poses(segment, references, learnt.table, s.turn_bins, s.peaks, progress)
-        center_obj = learnt.table.points.mean(axis=0)
-        nearness = Nearness(model.symmetries, center_obj, s.cluster_share * d, math.radians(s.cluster_deg))
-        progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
-        candidates = clustered(Ts, votes, nearness)[0][: s.candidates]
-        progress.checkpoint()
-        agree = agreement(target, learnt.cloud, learnt.field, segment, candidates, s.tolerance * d)
-        order = np.argsort(-agree, kind="stable")
-        order = order[agree[order] > 0]
-        chosen = order[distinct(candidates[order], n, nearness)]
-        return tuple(Hypothesis(candidates[i], float(agree[i]), f"ppf #{k}") for k, i in enumerate(chosen, start=1))
+    Means of clusters may have come nearer to each other than their founders were.
+    """
+    chosen: list[int] = []
+    for k, T in enumerate(Ts):
+        if len(chosen) == n:
+            break
+        if not any(_is_near(Ts[i], T, same) for i in chosen):
+            chosen.append(k)
+    return chosen
 
-    def _of(self, model: ObjectModel, progress: ProgressToken) -> Learnt:
-        """What is known of the model: from memory, else from disk, else learnt now."""
-        known = self._learnt.get(model)
-        if known is None:
-            path = cache_file(model, self.settings, self._folder)
-            known = read(path)
-            if known is None:
-                progress.checkpoint(f"Learning the point pairs of {model.name}.")
-                known = learn(model, self.settings, progress)
-                write(path, known)
-            self._learnt[model] = known
-        return known
+
+def _is_near(T_a: Float, T_b: Float, same: SamePose) -> bool:
+    turned = T_a @ same.symmetries
+    gap = turned[:, :3, :3] @ same.center_obj + turned[:, :3, 3] - apply(T_b, same.center_obj)
+    cosine = 0.5 * (np.einsum("sij,ij->s", turned[:, :3, :3], T_b[:3, :3]) - 1)
+    near = (np.linalg.norm(gap, axis=1) <= same.near_m) & (cosine > np.cos(same.near_rad))
+    return bool(near.any())
+
+
+@njit(cache=True)
+def _clustered(
+    Ts: np.ndarray, votes: np.ndarray, symmetries: np.ndarray, center: np.ndarray, near: float, cosine: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sums of rotations, centres and votes of each cluster."""
+    n = len(Ts)
+    founders = np.empty((n, len(symmetries), 4, 4))
+    R_sums, c_sums, v_sums = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros(n)
+    used = 0
+    for i in range(n):
+        mine, turned = _cluster_of(Ts[i], founders[:used], center, near, cosine)
+        if mine == used:
+            for s in range(len(symmetries)):
+                founders[used, s] = Ts[i] @ symmetries[s]
+            used += 1
+        # The member, turned back by the symmetry that brought the founder near it: member ≈ founder · S.
+        S = symmetries[turned]
+        for a in range(3):
+            c_sums[mine, a] += votes[i] * Ts[i, a, 3]
+            for b in range(3):
+                R_ab = 0.0
+                for m in range(3):
+                    R_ab += Ts[i, a, m] * S[b, m]
+                R_sums[mine, a, b] += votes[i] * R_ab
+                c_sums[mine, a] += votes[i] * R_ab * (center[b] - S[b, 3])
+        v_sums[mine] += votes[i]
+    return R_sums[:used], c_sums[:used], v_sums[:used]
+
+
+@njit(cache=True)
+def _cluster_of(T: np.ndarray, founders: np.ndarray, center: np.ndarray, near: float, cosine: float) -> tuple[int, int]:
+    """The first cluster that is near, and by which symmetry it is nearest; (their number, 0) if none is."""
+    for k in range(founders.shape[0]):
+        nearest, best = -1, cosine
+        for s in range(founders.shape[1]):
+            F = founders[k, s]
+            squared, trace = 0.0, 0.0
+            for a in range(3):
+                gap = F[a, 3] - T[a, 3]
+                for b in range(3):
+                    gap += (F[a, b] - T[a, b]) * center[b]
+                    trace += F[a, b] * T[a, b]
+                squared += gap * gap
+            if squared <= near * near and 0.5 * (trace - 1.0) > best:
+                nearest, best = s, 0.5 * (trace - 1.0)
+        if nearest >= 0:
+            return k, nearest
+    return founders.shape[0], 0

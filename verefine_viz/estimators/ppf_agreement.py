@@ -1,4 +1,4 @@
-"""How well a pose agrees with the depth image: a quick look at points, for ranking many poses before any is refined.
+"""How well a pose agrees with the depth image at points, quickly: for ranking many poses before any is refined.
 
 Votes say how much of the segment could belong to a pose. They do not say that the model would stick out into space that
 the sensor saw through, nor that part of the segment stays unexplained.
@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import Target
-from verefine_viz.estimators.ppf_cloud import GRAZING_COSINE, Oriented
+from verefine_viz.estimators.clouds import GRAZING_COSINE, Oriented
 
 CELLS = 64
 """Cells of the distance field along a diameter."""

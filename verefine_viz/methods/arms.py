@@ -1,26 +1,31 @@
-"""The state of one object: its hypotheses, each with the poses it went through."""
+"""The state of one object: its hypotheses as the arms of a bandit, each with the poses it went through."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.records import Best, StageName
 from verefine_viz.core.scores import PoseScore, Scores
 
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One pose that was kept."""
+    """One pose that was accepted."""
 
     T_cam_obj: Float
     score: PoseScore
     stage: StageName
     iteration: int
     """Of the whole run; 0 = initial."""
+
+    def as_best(self, arm: int) -> Best:
+        """This pose of ``arm`` as an answer."""
+        return Best(self.T_cam_obj, self.score, arm, self.iteration, self.stage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +46,13 @@ class Arm:
         return self.entries[-1]
 
     @property
-    def own_entries(self) -> tuple[Entry, ...]:
-        """Those that its plays and its mean are about: from the initial pose on, or from the last one moved by hand."""
-        moved = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
-        return self.entries[moved:]
+    def entries_since_edit(self) -> tuple[Entry, ...]:
+        """Those that its plays and its mean are about: from the initial pose on, or from the last edited one."""
+        edited = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
+        return self.entries[edited:]
 
-    def moved(self, entry: Entry) -> Arm:
-        """After one more iteration that kept ``entry``; its reward is still to come."""
+    def advanced(self, entry: Entry) -> Arm:
+        """After one more iteration that accepted ``entry``; its reward is still to come."""
         return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
 
     def rewarded(self, reward: float) -> Arm:
@@ -58,6 +63,12 @@ class Arm:
     def discounted(self, discount: float) -> Arm:
         """After a pass whose earlier plays count less: the mean stays, n ← γ n (docs/methods.md 1.6)."""
         return Arm(self.entries, self.plays * discount, self.mean, self.n_iterations)
+
+
+def initial_arms(hypotheses: Sequence[Hypothesis], scores: Scores) -> tuple[Arm, ...]:
+    """An arm per hypothesis, whose score is its first play (paper Sec. III-C)."""
+    entries = [Entry(h.T_cam_obj, scores[j], "initial", 0) for j, h in enumerate(hypotheses)]
+    return tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +82,10 @@ class ObjectState:
     n_done: int = 0
     """Iterations spent on this object."""
     last_arm: int | None = None
-    by_hand: tuple[int, ...] = ()
-    """Arms that a person moved and that were not played since, the latest first: they are played before all others."""
+    edited_arms: tuple[int, ...] = ()
+    """Arms whose pose was edited and that were not played since, the latest first: played before all others."""
     was_ahead: bool = False
-    """Whether its latest iteration came before its turn among the objects, for an arm moved by hand."""
+    """Whether its latest iteration came before its turn among the objects, for an edited arm."""
 
     @property
     def plays(self) -> list[float]:
@@ -89,19 +100,17 @@ class ObjectState:
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:
         """One iteration further, spent on arm ``j``."""
         arms = (*self.arms[:j], arm, *self.arms[j + 1 :])
-        left = tuple(k for k in self.by_hand if k != j)
-        return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j, left)
+        edited = tuple(k for k in self.edited_arms if k != j)
+        return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j, edited)
 
     def rewarded(self, j: int, reward: float, discount: float = 1.0) -> ObjectState:
         """After arm ``j`` was played for ``reward``; what was played before counts ``discount`` times as much."""
-        kept = [arm.discounted(discount) for arm in self.arms] if discount != 1.0 else list(self.arms)
-        kept[j] = kept[j].rewarded(reward)
-        return ObjectState(
-            self.target, self.initial, tuple(kept), self.best, self.n_done, self.last_arm, self.by_hand, self.was_ahead
-        )
+        arms = [arm.discounted(discount) for arm in self.arms] if discount != 1.0 else list(self.arms)
+        arms[j] = arms[j].rewarded(reward)
+        return replace(self, arms=tuple(arms))
 
     def with_edited(self, j: int, T_cam_obj: Float, score: PoseScore, iteration: int) -> ObjectState:
-        """The arm's current pose replaced by one a person chose; the arm begins anew there, and is to be played next.
+        """The arm's current pose replaced by an edited one; the arm starts again there, and is to be played next.
 
         Raises:
             ShapeError: there is no such arm, or the pose is not rigid.
@@ -112,5 +121,5 @@ class ObjectState:
         # What the arm had earned says nothing about a pose that did not come from it: this is a new hypothesis in its
         # place, and begins as every hypothesis does, with its score as the first play (docs/methods.md 1.4).
         arm = Arm((*self.arms[j].entries, entry), 1.0, score.score, self.arms[j].n_iterations)
-        waiting = (j, *(k for k in self.by_hand if k != j))
-        return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]), by_hand=waiting)
+        edited = (j, *(k for k in self.edited_arms if k != j))
+        return replace(self, arms=(*self.arms[:j], arm, *self.arms[j + 1 :]), edited_arms=edited)

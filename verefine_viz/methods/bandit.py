@@ -1,4 +1,4 @@
-"""Which hypothesis gets the next iteration."""
+"""Which hypothesis gets the next iteration: UCB (paper Sec. III-C, Eq. 2), and the ablation's policies (Sec. V-A)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Numbers = list[float]
 
 
 class Policy(Protocol):
-    """Chooses the next arm from what is known about all of them."""
+    """Chooses the next arm."""
 
     def choose(self, state: ObjectState) -> Choice: ...
 
@@ -31,11 +31,13 @@ class Ucb:
     def choose(self, state: ObjectState) -> Choice:
         plays, mean = state.plays, state.means
         never_played = math.inf if self.c > 0.0 else 0.0
-        # The logarithm of a discounted count can be negative; an exploration term cannot (docs/methods.md 1.8.14).
+        # ln p of Eq. 2, p = Σn. That of a discounted count can be negative; an exploration term cannot
+        # (docs/methods.md 1.8.14).
         log_total = math.log(max(sum(plays), 1.0))
         exploration = [self.c * math.sqrt(log_total / n) if n > 0.0 else never_played for n in plays]
-        # Eq. 2: ucb_j = μ_j + c·sqrt(ln p / n_j), with p = Σn.
+        # Eq. 2: ucb_j = μ_j + c·sqrt(ln p / n_j).
         ucb = [m + e for m, e in zip(mean, exploration, strict=True)]
+        # Sec. III-C: the arm with maximal ucb_j is selected.
         j = ucb.index(max(ucb))
         return _choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
 
@@ -54,19 +56,18 @@ class BestInitial:
     """Always the arm whose initial pose scored best (EXPL, paper Sec. V-A); the first on ties."""
 
     def choose(self, state: ObjectState) -> Choice:
-        first = [arm.own_entries[0] for arm in state.arms]
+        first = [arm.entries_since_edit[0] for arm in state.arms]
         j = int(np.argmax([entry.score.score for entry in first]))
-        which = "pose by hand" if first[j].stage == "edited" else "initial pose"
-        return _fixed_choice(state, j, f"its {which} scored best, {first[j].score.score:.2f}")
+        return _fixed_choice(state, j, f"its {first[j].stage} pose scored best, {first[j].score.score:.2f}")
 
 
 def next_choice(policy: Policy, state: ObjectState) -> Choice:
-    """What the policy chooses; an arm that a person moved goes before all others, and the numbers stay as they are."""
+    """What the policy chooses; an edited arm goes before all others, and the numbers stay as they are."""
     choice = policy.choose(state)
-    if not state.by_hand:
+    if not state.edited_arms:
         return choice
-    j = state.by_hand[0]
-    return replace(choice, arm=j, reason=f"hypothesis {j + 1}: it was moved by hand and is played first")
+    j = state.edited_arms[0]
+    return replace(choice, arm=j, reason=f"hypothesis {j + 1}: its pose was edited and is played first")
 
 
 def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:

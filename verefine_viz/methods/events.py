@@ -9,10 +9,10 @@ from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Event, Iteration, SimulatedPath, Stage, Tipping
 from verefine_viz.core.text_format import telling_digits
 from verefine_viz.methods.arms import ObjectState
-from verefine_viz.methods.iteration_step import Draft
+from verefine_viz.methods.single_object import Draft
 
 STUCK_MM = 1e-6
-"""A refiner that moves less than this, and turns as little, found nothing to hold on to [mm, deg]."""
+"""A refiner that moves and turns the pose by less than this had no correspondence [mm, deg]."""
 
 SCORE_STEP = 0.001
 """A smaller rise or fall of the score is not worth a mark [score]."""
@@ -30,10 +30,10 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
     """The events of an iteration, given its draft and the object's state before it."""
     current = iteration.stages[0]
     simulated, refined = iteration.stage("simulated"), iteration.stage("refined")
-    kept = iteration.accepted_stage
+    accepted = iteration.accepted_stage
     events: list[Event] = []
     if before.arms[iteration.arm].current.stage == "edited":
-        events.append(Event("edited", f"Hypothesis {iteration.arm + 1} was moved by hand before this iteration."))
+        events.append(Event("edited", f"Hypothesis {iteration.arm + 1} was edited before this iteration."))
     if draft.lacks_physics and before.n_done == 0:
         note = before.target.observation.support_note or "physics is switched off"
         events.append(Event("no_physics", f"No simulation: {note}"))
@@ -41,9 +41,9 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         events.append(Event("arm_switched", f"Switched from hypothesis {before.last_arm + 1} to {iteration.arm + 1}."))
     if iteration.path is not None and iteration.path.tipping is not None:
         events.append(_unstable(iteration.path, iteration.path.tipping))
-    events.extend(_made_worse(iteration))
+    events.extend(_worse_by_physics(iteration))
     if refined is not None:
-        start = _refiner_start(iteration, refined)
+        start = iteration.stages[iteration.stages.index(refined) - 1]
         moved = 1e3 * math.dist(refined.T_cam_obj[:3, 3].tolist(), start.T_cam_obj[:3, 3].tolist())
         turned = math.degrees(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
         if moved < STUCK_MM and turned < STUCK_MM:
@@ -54,30 +54,28 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         if stage.score is not None and stage.score.n_rendered == 0:
             events.append(Event("empty_render", f"The {stage.name} pose renders to nothing: outside of the image."))
     if len(draft.candidates) > 1 and simulated is not None and refined is not None:
-        events.append(_kept(kept, simulated, refined))
-    fall = current.score.score - kept.score.score if current.score and kept.score else 0.0
-    if current.score and kept.score and fall >= SCORE_STEP:
-        events.append(
-            Event("score_fell", f"The score fell by {fall:.3f}, {current.score.score:.3f} → {kept.score.score:.3f}.")
-        )
+        events.append(_accepted(accepted, simulated, refined))
+    if current.score and accepted.score:
+        was, now = current.score.score, accepted.score.score
+        if was - now >= SCORE_STEP:
+            events.append(Event("score_fell", f"The score fell by {was - now:.3f}, {was:.3f} → {now:.3f}."))
     rise = iteration.best.score.score - before.best.score.score
     if iteration.best.iteration == iteration.index and rise >= SCORE_STEP:
-        events.append(
-            Event("new_best", f"New best: {iteration.best.score.score:.3f}, was {before.best.score.score:.3f}.")
-        )
+        text = f"New best: {iteration.best.score.score:.3f}, was {before.best.score.score:.3f}."
+        events.append(Event("new_best", text))
     return tuple(events)
 
 
 def _unstable(path: SimulatedPath, tipping: Tipping) -> Event:
     n_steps = len(path.Ts_cam_obj) - 1
     turned_deg = math.degrees(angle_between(path.Ts_cam_obj[0, :3, :3], path.T_cam_obj[:3, :3]))
-    said, was = ("Would tip", "is") if tipping.step == n_steps else ("Tipped over", "was")
+    verb, was = ("Would tip", "is") if tipping.step == n_steps else ("Tipped over", "was")
     when = f"after step {tipping.step} of {n_steps} of the simulation"
     outside = f"the centre of mass {was} {1e3 * tipping.overhang_m:.1f} mm outside its support"
-    return Event("unstable", f"{said}: {when} {outside}; all in all it turned by {turned_deg:.1f}°.")
+    return Event("unstable", f"{verb}: {when} {outside}; all in all it turned by {turned_deg:.1f}°.")
 
 
-def _made_worse(iteration: Iteration) -> list[Event]:
+def _worse_by_physics(iteration: Iteration) -> list[Event]:
     for before, after in pairwise(iteration.stages):
         if after.name == "simulated" and before.score is not None and after.score is not None:
             was, now = before.score.score, after.score.score
@@ -87,14 +85,10 @@ def _made_worse(iteration: Iteration) -> list[Event]:
     return []
 
 
-def _kept(kept: Stage, simulated: Stage, refined: Stage) -> Event:
+def _accepted(accepted: Stage, simulated: Stage, refined: Stage) -> Event:
     known = {s.name: s.score.score for s in (simulated, refined) if s.score is not None}
     digits = max(3, telling_digits(max(known.values()) - min(known.values()))) if known else 3
     scores = ", ".join(f"{name} {score:.{digits}f}" for name, score in known.items())
-    if kept.name == "refined":
-        return Event("kept_refined", f"Refined pose kept ({scores}).")
-    return Event("kept_simulated", f"Refined pose rejected, {kept.name} kept ({scores}).")
-
-
-def _refiner_start(iteration: Iteration, refined: Stage) -> Stage:
-    return iteration.stages[iteration.stages.index(refined) - 1]
+    if accepted.name == "refined":
+        return Event("kept_refined", f"Refined pose accepted ({scores}).")
+    return Event("kept_simulated", f"Refined pose rejected, {accepted.name} accepted ({scores}).")

@@ -1,9 +1,12 @@
-"""The loop that every method shares for one object: choose a hypothesis, move it on, judge it, keep the best."""
+"""The loop that every method shares for one object: choose a hypothesis, move it on, score it, keep the best.
+
+With the chain of SIR and the policy UCB it is RIR (paper Sec. III-C).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -11,12 +14,12 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
-from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage
+from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage, StageName
 from verefine_viz.core.scores import PoseScore, Scores
-from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.methods.arms import Arm, Entry, ObjectState, initial_arms
 from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.events import events_of
-from verefine_viz.methods.iteration_step import Chain, Judging
+from verefine_viz.methods.single_object import Chain, Draft
 
 
 @dataclass(frozen=True)
@@ -32,23 +35,21 @@ class ObjectMethod:
     answer_is_best_scored: bool = True
     """Else the answer is the last pose, and scores are only shown."""
     never_worse: bool = False
-    """Whether the current pose is kept when every candidate scores lower than it."""
+    """Whether the current pose stays when every candidate scores lower than it."""
     placed_may_hide: bool = True
-    """Whether objects placed before are rendered as what may hide the one being judged (docs/methods.md 1.8.2)."""
+    """Whether objects placed before are rendered as what may hide the one being scored (docs/methods.md 1.8.2)."""
 
     def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
         hypotheses = target.instance.hypotheses
         if not hypotheses:
             return None
+        # Sec. III-C: RIR starts by ranking the initial estimates by their score, the first play of each arm.
         initial = self._score(target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
-        entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(hypotheses)]
-        # Sec. III-C: the initial poses are ranked by their score, which counts as the first play of each arm.
-        arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
+        arms = initial_arms(hypotheses, initial)
         if self.policy is None:
             arms = arms[:1]
-        first = self._first(arms)
-        return ObjectState(target, initial, arms, _best(entries[first], first))
+        return ObjectState(target, initial, arms, self._first_answer(arms))
 
     def n_iterations(self, state: ObjectState) -> int:
         return self.iterations * len(state.arms)
@@ -64,8 +65,9 @@ class ObjectMethod:
             index: counts over the whole run.
             fixed: objects already placed.
         """
-        moved, iteration, reward = self.advance(state, index, fixed)
-        return moved.rewarded(iteration.arm, reward), iteration
+        after, iteration, reward = self.advance(state, index, fixed)
+        # Sec. III-C: the verification score is the reward.
+        return after.rewarded(iteration.arm, reward), iteration
 
     def advance(
         self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()
@@ -76,18 +78,19 @@ class ObjectMethod:
         j = choice.arm if choice else 0
         arm = state.arms[j]
         k = arm.n_iterations + 1
-        judging = Judging(self.verifier, state.target, self._may_hide(fixed))
-        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed, judging.begin)
-        began = perf_counter()
-        stages = judging.judged(draft)
-        score_ms = (perf_counter() - began) * 1e3
+        # Sec. III-A: T_cur → T_sim → [R_sim | t_cur] → T_ref.
+        scoring = _IterationScores(self.verifier, state.target, self._may_hide(fixed))
+        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed, scoring.begin)
+        # Sec. III-B: both are scored (Eq. 1), and the iteration proceeds with the better one.
+        started = perf_counter()
+        stages = scoring.scored(draft)
+        score_ms = (perf_counter() - started) * 1e3
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
-        # Sec. III-B: go on with the better of T_sim and T_ref.
-        kept = self._keep(current, candidates)
-        entry = Entry(kept.T_cam_obj, _known(kept), kept.name, index)
-        reward = max(_known(s).score for s in candidates)
-        # The answer is the best of all poses on the way, the initial ones included.
+        accepted = self._accepted(current, candidates)
+        entry = Entry(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
+        reward = max(_score_of(s).score for s in candidates)
+        # Sec. III-B, III-C: the answer is the best of all poses on the way, the initial ones included.
         best = self._better(state.best, entry, j)
         iteration = Iteration(
             index,
@@ -96,7 +99,7 @@ class ObjectMethod:
             j,
             k,
             (current, *stages),
-            kept.name,
+            accepted.name,
             best,
             draft.path,
             choice,
@@ -104,13 +107,13 @@ class ObjectMethod:
             score_ms=score_ms,
         )
         iteration = replace(iteration, events=events_of(iteration, draft, state))
-        return state.with_arm(j, arm.moved(entry), best), iteration, reward
+        return state.with_arm(j, arm.advanced(entry), best), iteration, reward
 
-    def judged_anew(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
-        """The same with all its poses judged by this method, among ``fixed`` objects.
+    def rescored(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
+        """The same with all its poses scored by this method, among ``fixed`` objects.
 
-        The mean of a hypothesis becomes that of its initial pose, or the one that a person put in its place, and of
-        those that its iterations kept since.
+        The mean of a hypothesis becomes that of its initial pose, or the edited one in its place, and of those that its
+        iterations accepted since.
         """
         hypotheses = state.target.instance.hypotheses
         initial = self._score(state.target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
@@ -118,11 +121,10 @@ class ObjectMethod:
         for arm in state.arms:
             scores = self._score(state.target, np.array([e.T_cam_obj for e in arm.entries]), fixed)
             entries = tuple(replace(e, score=scores[k]) for k, e in enumerate(arm.entries))
-            judged = replace(arm, entries=entries)
-            mean = float(np.mean([e.score.score for e in judged.own_entries]))
-            arms.append(replace(judged, mean=mean))
-        first = self._first(arms)
-        best = _best(arms[first].entries[0], first)
+            scored = replace(arm, entries=entries)
+            mean = float(np.mean([e.score.score for e in scored.entries_since_edit]))
+            arms.append(replace(scored, mean=mean))
+        best = self._first_answer(arms)
         for j, arm in enumerate(arms):
             for entry in arm.entries[1:]:
                 best = self._better(best, entry, j)
@@ -137,8 +139,8 @@ class ObjectMethod:
         """
         score = self._score(state.target, np.asarray(T_cam_obj, dtype=np.float64)[None], fixed)[0]
         edited = state.with_edited(arm, T_cam_obj, score, index)
-        waiting = () if self.is_done(state) else edited.by_hand
-        return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm), by_hand=waiting)
+        waiting = () if self.is_done(state) else edited.edited_arms
+        return replace(edited, best=self._better(state.best, edited.arms[arm].current, arm), edited_arms=waiting)
 
     def _score(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed]) -> Scores:
         return self.verifier.score(target, Ts_cam_obj, self._may_hide(fixed))
@@ -146,27 +148,53 @@ class ObjectMethod:
     def _may_hide(self, fixed: Sequence[Placed]) -> Sequence[Placed]:
         return fixed if self.placed_may_hide else ()
 
-    def _first(self, arms: Sequence[Arm]) -> int:
-        """The arm whose initial pose is the answer before the first iteration."""
-        return int(np.argmax([arm.entries[0].score.score for arm in arms])) if self.answer_is_best_scored else 0
+    def _first_answer(self, arms: Sequence[Arm]) -> Best:
+        """The answer before the first iteration."""
+        j = int(np.argmax([arm.entries[0].score.score for arm in arms])) if self.answer_is_best_scored else 0
+        return arms[j].entries[0].as_best(j)
 
-    def _keep(self, current: Stage, candidates: list[Stage]) -> Stage:
+    def _accepted(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (docs/methods.md 1.3)."""
-        kept = max(reversed(candidates), key=lambda s: _known(s).score)
-        if self.never_worse and _known(kept).score < _known(current).score:
+        better = max(reversed(candidates), key=lambda s: _score_of(s).score)
+        if self.never_worse and _score_of(better).score < _score_of(current).score:
             return current
-        return kept
+        return better
 
     def _better(self, best: Best, entry: Entry, arm: int) -> Best:
         if self.answer_is_best_scored and not entry.score.score > best.score.score:
             return best
-        return _best(entry, arm)
+        return entry.as_best(arm)
 
 
-def _best(entry: Entry, arm: int) -> Best:
-    return Best(entry.T_cam_obj, entry.score, arm, entry.iteration, entry.stage)
+@dataclass(frozen=True, eq=False)
+class _IterationScores:
+    """Scores the poses of one iteration; those that others are computed from meanwhile."""
+
+    verifier: Verifier
+    target: Target
+    placed: Sequence[Placed]
+    """Other objects, which may hide parts."""
+    _begun: dict[StageName, Callable[[], Scores]] = field(default_factory=dict)
+
+    def begin(self, stage: Stage) -> None:
+        """Has a pose scored while the next one is computed, where the verifier can do that."""
+        scores = self.verifier.begin(self.target, stage.T_cam_obj[None], self.placed)
+        if scores is not None:
+            self._begun[stage.name] = scores
+
+    def scored(self, draft: Draft) -> tuple[Stage, ...]:
+        """The stages with their scores: those begun before, and one call for all others.
+
+        The mixed pose is scored only where it may be accepted, since it only starts the refiner.
+        """
+        not_scored = () if "mixed" in draft.candidates else ("mixed",)
+        others = [s for s in draft.stages if s.name not in (*self._begun, *not_scored)]
+        scores = self.verifier.score(self.target, np.array([s.T_cam_obj for s in others]), self.placed)
+        of_stage = {s.name: scores[i] for i, s in enumerate(others)}
+        of_stage |= {name: begun()[0] for name, begun in self._begun.items()}
+        return tuple(s.judged(of_stage.get(s.name)) for s in draft.stages)
 
 
-def _known(stage: Stage) -> PoseScore:
-    assert stage.score is not None, f"the {stage.name} stage was not judged"
+def _score_of(stage: Stage) -> PoseScore:
+    assert stage.score is not None, f"the {stage.name} stage was not scored"
     return stage.score

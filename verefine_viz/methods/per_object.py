@@ -1,4 +1,6 @@
-"""Lifts a method for one object to a frame: its instances are solved one after another, each alone."""
+"""Lifts a method for one object to a frame: its instances are solved one after another, each alone or, as VF_b, among
+those solved before (paper Sec. IV-B).
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,12 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.object_method import ObjectMethod
+
+
+def clusters_of(problem: Problem) -> tuple[tuple[int, ...], ...]:
+    """The clusters as indices into ``problem.instances``, each in dependency order."""
+    index_of = {instance.instance_id: i for i, instance in enumerate(problem.instances)}
+    return tuple(tuple(index_of[k] for k in cluster) for cluster in problem.clusters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +52,21 @@ class FrameState:
         assert best is not None, f"instance {target.instance.instance_id} has no pose"
         return Placed(target.instance.instance_id, target.model, best.T_cam_obj)
 
+    def object_to_edit(self, instance_id: int) -> tuple[int, ObjectState]:
+        """Index and state of an instance.
+
+        Raises:
+            InputError: there is no such instance, or it has no hypothesis.
+        """
+        ids = [t.instance.instance_id for t in self.problem.targets]
+        if instance_id not in ids:
+            raise InputError(unknown("instance", instance_id, ids))
+        i = ids.index(instance_id)
+        o = self.objects[i]
+        if o is None:
+            raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
+        return i, o
+
 
 @dataclass(frozen=True)
 class PerObject:
@@ -68,21 +91,15 @@ class PerObject:
         fixed, before = self._fixed(state, i), state.objects[i]
         assert before is not None
         if fixed and (before.n_done == 0 or before.was_ahead):
-            before = self.method.judged_anew(before, fixed)
+            before = self.method.rescored(before, fixed)
         after, iteration = self.method.step(before, state.n_done + 1, fixed)
-        if i != self._turns(state)[0]:  # The objects before it may move yet: then it is judged among them again.
+        if i != self._turns(state)[0]:  # The objects before it may move yet: then it is scored among them again.
             after = replace(after, was_ahead=True)
         return state.with_object(i, after, state.n_done + 1), iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
         state = self._adopted(state)
-        ids = [t.instance.instance_id for t in state.problem.targets]
-        if instance_id not in ids:
-            raise InputError(unknown("instance", instance_id, ids))
-        i = ids.index(instance_id)
-        before = state.objects[i]
-        if before is None:
-            raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
+        i, before = state.object_to_edit(instance_id)
         fixed = self._fixed(state, i)
         return state.with_object(i, self.method.edit(before, arm, T_cam_obj, state.n_done, fixed))
 
@@ -90,14 +107,14 @@ class PerObject:
     def verifier(self) -> Verifier:
         return self.method.verifier
 
-    def judged_anew(self, state: FrameState) -> FrameState:
+    def rescored(self, state: FrameState) -> FrameState:
         state = self._adopted(state)
         for i in self._order(state.problem):
             o = state.objects[i]
             if o:
-                # What was not begun yet is still judged alone.
+                # What was not begun yet is still scored alone.
                 fixed = self._fixed(state, i) if o.n_done else ()
-                state = state.with_object(i, self.method.judged_anew(o, fixed))
+                state = state.with_object(i, self.method.rescored(o, fixed))
         return state
 
     def _adopted(self, state: FrameState) -> FrameState:
@@ -117,7 +134,33 @@ class PerObject:
         return [i for i in self._order(state.problem) if (o := state.objects[i]) and not self.method.is_done(o)]
 
     def _next(self, state: FrameState) -> int | None:
-        """The first in turn; one with a pose that was moved by hand goes ahead for an iteration."""
+        """The first in turn; one with an edited pose goes ahead for an iteration."""
         turns = self._turns(state)
-        moved = [i for i in turns if (o := state.objects[i]) and o.by_hand]
-        return next(iter((*moved, *turns)), None)
+        edited = [i for i in turns if (o := state.objects[i]) and o.edited_arms]
+        return next(iter((*edited, *turns)), None)
+
+
+@dataclass(frozen=True)
+class VfBreadth(PerObject):
+    """VF_b, verification over the scene, breadth first (paper Sec. IV-B): RIR per object in dependency order.
+
+    What was solved before stands in the simulation, lets the refiner leave out the points it explains, and may hide
+    parts of what comes after.
+    """
+
+    carry_clusters: bool = True
+    """Whether earlier clusters stay as well, or only what belongs to the same cluster (docs/methods.md 1.8.16)."""
+
+    def _order(self, problem: Problem) -> Sequence[int]:
+        # Sec. IV-B: one RIR bandit per object of the dependency list, one after the other.
+        return [i for cluster in clusters_of(problem) for i in cluster]
+
+    def _fixed(self, state: FrameState, i: int) -> tuple[Placed, ...]:
+        # Sec. IV-B: the environment is what was computed so far, each object at its best pose.
+        before: list[int] = []
+        for cluster in clusters_of(state.problem):
+            if i in cluster:
+                before += cluster[: cluster.index(i)]
+                break
+            before += cluster if self.carry_clusters else ()
+        return tuple(state.placed(k) for k in before if state.objects[k])

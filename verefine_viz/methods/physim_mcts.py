@@ -2,11 +2,12 @@
 
 The objects of a cluster are placed one after another, each from one of its hypotheses, by trimmed ICP and physics;
 Monte Carlo tree search decides which combination to try. One iteration selects a node, expands it by one object,
-completes the scene with the most promising hypotheses of the other objects (the roll-out), and tells the branch how
-many pixels that scene leaves unexplained.
+completes the scene with the most promising hypotheses of the other objects (the roll-out), and adds the number of
+pixels that this scene leaves unexplained to the costs of the branch.
 
-Slips of the published code that are mended: the overlap that orders the children is that of the object placed there,
-not of the one above; overlaps of zero and ties are fine, the first wins; overlaps are counted in full; and branches
+Mistakes of the published code that are corrected: the overlap that orders the children is that of the object placed
+there, not of the one above; overlaps of zero and ties are fine, the first wins; overlaps are counted in full (its
+library stops once the best pose so far is out of reach, so that those of all other poses are too low); and branches
 below which nothing is left to try are passed over.
 """
 
@@ -21,40 +22,19 @@ from scipy.spatial import KDTree
 
 from verefine_viz.core.algorithm_settings import MctsSettings, TricpSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Hypothesis, Problem, Target
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
-from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.methods.arms import Arm, Entry, ObjectState
-from verefine_viz.methods.per_object import FrameState
+from verefine_viz.methods.arms import Entry, ObjectState, initial_arms
+from verefine_viz.methods.per_object import FrameState, clusters_of
 from verefine_viz.methods.scene_search import SceneSearch, Search
 from verefine_viz.methods.search_tree import Candidate, SearchTree
-from verefine_viz.methods.vf_breadth import clusters_of
-
-# LCP, the largest common pointset: how much of a model its segment explains at a pose. docs/methods.md 3.2.
-#
-# Computed over all points; the library of the published system stops counting once the best pose so far is out of
-# reach,
-# so that its numbers for all other poses are too low.
 
 DELTA_M = 0.005
 """A model point nearer than this to a point of the segment is explained [m]."""
-
-
-def overlaps(target: Target, Ts_cam_obj: Float) -> Float:
-    """Share (N,) of the model's points that lie within ``DELTA_M`` of the segment, at poses (N, 4, 4), in [0, 1].
-
-    Seen from one side, even the true pose stays well below 1.
-    """
-    points, segment = target.model.points, target.instance.points_cam
-    if len(points) == 0 or len(segment) == 0:
-        return np.zeros(len(Ts_cam_obj))
-    tree = KDTree(segment)
-    moved = np.concatenate([apply(T, points) for T in Ts_cam_obj])
-    distance_m = tree.query(moved, distance_upper_bound=DELTA_M)[0]
-    return np.isfinite(distance_m).reshape(len(Ts_cam_obj), len(points)).mean(axis=1)
 
 
 REFINED_BEST = "largest overlap, aligned"
@@ -81,6 +61,20 @@ def mcts_physics(settings: MctsSettings, session: PhysicsSettings) -> PhysicsSet
 def mcts_tricp(settings: MctsSettings, session: TricpSettings) -> TricpSettings:
     """The trimmed ICP that the search uses, given the session's own."""
     return session.model_copy(update={"trim": settings.trim})
+
+
+def overlaps(target: Target, Ts_cam_obj: Float) -> Float:
+    """LCP of poses (N, 4, 4) (docs/methods.md 3.2): share (N,) of the model's points within ``DELTA_M`` of the segment.
+
+    In [0, 1]; of an object seen from one side, even the ground truth stays well below 1.
+    """
+    points, segment = target.model.points, target.instance.points_cam
+    if len(points) == 0 or len(segment) == 0:
+        return np.zeros(len(Ts_cam_obj))
+    tree = KDTree(segment)
+    moved = np.concatenate([apply(T, points) for T in Ts_cam_obj])
+    distance_m = tree.query(moved, distance_upper_bound=DELTA_M)[0]
+    return np.isfinite(distance_m).reshape(len(Ts_cam_obj), len(points)).mean(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,19 +126,13 @@ class PhysimMcts:
         search = replace(done.search, spent_s=search.spent_s + perf_counter() - began)
         objects = [replace(o, best=done.best[i]) if o and i in done.best else o for i, o in enumerate(state.objects)]
         i = [t.instance.instance_id for t in state.problem.targets].index(done.iteration.instance_id)
-        objects[i] = _moved(objects[i], done.iteration)
+        objects[i] = _advanced(objects[i], done.iteration)
         searches = (*state.searches[:k], search, *state.searches[k + 1 :])
         return SearchState(state.problem, tuple(objects), state.n_done + 1, searches), done.iteration
 
     def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
         state = _adopted(state)
-        ids = [t.instance.instance_id for t in state.problem.targets]
-        if instance_id not in ids:
-            raise InputError(unknown("instance", instance_id, ids))
-        i = ids.index(instance_id)
-        o = state.objects[i]
-        if o is None:
-            raise InputError(f"instance {instance_id} has no hypothesis whose pose could be changed")
+        i, o = state.object_to_edit(instance_id)
         score = self.scene.verifier.score(o.target, np.asarray(T_cam_obj, dtype=np.float64)[None])[0]
         edited = o.with_edited(arm, T_cam_obj, score, state.n_done)
         pose = edited.arms[arm].current.T_cam_obj
@@ -154,14 +142,14 @@ class PhysimMcts:
             for s in state.searches
         ]
         if any(s and i in s.members and self._is_over(s) for s in searches):
-            edited = replace(edited, by_hand=())
+            edited = replace(edited, edited_arms=())
         return replace(state.with_object(i, edited), searches=tuple(searches))
 
     @property
     def verifier(self) -> Verifier:
         return self.scene.verifier
 
-    def judged_anew(self, state: FrameState) -> FrameState:
+    def rescored(self, state: FrameState) -> FrameState:
         """
         Raises:
             InputError: always; the costs in its tree are those of scenes that are not known any more.
@@ -185,17 +173,15 @@ class PhysimMcts:
         """Before the first iteration the answer is the hypothesis with the largest overlap."""
         Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
         initial = self.scene.verifier.score(target, Ts)
-        entries = [Entry(h.T_cam_obj, initial[j], "initial", 0) for j, h in enumerate(target.instance.hypotheses)]
-        arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
+        arms = initial_arms(target.instance.hypotheses, initial)
         first = int(np.argmax(shares))
-        best = Best(entries[first].T_cam_obj, entries[first].score, first, 0, "initial")
-        return ObjectState(target, initial, arms, best)
+        return ObjectState(target, initial, arms, arms[first].current.as_best(first))
 
     def _next(self, state: SearchState) -> int | None:
-        """The first cluster with budget left; one with a pose that was moved by hand goes ahead."""
-        left = [(k, s) for k, s in enumerate(state.searches) if s and not self._is_over(s)]
-        moved = [k for k, s in left if any((o := state.objects[i]) and o.by_hand for i in s.members)]
-        return next(iter((*moved, *(k for k, _ in left))), None)
+        """The first cluster with budget left; one with an edited pose goes ahead."""
+        under_way = [(k, s) for k, s in enumerate(state.searches) if s and not self._is_over(s)]
+        edited = [k for k, s in under_way if any((o := state.objects[i]) and o.edited_arms for i in s.members)]
+        return next(iter((*edited, *(k for k, _ in under_way))), None)
 
     def _budget(self, search: Search) -> int:
         return self.settings.expansions * len(search.members)
@@ -237,20 +223,20 @@ def _searches(
         tuple(Candidate(arm.current.T_cam_obj, lcp) for arm, lcp in zip(o.arms, s.tolist(), strict=True)) if o else ()
         for o, s in zip(objects, shares, strict=True)
     ]
-    found: list[Search | None] = []
+    searches: list[Search | None] = []
     for cluster in clusters_of(problem):
         members = tuple(i for i in cluster if pools[i])
-        found.append(Search(members, SearchTree(tuple(pools[i] for i in members))) if members else None)
-    return tuple(found)
+        searches.append(Search(members, SearchTree(tuple(pools[i] for i in members))) if members else None)
+    return tuple(searches)
 
 
-def _moved(o: ObjectState | None, iteration: Iteration) -> ObjectState:
+def _advanced(o: ObjectState | None, iteration: Iteration) -> ObjectState:
     """The object after an iteration on one of its arms, which is rewarded with the score of where it came to lie."""
-    kept = iteration.accepted_stage
+    accepted = iteration.accepted_stage
     assert o is not None
-    assert kept.score is not None
-    entry = Entry(kept.T_cam_obj, kept.score, kept.name, iteration.index)
-    arm = o.arms[iteration.arm].moved(entry).rewarded(kept.score.score)
+    assert accepted.score is not None
+    entry = Entry(accepted.T_cam_obj, accepted.score, accepted.name, iteration.index)
+    arm = o.arms[iteration.arm].advanced(entry).rewarded(accepted.score.score)
     return o.with_arm(iteration.arm, arm, o.best)
 
 
@@ -268,7 +254,7 @@ def make_physim_mcts(
         settings: budget, exploration.
         simulator: made with :func:`mcts_physics`; None switches physics off.
         refiner: trimmed ICP, made with :func:`mcts_tricp`.
-        verifier: for the scores that people see.
+        verifier: for the scores that are shown.
         renderer: counts unexplained pixels.
         n_steps: simulation steps per placing.
     """

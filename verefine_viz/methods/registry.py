@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.protocols import Refiner, Simulator, Verifier
 from verefine_viz.core.settings import MethodSettings
-from verefine_viz.methods.bandit import BestInitial, Turns, Ucb
+from verefine_viz.methods.bandit import BestInitial, Policy, Turns, Ucb
 from verefine_viz.methods.object_method import ObjectMethod
-from verefine_viz.methods.per_object import PerObject
-from verefine_viz.methods.single_object import PhysAfter, PhysBefore, Pir, Refine, Sir
-from verefine_viz.methods.vf_breadth import VfBreadth
+from verefine_viz.methods.per_object import PerObject, VfBreadth
+from verefine_viz.methods.single_object import Chain, PhysAfter, PhysBefore, Pir, Refine, Sir
 from verefine_viz.methods.vf_depth import VfDepth
 
 
@@ -27,38 +26,23 @@ class _Parts:
         self.sir = Sir(self.pir, s.sim_candidate)
         self.never_worse = s.accept == "never_worse"
 
-    def refine(self) -> ObjectMethod:
-        return ObjectMethod(Refine(self.refiner), self.verifier, self.s.iterations, answer_is_best_scored=False)
+    def last_pose(self, chain: Chain) -> PerObject:
+        """The first hypothesis, whose last pose is the answer."""
+        return PerObject(ObjectMethod(chain, self.verifier, self.s.iterations, answer_is_best_scored=False))
 
-    def phys_before(self) -> ObjectMethod:
-        chain = PhysBefore(self.simulator, self.refiner, self.n_steps)
-        return ObjectMethod(chain, self.verifier, self.s.iterations, answer_is_best_scored=False)
-
-    def phys_after(self) -> ObjectMethod:
-        chain = PhysAfter(self.simulator, self.refiner, self.n_steps, self.s.iterations)
-        return ObjectMethod(chain, self.verifier, self.s.iterations, answer_is_best_scored=False)
-
-    def pir_alone(self) -> ObjectMethod:
-        return ObjectMethod(self.pir, self.verifier, self.s.iterations, answer_is_best_scored=False)
+    def pir_by(self, policy: Policy) -> PerObject:
+        """PIR of the hypothesis that a policy of the ablation chooses."""
+        return PerObject(ObjectMethod(self.pir, self.verifier, self.s.iterations, policy))
 
     def sir_alone(self) -> ObjectMethod:
         return ObjectMethod(self.sir, self.verifier, self.s.iterations, never_worse=self.never_worse)
 
     def rir(self) -> ObjectMethod:
-        bandit = Ucb(self.s.exploration)
-        return ObjectMethod(self.sir, self.verifier, self.s.iterations, bandit, never_worse=self.never_worse)
+        """SIR of the hypothesis that UCB chooses (paper Sec. III-C)."""
+        return replace(self.sir_alone(), policy=Ucb(self.s.exploration))
 
     def scene_rir(self) -> ObjectMethod:
         return replace(self.rir(), placed_may_hide=self.s.occluders == "placed")
-
-    def even(self) -> ObjectMethod:
-        return ObjectMethod(self.pir, self.verifier, self.s.iterations, Turns())
-
-    def expl(self) -> ObjectMethod:
-        return ObjectMethod(self.pir, self.verifier, self.s.iterations, BestInitial())
-
-    def vf_breadth(self) -> VfBreadth:
-        return VfBreadth(self.scene_rir(), self.s.carry_clusters)
 
     def vf_depth(self) -> VfDepth:
         return VfDepth(
@@ -74,10 +58,10 @@ class _Parts:
 
 @dataclass(frozen=True)
 class Method:
-    """What a method is, for all who compose, show or judge its runs."""
+    """What a method is, for all that compose, show or evaluate its runs."""
 
     label: str
-    """As people write it."""
+    """As the paper writes it."""
     make: Callable[[_Parts], PerObject] | None = None
     """Composes it from the session's refiner and simulator; None = it has its own."""
     simulates: bool = True
@@ -112,15 +96,23 @@ class Method:
 
 
 METHODS: dict[str, Method] = {
-    "refine": Method("REFINE", lambda parts: PerObject(parts.refine()), simulates=False, verifies=False),
-    "phys_before": Method("PHYS_BEFORE", lambda parts: PerObject(parts.phys_before()), verifies=False),
-    "phys_after": Method("PHYS_AFTER", lambda parts: PerObject(parts.phys_after()), verifies=False),
-    "even": Method("EVEN", lambda parts: PerObject(parts.even()), chooses=True),
-    "expl": Method("EXPL", lambda parts: PerObject(parts.expl()), chooses=True),
-    "pir": Method("PIR", lambda parts: PerObject(parts.pir_alone()), verifies=False),
-    "sir": Method("SIR", lambda parts: PerObject(parts.sir_alone())),
-    "rir": Method("RIR", lambda parts: PerObject(parts.rir()), chooses=True, has_ucb=True),
-    "vf_breadth": Method("VF_b", _Parts.vf_breadth, chooses=True, has_ucb=True, knows_others=True),
+    "refine": Method("REFINE", lambda p: p.last_pose(Refine(p.refiner)), simulates=False, verifies=False),
+    "phys_before": Method(
+        "PHYS_BEFORE", lambda p: p.last_pose(PhysBefore(p.simulator, p.refiner, p.n_steps)), verifies=False
+    ),
+    "phys_after": Method(
+        "PHYS_AFTER",
+        lambda p: p.last_pose(PhysAfter(p.simulator, p.refiner, p.n_steps, p.s.iterations)),
+        verifies=False,
+    ),
+    "even": Method("EVEN", lambda p: p.pir_by(Turns()), chooses=True),
+    "expl": Method("EXPL", lambda p: p.pir_by(BestInitial()), chooses=True),
+    "pir": Method("PIR", lambda p: p.last_pose(p.pir), verifies=False),
+    "sir": Method("SIR", lambda p: PerObject(p.sir_alone())),
+    "rir": Method("RIR", lambda p: PerObject(p.rir()), chooses=True, has_ucb=True),
+    "vf_breadth": Method(
+        "VF_b", lambda p: VfBreadth(p.scene_rir(), p.s.carry_clusters), chooses=True, has_ucb=True, knows_others=True
+    ),
     "vf_depth": Method("VF_d", _Parts.vf_depth, chooses=True, has_ucb=True, knows_others=True, has_passes=True),
     # The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py).
     "physim_mcts": Method("PHYSIM-MCTS", knows_others=True, has_tree=True),
@@ -134,7 +126,7 @@ SEARCH = next(name for name, method in METHODS.items() if method.has_tree)
 
 
 def method_of(name: str) -> Method:
-    """What the method of that name is; one that is not known here counts as a plain one."""
+    """What the method of that name is; an unknown one counts as a plain one."""
     return METHODS.get(name) or Method(name.upper())
 
 

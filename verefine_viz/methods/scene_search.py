@@ -14,8 +14,8 @@ from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verif
 from verefine_viz.core.records import TIMING, Best, Event, Iteration, PlacedPose, Stage, TreeNode, TreeStep
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.events import events_of
-from verefine_viz.methods.iteration_step import Draft, refined, simulate
 from verefine_viz.methods.search_tree import SearchTree
+from verefine_viz.methods.single_object import Draft, refined, simulate
 
 NOT_OF_A_SEARCH = ("arm_switched", "new_best", "physics_worse")
 """Events that say nothing here: every iteration takes another arm, no single object has a best score, and physics goes
@@ -57,13 +57,13 @@ class Expansion:
 
 @dataclass(frozen=True)
 class SceneSearch:
-    """How objects are placed and scenes judged."""
+    """How objects are placed and scenes evaluated."""
 
     simulator: Simulator | None
     refiner: Refiner
     """Trimmed ICP; leaves out what objects already placed explain."""
     verifier: Verifier
-    """Scores are for people to see; the search looks at the cost only."""
+    """Its scores are only shown; the search goes by the cost."""
     renderer: SceneRenderer
     n_steps: int
     exploration_px: float
@@ -81,7 +81,7 @@ class SceneSearch:
             index: of the iteration, over the whole run.
         """
         tree = search.tree
-        selection = tree.select(self.exploration_px, _moved_by_hand(objects, search))
+        selection = tree.select(self.exploration_px, _edited(objects, search))
         above = [tree.nodes[n] for n in selection.branch[1:]]
         level, arm = len(above), selection.arm
         o = objects[search.members[level]]
@@ -89,7 +89,7 @@ class SceneSearch:
         fixed = [_placed(problem, i, node.T_cam_obj) for i, node in zip(search.members[:level], above, strict=True)]
         new = self._place(problem, search, level, arm, fixed)
 
-        began = perf_counter()
+        started = perf_counter()
         rest = self._completed(problem, objects, search, (*fixed, new.placed))
         scene = (*fixed, new.placed, *(p.placed for p in rest))
         cost_px = float(self.renderer.unexplained_px(problem.observation, scene))
@@ -103,8 +103,8 @@ class SceneSearch:
             arms = (*(node.arm for node in above), arm, *(p.arm for p in rest))
             best = self._answers(problem, search, scene, arms, index, new.draft.stages[-1])
         start = Stage("current", tree.pools[level][arm].T_cam_obj)
-        stages = self._judged(o, (start, *new.draft.stages), fixed)
-        score_ms = (perf_counter() - began) * 1e3
+        stages = self._scored(o, (start, *new.draft.stages), fixed)
+        score_ms = (perf_counter() - started) * 1e3
 
         lcp = tree.pools[level][arm].lcp
         node = TreeNode(branch[-1], branch[-2], new.placed.instance_id, arm, lcp, new.placed.T_cam_obj)
@@ -154,12 +154,12 @@ class SceneSearch:
     def _completed(
         self, problem: Problem, objects: Sequence[ObjectState | None], search: Search, scene: Sequence[Placed]
     ) -> list[Placing]:
-        """The roll-out: the other objects, each from its hypothesis with the largest LCP, or one moved by hand."""
+        """The roll-out: the other objects, each from its hypothesis with the largest LCP, or an edited one."""
         rest: list[Placing] = []
         for level in range(len(scene), len(search.members)):
             so_far = (*scene, *(p.placed for p in rest))
             o = objects[search.members[level]]
-            arm = o.by_hand[0] if o and o.by_hand else search.tree.favourite(level)
+            arm = o.edited_arms[0] if o and o.edited_arms else search.tree.favourite(level)
             rest.append(self._place(problem, search, level, arm, so_far))
         return rest
 
@@ -173,15 +173,15 @@ class SceneSearch:
             best[i] = Best(placed.T_cam_obj, score, arm, index, last.name)
         return best
 
-    def _judged(self, o: ObjectState, stages: tuple[Stage, ...], fixed: Sequence[Placed]) -> tuple[Stage, ...]:
+    def _scored(self, o: ObjectState, stages: tuple[Stage, ...], fixed: Sequence[Placed]) -> tuple[Stage, ...]:
         scores = self.verifier.score(o.target, np.array([s.T_cam_obj for s in stages]), fixed)
         return tuple(replace(s, score=scores[j]) for j, s in enumerate(stages))
 
 
-def _moved_by_hand(objects: Sequence[ObjectState | None], search: Search) -> tuple[int, int] | None:
-    """(level, arm) of the first hypothesis that a person moved and that was not placed since."""
-    waiting = ((level, objects[i]) for level, i in enumerate(search.members))
-    return next(((level, o.by_hand[0]) for level, o in waiting if o and o.by_hand), None)
+def _edited(objects: Sequence[ObjectState | None], search: Search) -> tuple[int, int] | None:
+    """(level, arm) of the first hypothesis that was edited and not placed since."""
+    members = ((level, objects[i]) for level, i in enumerate(search.members))
+    return next(((level, o.edited_arms[0]) for level, o in members if o and o.edited_arms), None)
 
 
 def _placed(problem: Problem, i: int, T_cam_obj: Float | None) -> Placed:

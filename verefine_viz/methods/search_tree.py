@@ -20,7 +20,7 @@ class Candidate:
     lcp: float
     """Share of the model's points that the segment explains there, in [0, 1]: what is tried first."""
     n_edits: int = 0
-    """How often a person moved it; its children from before do not count as its own any more."""
+    """How often its pose was edited; its children from before do not count as its own any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,26 +104,26 @@ class SearchTree:
         pool = self.pools[level]
         return max(range(len(pool)) if among is None else among, key=lambda arm: (pool[arm].lcp, -arm))
 
-    def select(self, exploration_px: float, moved: tuple[int, int] | None = None) -> Selection:
+    def select(self, exploration_px: float, edited: tuple[int, int] | None = None) -> Selection:
         """The next expansion of a tree that is not complete.
 
         A node with an untried candidate gets it, the largest LCP first; else the search goes on to the child with the
         lowest q/n − α·sqrt(2 ln N / n), q/n the mean cost, N and n the visits of the node and of the child. Children
         below which nothing is left to expand are passed over: the published search may visit their leaves again and
-        again, which tells it nothing new.
+        again, which adds nothing.
 
         Args:
             exploration_px: α.
-            moved: (level, arm) of a candidate that a person moved and that was not placed since. It goes before all
-                others: the search takes the shortest way to a node that it can be placed below.
+            edited: (level, arm) of a candidate that was edited and not placed since. It goes before all others: the
+                search takes the shortest way to a node that it can be placed below.
         """
         branch, choices = [0], []
         while True:
             node = self.nodes[branch[-1]]
-            if moved is not None and node.level == moved[0]:
-                why = f"hypothesis {moved[1] + 1}: it was moved by hand and is placed first"
-                return Selection(tuple(branch), moved[1], (*choices, why))
-            towards = [] if moved is None else self._deepest(node.children, moved[0])
+            if edited is not None and node.level == edited[0]:
+                why = f"hypothesis {edited[1] + 1}: its pose was edited and is placed first"
+                return Selection(tuple(branch), edited[1], (*choices, why))
+            towards = [] if edited is None else self._deepest(node.children, edited[0])
             untried = self.untried(branch[-1])
             if untried and not towards:
                 arm = self.favourite(node.level, untried)
@@ -143,7 +143,7 @@ class SearchTree:
         n_edits = self.pools[above.level][arm].n_edits
         node = Node(parent, level, arm, n_edits, T_cam_obj, is_closed=level == len(self.pools))
         grown = replace(self, nodes=(*self.nodes, node))
-        return grown._with({parent: replace(above, children=(*above.children, len(self.nodes)))})
+        return grown._with(parent, replace(above, children=(*above.children, len(self.nodes))))
 
     def backed_up(self, branch: tuple[int, ...], cost_px: float) -> SearchTree:
         """With one more visit of each node of ``branch``, root first."""
@@ -151,17 +151,17 @@ class SearchTree:
         for k in reversed(branch):
             node = tree.nodes[k]
             visited = replace(node, visits=node.visits + 1, cost_px=node.cost_px + cost_px)
-            tree = tree._with({k: replace(visited, is_closed=tree._closes(k))})
+            tree = tree._with(k, replace(visited, is_closed=tree._closes(k)))
         return tree
 
     def with_candidate(self, level: int, arm: int, T_cam_obj: Float, lcp: float) -> SearchTree:
         """With another pose for a candidate; below every node it counts as untried again."""
         pool = self.pools[level]
-        moved = Candidate(T_cam_obj, lcp, pool[arm].n_edits + 1)
-        pools = (*self.pools[:level], (*pool[:arm], moved, *pool[arm + 1 :]), *self.pools[level + 1 :])
+        edited = Candidate(T_cam_obj, lcp, pool[arm].n_edits + 1)
+        pools = (*self.pools[:level], (*pool[:arm], edited, *pool[arm + 1 :]), *self.pools[level + 1 :])
         tree = replace(self, pools=pools)
         for k in reversed(range(len(self.nodes))):  # children come after their parents
-            tree = tree._with({k: replace(tree.nodes[k], is_closed=tree._closes(k))})
+            tree = tree._with(k, replace(tree.nodes[k], is_closed=tree._closes(k)))
         return tree
 
     def _deepest(self, children: tuple[int, ...], level: int) -> list[int]:
@@ -171,11 +171,9 @@ class SearchTree:
 
     def _depth(self, k: int, level: int) -> int:
         node = self.nodes[k]
-        return (
-            node.level
-            if node.level == level
-            else max((self._depth(c, level) for c in node.children), default=node.level)
-        )
+        if node.level == level:
+            return level
+        return max((self._depth(c, level) for c in node.children), default=node.level)
 
     def _closes(self, k: int) -> bool:
         return not self.untried(k) and all(self.nodes[c].is_closed for c in self.nodes[k].children)
@@ -198,8 +196,5 @@ class SearchTree:
         rival = min(rivals, key=lambda i: bounds[i])
         return f"{term(k)} {'=' if bounds[rival] == bounds[k] else '<'} {term(rival)}"
 
-    def _with(self, changed: dict[int, Node]) -> SearchTree:
-        nodes = list(self.nodes)
-        for k, node in changed.items():
-            nodes[k] = node
-        return replace(self, nodes=tuple(nodes))
+    def _with(self, k: int, node: Node) -> SearchTree:
+        return replace(self, nodes=(*self.nodes[:k], node, *self.nodes[k + 1 :]))

@@ -1,62 +1,158 @@
-"""The methods of one object: refiner alone, PhysBefore, PhysAfter, PIR and SIR (paper Sec. III-A, III-B, V-A)."""
+"""How one hypothesis moves on in an iteration: PIR and SIR (paper Sec. III-A, III-B), and the ablation's (Sec. V-A).
+
+Each is a :class:`Chain`: the poses that an iteration goes through, and which of them may be accepted. What is done with
+them (scores, the choice between them, the answer) is the same for all: :mod:`verefine_viz.methods.object_method`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from time import perf_counter
+from typing import Literal, Protocol
+
+import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import FARTHEST_M, distance_m
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
-from verefine_viz.core.records import StageName
-from verefine_viz.methods.iteration_step import Draft, Judge, mixed, refined, simulate
+from verefine_viz.core.records import SimulatedPath, Stage, StageName
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """The poses of an iteration before they are scored."""
+
+    stages: tuple[Stage, ...]
+    """After "current", in order."""
+    candidates: tuple[StageName, ...]
+    """Those that may be accepted; a name without a stage (no physics) does not matter."""
+    path: SimulatedPath | None = None
+    lacks_physics: bool = False
+    """Whether a simulation belongs here but was not possible."""
+
+
+BeginScore = Callable[[Stage], None]
+"""Begins to score a pose of an iteration that is still going on."""
+
+
+class Chain(Protocol):
+    """How a hypothesis moves on."""
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``.
+
+        A pose that others are computed from may be given to ``begin`` right away: it is then scored meanwhile.
+        """
+        ...
+
+
+def simulate(
+    simulator: Simulator | None, target: Target, T_cam_obj: Float, fixed: Sequence[Placed], n_steps: int
+) -> tuple[Stage, SimulatedPath] | None:
+    """SIM of docs/methods.md 1.0, timed; None where physics is off or the frame has no support plane."""
+    support = target.observation.support
+    if simulator is None or support is None:
+        return None
+    started = perf_counter()
+    moving = Placed(target.instance.instance_id, target.model, T_cam_obj)
+    path = simulator.settle(moving, fixed, support, n_steps)
+    return Stage("simulated", path.T_cam_obj, ms=_ms_since(started)), path
+
+
+def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
+    """REF of docs/methods.md 1.0, timed; a step beyond ``FARTHEST_M`` is not taken: nothing could go on there."""
+    started = perf_counter()
+    T_refined = refiner.refine(target, T_cam_obj, fixed)
+    if distance_m(T_refined) > FARTHEST_M:
+        T_refined = T_cam_obj
+    return Stage("refined", T_refined, ms=_ms_since(started))
+
+
+def _ms_since(started: float) -> float:
+    return (perf_counter() - started) * 1e3
 
 
 @dataclass(frozen=True)
-class Refine:
-    """T ← REF(T)."""
-
-    refiner: Refiner
-
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
-        return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",))
-
-
-# PhysBefore: one simulation, then the refiner alone (paper Sec. V-A, ablation).
-
-
-@dataclass(frozen=True)
-class PhysBefore:
-    """T ← SIM(T) once, whole pose; then T ← REF(T)."""
+class Pir:
+    """Physics-guided iterative refinement (paper Sec. III-A): T_sim = SIM(T_cur); T_ref = REF([R_sim | t_cur])."""
 
     simulator: Simulator | None
     refiner: Refiner
     n_steps: int
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        # Sec. III-A: T_cur initializes the object in the simulation, which is progressed and returns T_sim.
+        settled = simulate(self.simulator, target, T_cam_obj, fixed, self.n_steps)
+        if settled is None:
+            return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=True)
+        simulated, path = settled
+        begin(simulated)
+        # Sec. III-A: only R_sim updates the estimate; a large displacement would lose the corresponding object parts.
+        T_mixed = np.array(simulated.T_cam_obj)
+        T_mixed[:3, 3] = T_cam_obj[:3, 3]
+        mixed = Stage("mixed", T_mixed)
+        # Sec. III-A: [R_sim | t_cur] initializes one iteration of the refiner, which returns T_ref.
+        after = refined(self.refiner, target, mixed.T_cam_obj, fixed)
+        return Draft((simulated, mixed, after), ("refined",), path)
+
+
+@dataclass(frozen=True)
+class Sir:
+    """Supervised iterative refinement (paper Sec. III-B): PIR that goes on with the better of T_sim and T_ref.
+
+    The choice between the candidates is ``ObjectMethod._accepted``.
+    """
+
+    pir: Pir
+    sim_candidate: Literal["full", "rotation_only"] = "full"
+    """Whether the simulator's whole pose may be accepted (authors' code) or its rotation only."""
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        draft = self.pir.draft(target, T_cam_obj, k, fixed, begin)
+        simulated: StageName = "simulated" if self.sim_candidate == "full" else "mixed"
+        return replace(draft, candidates=(simulated, "refined"))
+
+
+@dataclass(frozen=True)
+class Refine:
+    """The refiner alone: T ← REF(T)."""
+
+    refiner: Refiner
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",))
+
+
+@dataclass(frozen=True)
+class PhysBefore:
+    """Ablation of Sec. V-A: T ← SIM(T) once, whole pose; then T ← REF(T)."""
+
+    simulator: Simulator | None
+    refiner: Refiner
+    n_steps: int
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         settled = simulate(self.simulator, target, T_cam_obj, fixed, self.n_steps) if k == 1 else None
         if settled is None:
             return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=k == 1)
         simulated, path = settled
-        judge(simulated)
+        begin(simulated)
         after = refined(self.refiner, target, simulated.T_cam_obj, fixed)
         return Draft((simulated, after), ("refined",), path)
 
 
-# PhysAfter: the refiner alone, then one simulation (paper Sec. V-A, ablation).
-
-
 @dataclass(frozen=True)
 class PhysAfter:
-    """T ← REF(T), and after the last of the ``iterations`` T ← SIM(T), whole pose."""
+    """Ablation of Sec. V-A: T ← REF(T), and after the last of the ``iterations`` T ← SIM(T), whole pose."""
 
     simulator: Simulator | None
     refiner: Refiner
     n_steps: int
     iterations: int
 
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         after = refined(self.refiner, target, T_cam_obj, fixed)
         is_last = k == self.iterations
         settled = simulate(self.simulator, target, after.T_cam_obj, fixed, self.n_steps) if is_last else None
@@ -64,51 +160,3 @@ class PhysAfter:
             return Draft((after,), ("refined",), lacks_physics=is_last)
         simulated, path = settled
         return Draft((after, simulated), ("simulated",), path)
-
-
-# PIR: physics-guided iterative refinement (paper Sec. III-A).
-#
-# Each iteration lets the object settle for a few simulation steps and starts the refiner from the rotation that
-# physics
-# suggests, at the translation that the refiner had found.
-
-
-@dataclass(frozen=True)
-class Pir:
-    """T_sim = SIM(T); T ← REF([R_sim | t])."""
-
-    simulator: Simulator | None
-    refiner: Refiner
-    n_steps: int
-
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
-        settled = simulate(self.simulator, target, T_cam_obj, fixed, self.n_steps)
-        if settled is None:
-            return Draft((refined(self.refiner, target, T_cam_obj, fixed),), ("refined",), lacks_physics=True)
-        simulated, path = settled
-        judge(simulated)
-        # Only the rotation is taken over: a large simulated shift would lose the corresponding parts (Sec. III-A).
-        start = mixed(simulated, T_cam_obj)
-        after = refined(self.refiner, target, start.T_cam_obj, fixed)
-        return Draft((simulated, start, after), ("refined",), path)
-
-
-# SIR: supervised iterative refinement (paper Sec. III-B).
-#
-# The iteration of PIR, supervised by the verification score: the better of the simulated and the refined pose is kept,
-# and the answer is the best of all poses on the way, the initial one included.
-
-
-@dataclass(frozen=True)
-class Sir:
-    """Keeps T_ref if f(T_ref) ≥ f(T_sim), else T_sim."""
-
-    pir: Pir
-    sim_candidate: Literal["full", "rotation_only"] = "full"
-    """Whether the simulator's whole pose may be kept (authors' code) or its rotation only."""
-
-    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], judge: Judge) -> Draft:
-        # T_sim, [R_sim | t_cur] and T_ref of Sec. III-A; which one is kept: ObjectMethod._keep.
-        draft = self.pir.draft(target, T_cam_obj, k, fixed, judge)
-        simulated: StageName = "simulated" if self.sim_candidate == "full" else "mixed"
-        return replace(draft, candidates=(simulated, "refined"))

@@ -2,7 +2,8 @@
 
 In each pass every object of a cluster, in dependency order, spends one iteration on one of its hypotheses, among what
 the pass has placed so far. The poses of the pass are then rendered together, and their score as a scene rewards the
-hypotheses that were chosen; what earlier passes said counts a little less each time, because the company has changed.
+hypotheses that were chosen; rewards of earlier passes count a little less each time, because the other objects of the
+cluster have moved since.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from verefine_viz.core.records import Best, Event, Iteration, PlacedPose, SceneR
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.events import SCORE_STEP
-from verefine_viz.methods.per_object import FrameState, PerObject
-from verefine_viz.methods.vf_breadth import clusters_of
+from verefine_viz.methods.per_object import FrameState, PerObject, clusters_of
+
+Combination = tuple[Best, ...]
+"""A pose of each member of a cluster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +34,12 @@ class SceneState:
 
     members: tuple[int, ...]
     """Indices of its instances that have a hypothesis, in dependency order."""
-    incumbent: tuple[Best, ...]
+    incumbent: Combination
     """Per member: the combination with the highest scene score ever seen."""
     incumbent_score: float
     n_passes: int = 0
     """Passes that are closed."""
-    passing: tuple[Best, ...] = ()
+    passing: Combination = ()
     """Poses of the pass under way, of the first so many members."""
     played: tuple[int | None, ...] = ()
     """Arms of the pass under way; None where a member has used its budget and stands at its best pose."""
@@ -52,16 +55,29 @@ class DepthState(FrameState):
 
     @property
     def best(self) -> tuple[Best | None, ...]:
-        found = list(super().best)
+        answers = list(super().best)
         if self.answer_is_incumbent:
             for scene in filter(None, self.scenes):
                 for i, best in zip(scene.members, scene.incumbent, strict=True):
-                    found[i] = best
-        return tuple(found)
+                    answers[i] = best
+        return tuple(answers)
+
+    def member(self, i: int) -> ObjectState:
+        """The i-th instance, a member of a scene: it has a hypothesis."""
+        o = self.objects[i]
+        assert o is not None
+        return o
 
     def with_scene(self, k: int, scene: SceneState) -> DepthState:
         """The same with the k-th cluster's scene replaced."""
         return replace(self, scenes=(*self.scenes[:k], scene, *self.scenes[k + 1 :]))
+
+    def placed_at(self, members: Sequence[int], poses: Sequence[Best]) -> tuple[Placed, ...]:
+        """The first of the members, as many as there are poses, at these poses."""
+        targets = [self.problem.targets[i] for i in members[: len(poses)]]
+        return tuple(
+            Placed(t.instance.instance_id, t.model, best.T_cam_obj) for t, best in zip(targets, poses, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -89,60 +105,16 @@ class VfDepth(PerObject):
         k = self._cluster(state)
         if k is None:
             raise InputError("the run is over: every object has used its budget")
-        # The cluster at work, among what earlier clusters left; its bandits are initialised before its first pass.
+        # The cluster at work, among what earlier clusters left. Sec. IV-C: its RIR bandits are initialized using the
+        # verification score, before the first iteration through its dependency list.
         carried = self._carried(state, k)
         if carried and self._is_untouched(state, k):
             state = self._opened(state, k, carried)
         scene = state.scenes[k]
-        # One object alone: RIR. Else the next object of the pass.
+        # A single object: RIR. Else the next object of the dependency list.
         if scene is None:
             return super().step(state)
         return self._step_of_pass(state, k, scene, carried)
-
-    def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
-        edited = self._adopted(super().edit(state, instance_id, arm, T_cam_obj))
-        i = [t.instance.instance_id for t in edited.problem.targets].index(instance_id)
-        for k, scene in enumerate(edited.scenes):
-            if scene is None or i not in scene.members:
-                continue
-            # The pose that a person chose also counts in the company of the best scene.
-            o = edited.objects[i]
-            assert o is not None
-            entry = o.arms[arm].current
-            chosen = Best(entry.T_cam_obj, entry.score, arm, entry.iteration, entry.stage)
-            slot = scene.members.index(i)
-            combination = (*scene.incumbent[:slot], chosen, *scene.incumbent[slot + 1 :])
-            score = float(self._judge(edited, scene.members, [combination], self._carried(edited, k)).score[0])
-            if self.prior == "scene":  # As for every first play, else its mean is on another scale than the rewards.
-                arms = (*o.arms[:arm], replace(o.arms[arm], mean=score), *o.arms[arm + 1 :])
-                edited = edited.with_object(i, replace(o, arms=arms))
-            if score > scene.incumbent_score:
-                scene = replace(scene, incumbent=combination, incumbent_score=score)
-            return edited.with_scene(k, scene)
-        return edited
-
-    def judged_anew(self, state: FrameState) -> FrameState:
-        """
-        Raises:
-            InputError: passes were judged already, and the poses of each are not known any more.
-        """
-        if isinstance(state, DepthState) and any(state.scenes):
-            raise InputError(
-                "the score cannot change on the way of vf_depth, whose rewards are scores of whole scenes; "
-                "begin again with these settings"
-            )
-        return PerObject(self.method).judged_anew(FrameState(state.problem, state.objects, state.n_done))
-
-    def _adopted(self, state: FrameState) -> DepthState:
-        if isinstance(state, DepthState):
-            return state
-        n_clusters = len(clusters_of(state.problem))
-        adopted = DepthState(
-            state.problem, state.objects, state.n_done, (None,) * n_clusters, self.answer == "incumbent"
-        )
-        for k in range(n_clusters):
-            adopted = self._opened(adopted, k, ())
-        return adopted
 
     def _step_of_pass(
         self, state: DepthState, k: int, scene: SceneState, carried: tuple[Placed, ...]
@@ -151,18 +123,15 @@ class VfDepth(PerObject):
         # Sec. IV-C: iterate through the dependency list; this is the next object.
         scene = self._without_spent(state, scene)
         i = scene.members[len(scene.passing)]
-        before = state.objects[i]
-        assert before is not None
-        # Its bandit is progressed once, among the poses that this pass has placed; the reward is not given yet.
-        fixed = (*carried, *self._placed(state, scene.members, scene.passing))
-        after, iteration, _ = self.method.advance(before, state.n_done + 1, fixed)
-        # Its kept pose stands in the environment of the objects after it.
-        entry = after.arms[iteration.arm].current
-        kept = Best(entry.T_cam_obj, entry.score, iteration.arm, entry.iteration, entry.stage)
-        scene = replace(scene, passing=(*scene.passing, kept), played=(*scene.played, iteration.arm))
+        # Sec. IV-C: its RIR bandit is progressed only once, among the poses that this pass has placed. No reward yet.
+        fixed = (*carried, *state.placed_at(scene.members, scene.passing))
+        after, iteration, _ = self.method.advance(state.member(i), state.n_done + 1, fixed)
+        # Its accepted pose stands in the environment of the objects after it.
+        accepted = after.arms[iteration.arm].current.as_best(iteration.arm)
+        scene = replace(scene, passing=(*scene.passing, accepted), played=(*scene.played, iteration.arm))
         state = state.with_object(i, after, state.n_done + 1)
         iteration = replace(iteration, scene_pass=scene.n_passes + 1)
-        # After the last object the pass is evaluated as a complete scene.
+        # Sec. IV-C: after the last object the pass is evaluated as a complete scene.
         scene = self._without_spent(state, scene)
         if len(scene.passing) == len(scene.members):
             state, scene, iteration = self._closed(state, scene, carried, iteration)
@@ -175,11 +144,9 @@ class VfDepth(PerObject):
         """Members next in turn whose budget is used stand at their best pose."""
         passing, played = list(scene.passing), list(scene.played)
         for i in scene.members[len(passing) :]:
-            o = state.objects[i]
-            assert o is not None
-            if not self.method.is_done(o):
+            if not self.method.is_done(state.member(i)):
                 break
-            passing.append(o.best)
+            passing.append(state.member(i).best)
             played.append(None)
         return replace(scene, passing=tuple(passing), played=tuple(played))
 
@@ -188,15 +155,15 @@ class VfDepth(PerObject):
     ) -> tuple[DepthState, SceneState, Iteration]:
         """The end of a pass: its poses as a scene, the rewards, and the best scene so far."""
         # Sec. IV-C: the poses of the pass, and the best known ones, each as a complete scene (docs/methods.md 1.8.11).
-        began = perf_counter()
-        best_known = tuple(self._object(state, i).best for i in scene.members)
-        scores = self._judge(state, scene.members, [scene.passing, best_known], carried)
+        started = perf_counter()
+        best_known = tuple(state.member(i).best for i in scene.members)
+        scores = self._scene_scores(state, scene.members, [scene.passing, best_known], carried)
         reward = float(scores.score[0 if self.reward == "current_pass" else 1])
-        # The scene fit rewards every selected hypothesis instead of its own score; D-UCB: earlier plays count γ less.
+        # Sec. IV-C: the scene fit is the reward of the selected hypotheses instead of the per-object reward. D-UCB
+        # replaces UCB: the reward and plays statistics are discounted by γ each pass.
         for i, arm in zip(scene.members, scene.played, strict=True):
             if arm is not None:
-                rewarded = self._object(state, i).rewarded(arm, reward, self.discount)
-                state = state.with_object(i, rewarded)
+                state = state.with_object(i, state.member(i).rewarded(arm, reward, self.discount))
         # The answer is the best scene ever seen (docs/methods.md 1.8.12).
         incumbent, highest = scene.incumbent, scene.incumbent_score
         for combination, score in zip((scene.passing, best_known), scores.score.tolist(), strict=True):
@@ -206,50 +173,87 @@ class VfDepth(PerObject):
         if highest >= scene.incumbent_score + SCORE_STEP:
             text = f"New best scene: {highest:.3f}, was {scene.incumbent_score:.3f}."
             events = (*events, Event("new_best_scene", text))
-        record = SceneRecord(
-            self._poses(state, scene.members, scene.passing),
-            scores[0],
-            scores[1],
-            reward,
-            self._poses(state, scene.members, incumbent),
-            highest,
-        )
-        score_ms = iteration.score_ms + (perf_counter() - began) * 1e3
+
+        def poses(combination: Combination) -> tuple[PlacedPose, ...]:
+            return tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in state.placed_at(scene.members, combination))
+
+        record = SceneRecord(poses(scene.passing), scores[0], scores[1], reward, poses(incumbent), highest)
+        score_ms = iteration.score_ms + (perf_counter() - started) * 1e3
         iteration = replace(iteration, scene=record, events=events, score_ms=score_ms)
         return state, SceneState(scene.members, incumbent, highest, scene.n_passes + 1), iteration
 
     def _opened(self, state: DepthState, k: int, carried: tuple[Placed, ...]) -> DepthState:
-        """The k-th cluster before its first iteration: initial poses judged, alone and as a scene."""
+        """The k-th cluster before its first iteration: initial poses scored, alone and as a scene."""
         members = tuple(i for i in clusters_of(state.problem)[k] if state.objects[i])
         if len(members) < 2:
             return state
         if carried:
             for i in members:
-                state = state.with_object(i, self.method.judged_anew(self._object(state, i), carried))
+                state = state.with_object(i, self.method.rescored(state.member(i), carried))
         # Sec. IV-C: the bandits begin with the verification score; of which scene: docs/methods.md 1.8.13.
-        first = tuple(self._object(state, i).best for i in members)
+        first = tuple(state.member(i).best for i in members)
         combinations = [first]
         takes_prior = self.prior == "scene" and self._is_untouched(state, k)
         if takes_prior:
             for slot, i in enumerate(members):
-                combinations += _with_each_arm(self._object(state, i), first, slot)
-        scores = self._judge(state, members, combinations, carried).score.tolist()
+                for j, arm in enumerate(state.member(i).arms):
+                    combinations.append(_with_pose(first, slot, arm.current.as_best(j)))
+        scores = self._scene_scores(state, members, combinations, carried).score.tolist()
         if takes_prior:
             rest = iter(scores[1:])
             for i in members:
-                o = self._object(state, i)
-                arms = tuple(replace(arm, mean=next(rest)) for arm in o.arms)
-                state = state.with_object(i, replace(o, arms=arms))
+                arms = tuple(replace(arm, mean=next(rest)) for arm in state.member(i).arms)
+                state = state.with_object(i, replace(state.member(i), arms=arms))
         return state.with_scene(k, SceneState(members, first, scores[0]))
 
-    def _judge(
+    def edit(self, state: FrameState, instance_id: int, arm: int, T_cam_obj: Float) -> FrameState:
+        edited = self._adopted(super().edit(state, instance_id, arm, T_cam_obj))
+        i, o = edited.object_to_edit(instance_id)
+        for k, scene in enumerate(edited.scenes):
+            if scene is None or i not in scene.members:
+                continue
+            # The edited pose also counts together with the other poses of the best scene.
+            combination = _with_pose(scene.incumbent, scene.members.index(i), o.arms[arm].current.as_best(arm))
+            score = float(self._scene_scores(edited, scene.members, [combination], self._carried(edited, k)).score[0])
+            if self.prior == "scene":  # As for every first play, else its mean is on another scale than the rewards.
+                arms = (*o.arms[:arm], replace(o.arms[arm], mean=score), *o.arms[arm + 1 :])
+                edited = edited.with_object(i, replace(o, arms=arms))
+            if score > scene.incumbent_score:
+                scene = replace(scene, incumbent=combination, incumbent_score=score)
+            return edited.with_scene(k, scene)
+        return edited
+
+    def rescored(self, state: FrameState) -> FrameState:
+        """
+        Raises:
+            InputError: passes were scored already, and the poses of each are not known any more.
+        """
+        if isinstance(state, DepthState) and any(state.scenes):
+            raise InputError(
+                "the score cannot change on the way of vf_depth, whose rewards are scores of whole scenes; "
+                "begin again with these settings"
+            )
+        return PerObject(self.method).rescored(FrameState(state.problem, state.objects, state.n_done))
+
+    def _adopted(self, state: FrameState) -> DepthState:
+        if isinstance(state, DepthState):
+            return state
+        n_clusters = len(clusters_of(state.problem))
+        adopted = DepthState(
+            state.problem, state.objects, state.n_done, (None,) * n_clusters, self.answer == "incumbent"
+        )
+        for k in range(n_clusters):
+            adopted = self._opened(adopted, k, ())
+        return adopted
+
+    def _scene_scores(
         self,
         state: DepthState,
         members: Sequence[int],
-        combinations: Sequence[Sequence[Best]],
+        combinations: Sequence[Combination],
         carried: tuple[Placed, ...],
     ) -> Scores:
-        """Scene scores of combinations of poses of a cluster's members."""
+        """Scores of combinations of poses of a cluster's members, each as a complete scene."""
         targets = [state.problem.targets[i] for i in members]
         Ts = np.array([[best.T_cam_obj for best in combination] for combination in combinations])
         placed = carried if self.method.placed_may_hide else ()
@@ -262,13 +266,13 @@ class VfDepth(PerObject):
         if scene is None:
             return carried
         before = scene.members.index(i) if i in scene.members else 0
-        return (*carried, *self._placed(state, scene.members, scene.passing[:before]))
+        return (*carried, *state.placed_at(scene.members, scene.passing[:before]))
 
     def _order(self, problem: Problem) -> Sequence[int]:
         return [i for cluster in clusters_of(problem) for i in cluster]
 
     def _next(self, state: FrameState) -> int | None:
-        """The first in turn, also where a pose was moved by hand: a pass needs its order."""
+        """The first in turn, also where a pose was edited: a pass needs its order."""
         return next(iter(self._turns(state)), None)
 
     def _cluster(self, state: DepthState) -> int | None:
@@ -288,26 +292,7 @@ class VfDepth(PerObject):
         before = [i for cluster in clusters_of(state.problem)[:k] for i in cluster]
         return tuple(state.placed(i) for i in before if state.objects[i])
 
-    def _placed(self, state: DepthState, members: Sequence[int], poses: Sequence[Best]) -> tuple[Placed, ...]:
-        targets = [state.problem.targets[i] for i in members[: len(poses)]]
-        return tuple(
-            Placed(t.instance.instance_id, t.model, best.T_cam_obj) for t, best in zip(targets, poses, strict=True)
-        )
 
-    def _poses(self, state: DepthState, members: Sequence[int], poses: Sequence[Best]) -> tuple[PlacedPose, ...]:
-        return tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in self._placed(state, members, poses))
-
-    def _object(self, state: DepthState, i: int) -> ObjectState:
-        o = state.objects[i]
-        assert o is not None, "members of a scene have a hypothesis"
-        return o
-
-
-def _with_each_arm(o: ObjectState, combination: tuple[Best, ...], slot: int) -> list[tuple[Best, ...]]:
-    """The combination with one member at the pose of each of its arms."""
-    found = []
-    for j, arm in enumerate(o.arms):
-        entry = arm.current
-        best = Best(entry.T_cam_obj, entry.score, j, entry.iteration, entry.stage)
-        found.append((*combination[:slot], best, *combination[slot + 1 :]))
-    return found
+def _with_pose(combination: Combination, slot: int, best: Best) -> Combination:
+    """The combination with another pose of one member."""
+    return (*combination[:slot], best, *combination[slot + 1 :])

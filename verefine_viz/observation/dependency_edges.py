@@ -1,4 +1,14 @@
-"""Which instances touch, hide or support others, from what is visible of them (docs/methods.md 2.3)."""
+"""Which instances touch, hide or support others, from what is visible of them (docs/methods.md 2.3).
+
+Two objects whose footprints overlap cannot stand side by side: one is above the other. Which one follows from
+
+- height: the lower end of one lies above the middle of the other, or
+- where they meet: one's points lie above the other's there, which also holds inside a bowl or on a tilted edge.
+
+Where they touch is often hidden below an overhang. An object without a visible support then rests on what its footprint
+covers and its lower end is above. And an object may lean on something whose top it hardly covers: what ends above the
+plane, though nothing hides its lower end, rests on all that it meets and lies above.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +25,23 @@ from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.problem import Edge
 from verefine_viz.observation.visible_parts import Box, VisiblePart
+
+FEWEST_PX = 3
+"""Measured pixels that each side of a border needs."""
+WIDEST = 4
+"""A border without depth (the sensor's shadow behind an edge) is widened up to so many times its width."""
+RISE_M = 0.004
+"""Where they meet, one lies above the other if it is higher by more than this [m]: a depth sensor's noise."""
+LOWER_END, MIDDLE, LOWEST = 10, 50, 2
+"""Percentiles of visible heights; the lowest leaves out stray pixels at a mask's border."""
+GRID = 24
+"""A footprint's share is counted on a grid of so many points a side."""
+MORE = 2.0
+"""Where heights as a whole do not decide, so many times the usual share of the footprint is required."""
+HIDDEN = 0.5
+"""How much an edge whose contact is hidden is worth beside one whose contact is seen."""
+LEANING = 0.1
+"""Strength of an edge to what is leant on: the weakest sign."""
 
 
 @dataclass(frozen=True)
@@ -33,19 +60,19 @@ Meetings = dict[tuple[int, int], Meeting]
 
 def meetings(parts: Sequence[VisiblePart], contact_m: float) -> Meetings:
     """All pairs whose visible clouds come nearer than ``contact_m``."""
-    found = {}
+    by_pair = {}
     for a, b in combinations(sorted(parts, key=lambda p: p.instance_id), 2):
         meeting = _meeting(a, b, contact_m)
         if meeting is not None:
-            found[a.instance_id, b.instance_id] = meeting
-    return found
+            by_pair[a.instance_id, b.instance_id] = meeting
+    return by_pair
 
 
-def contact_edges(found: Meetings, contact_m: float) -> tuple[Edge, ...]:
+def contact_edges(near: Meetings, contact_m: float) -> tuple[Edge, ...]:
     """An edge per pair; the nearer, the stronger."""
     return tuple(
         Edge("contact", first, second, 1 - meeting.gap_m / contact_m, f"{1000 * meeting.gap_m:.0f} mm apart")
-        for (first, second), meeting in found.items()
+        for (first, second), meeting in near.items()
     )
 
 
@@ -83,14 +110,6 @@ def _within(points: Float, low: Float, high: Float) -> Mask:
     return inside
 
 
-# Which instances hide others: a step in depth along the border that two masks share. docs/methods.md 2.3.
-
-FEWEST_PX = 3
-"""Measured pixels that each side of a border needs."""
-WIDEST = 4
-"""A border without depth (the sensor's shadow behind an edge) is widened up to so many times its width."""
-
-
 def occlusion_edges(
     parts: Sequence[VisiblePart], depth_m: NDArray[np.floating], border_px: int, occlusion_m: float
 ) -> tuple[Edge, ...]:
@@ -104,10 +123,10 @@ def occlusion_edges(
     """
     edges = []
     for a, b in combinations(sorted(parts, key=lambda p: p.instance_id), 2):
-        found = _step(a, b, depth_m, border_px)
-        if found is None or abs(found[0]) <= occlusion_m:
+        step = _step(a, b, depth_m, border_px)
+        if step is None or abs(step[0]) <= occlusion_m:
             continue
-        step_m, length_px = found
+        step_m, length_px = step
         first, second = (a, b) if step_m > 0 else (b, a)
         evidence = f"{1000 * abs(step_m):.0f} mm nearer along {length_px} px"
         edges.append(Edge("occlusion", first.instance_id, second.instance_id, 1 - occlusion_m / abs(step_m), evidence))
@@ -145,33 +164,6 @@ def _common(a: Box, b: Box, by_px: int, shape: tuple[int, ...]) -> Box | None:
             return None
         window.append(slice(max(low, 0), min(high, end)))
     return window[0], window[1]
-
-
-# Which instances carry others, from what is seen of them: docs/methods.md 2.3, and what real frames and piles taught.
-#
-# Two things whose footprints overlap cannot stand side by side: one is above the other. Which one is told by
-#
-# - height: the lower end of one lies above the middle of the other, or
-# - where they meet: one's points lie above the other's there, which also holds inside a bowl or on a tilted edge.
-#
-# Where they touch is often hidden below an overhang. An object that nothing is seen to carry is then carried by what
-# its
-# footprint covers and its lower end is above. And an object may lean on something whose top it hardly covers: what
-# ends
-# above the plane, though nothing hides its lower end, is carried by all that it meets and lies above.
-
-RISE_M = 0.004
-"""Where they meet, one lies above the other if it is higher by more than this [m]: a depth sensor's noise."""
-LOWER_END, MIDDLE, LOWEST = 10, 50, 2
-"""Percentiles of visible heights; the lowest leaves out stray pixels at a mask's border."""
-GRID = 24
-"""A footprint's share is counted on a grid of so many points a side."""
-MORE = 2.0
-"""Where heights as a whole do not tell, so many times the usual share of the footprint is asked for."""
-HIDDEN = 0.5
-"""How much an edge whose contact is hidden is worth beside one whose contact is seen."""
-LEANING = 0.1
-"""Strength of an edge to what is leant on: the weakest sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,13 +215,13 @@ def support_edges(
     for upper in stands:
         pairs = [_pair(lower, upper, meetings) for lower in stands if lower is not upper]
         below = [pair for pair in pairs if pair.share > settings.footprint_share]
-        found = [edge for pair in below if (edge := _standing(pair, settings.footprint_share))]
-        if not found:
-            found = [edge for pair in below if (edge := _standing_unseen(pair))]
+        own = [edge for pair in below if (edge := _standing(pair, settings.footprint_share))]
+        if not own:
+            own = [edge for pair in below if (edge := _standing_unseen(pair))]
         if upper.lowest_m > settings.base_m and upper.instance_id not in hidden:
-            known = {edge.first for edge in found}
-            found += [edge for pair in pairs if pair.lower not in known and (edge := _leaning(pair))]
-        edges += found
+            carriers = {edge.first for edge in own}
+            own += [edge for pair in pairs if pair.lower not in carriers and (edge := _leaning(pair))]
+        edges += own
     return tuple(edges)
 
 

@@ -19,8 +19,8 @@ ROUND_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What one of the rules says."""
+class _RuleResult:
+    """What one of the rules gives."""
 
     edges: tuple[Edge, ...]
     clusters: Groups
@@ -39,34 +39,31 @@ def dependency_graph(problem: Problem, settings: DependencySettings) -> Dependen
     """
     entries = given_entries(settings, problem.frame)
     parts = visible_parts(problem)
-    found = (
-        _recommended(problem, parts, settings)
-        if settings.rule == "recommended"
-        else _published(problem, parts, settings)
-    )
+    rule = _recommended if settings.rule == "recommended" else _published
+    result = rule(problem, parts, settings)
     unseen = sorted({i.instance_id for i in problem.instances} - {p.instance_id for p in parts})
     alone = tuple((i,) for i in unseen)
-    notes = (*_unknown_cuts(problem, settings), *found.notes)
+    notes = (*_unknown_cuts(problem, settings), *result.notes)
     notes += tuple(f"{label(problem, i)} has no depth in its mask; solved alone, behind" for i in unseen)
-    clusters, lists = found.clusters + alone, found.support_lists + alone
+    clusters, lists = result.clusters + alone, result.support_lists + alone
     if entries is None:
         if settings.order_file and not settings.order:
             notes = (f"the order file gives none for frame {problem.frame}; the {settings.rule} rule's is used", *notes)
-        return DependencyGraph(found.edges, clusters, lists, settings.rule, notes)
-    given, said = given_clusters(problem, entries, [i for cluster in clusters for i in cluster])
-    said += _against_support(problem, given, found.edges)
-    return DependencyGraph(found.edges, given, given, "given", said + notes)
+        return DependencyGraph(result.edges, clusters, lists, settings.rule, notes)
+    given, given_notes = given_clusters(problem, entries, [i for cluster in clusters for i in cluster])
+    given_notes += _against_support(problem, given, result.edges)
+    return DependencyGraph(result.edges, given, given, "given", given_notes + notes)
 
 
 def _unknown_cuts(problem: Problem, settings: DependencySettings) -> tuple[str, ...]:
-    """Instances between which no edge is to count and that are not there."""
+    """Notes on instances that ``dependency.cut`` names and the frame does not have."""
     ids = [i.instance_id for i in problem.instances]
     known = {*ids, *(one.instance_id for one in problem.left_out)}
     absent = dict.fromkeys(i for pair in settings.cut for i in pair if i not in known)
     return tuple(f"dependency.cut: {unknown('instance', i, ids)}; it is ignored" for i in absent)
 
 
-def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _Found:
+def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _RuleResult:
     near = meetings(parts, settings.contact_m)
     edges = (
         *contact_edges(near, settings.contact_m),
@@ -85,19 +82,19 @@ def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: Depen
         for e in order.edges
         if e.state == "ambiguous"
     )
-    return _Found(order.edges, order.clusters, order.support_lists, notes)
+    return _RuleResult(order.edges, order.clusters, order.support_lists, notes)
 
 
-def _published(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _Found:
+def _published(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _RuleResult:
     edges = cut_between(touching_masks(problem), settings.cut)
     clusters = published_clusters(parts, edges)
-    return _Found(edges, clusters, clusters, _no_plane(problem))
+    return _RuleResult(edges, clusters, clusters, _no_plane(problem))
 
 
 def _no_plane(problem: Problem) -> tuple[str, ...]:
     if problem.observation.support is not None:
         return ()
-    return ("no support plane: what carries what is not known, and objects are ordered front to back",)
+    return ("no support plane: what carries what is unknown, and objects are ordered front to back",)
 
 
 def _hovering(

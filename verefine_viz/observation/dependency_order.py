@@ -1,4 +1,6 @@
-"""From edges to clusters and an order (docs/methods.md 2.3): pure, the same whatever the order of what comes in."""
+"""From edges to clusters and an order, whatever the order of the edges (paper Sec. IV-A; docs/methods.md 2.3); and as
+the authors' code has them, with connected components done right (docs/methods.md 2.2).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ class Ordering:
     """What follows from edges."""
 
     edges: tuple[Edge, ...]
-    """The same, with what was left out marked as such."""
+    """The same, with what does not count marked as such."""
     clusters: Groups
     """Front to back, each in the order to solve it."""
     support_lists: Groups
@@ -43,10 +45,10 @@ def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collectio
         edges: between these instances.
         cut: pairs between which no edge is to count.
     """
-    kept = without_cycles(cut_between(edges, cut))
+    marked = without_cycles(cut_between(edges, cut))
     carried: dict[int, list[int]] = {i: [] for i in depths_m}
     carriers: dict[int, set[int]] = {i: set() for i in depths_m}
-    for edge in kept:
+    for edge in marked:
         if edge.kind == "support" and edge.state == "used":
             carriers[edge.second].add(edge.first)
             carried[edge.first].append(edge.second)
@@ -58,20 +60,20 @@ def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collectio
 
     def follow(base: int) -> list[int]:
         placed.add(base)
-        found = [base]
+        chain = [base]
         for upper in sorted(set(carried[base]), key=nearness):
             if upper not in placed and carriers[upper] <= placed:
-                found += follow(upper)
-        return found
+                chain += follow(upper)
+        return chain
 
     # Sec. IV-A: clusters fall into support lists, a base object and what it carries, ordered front to back by base.
     by_cluster = []
-    for group in connected(depths_m, [e for e in kept if e.state != "cut"]):
+    for group in connected(depths_m, [e for e in marked if e.state != "cut"]):
         bases = sorted((i for i in group if not carriers[i]), key=nearness)
         by_cluster.append([tuple(follow(base)) for base in bases])
     by_cluster.sort(key=lambda lists: min(nearness(i) for chain in lists for i in chain))
     clusters = tuple(tuple(i for chain in lists for i in chain) for lists in by_cluster)
-    return Ordering(kept, clusters, tuple(chain for lists in by_cluster for chain in lists))
+    return Ordering(marked, clusters, tuple(chain for lists in by_cluster for chain in lists))
 
 
 def connected(instance_ids: Iterable[int], edges: Iterable[Edge]) -> list[list[int]]:
@@ -92,18 +94,18 @@ def cut_between(edges: Iterable[Edge], cut: Collection[tuple[int, int]]) -> tupl
 
 def without_cycles(edges: tuple[Edge, ...]) -> tuple[Edge, ...]:
     """The edges with just so many support edges marked as ambiguous that the rest runs in no circle."""
-    kept = list(edges)
+    out = list(edges)
     ids = sorted({i for e in edges for i in (e.first, e.second)})
     place = {i: k for k, i in enumerate(ids)}
     while True:
-        used = [k for k, e in enumerate(kept) if e.kind == "support" and e.state == "used"]
-        pairs = np.array([(place[kept[k].first], place[kept[k].second]) for k in used], dtype=np.intp).reshape(-1, 2)
+        used = [k for k, e in enumerate(out) if e.kind == "support" and e.state == "used"]
+        pairs = np.array([(place[out[k].first], place[out[k].second]) for k in used], dtype=np.intp).reshape(-1, 2)
         _, labels = _components(len(ids), pairs, "strong")
         circular = [k for k, (a, b) in zip(used, pairs, strict=True) if labels[a] == labels[b]]
         if not circular:
-            return tuple(kept)
-        weakest = min(circular, key=lambda k: (kept[k].strength, kept[k].first, kept[k].second))
-        kept[weakest] = replace(kept[weakest], state="ambiguous")
+            return tuple(out)
+        weakest = min(circular, key=lambda k: (out[k].strength, out[k].first, out[k].second))
+        out[weakest] = replace(out[weakest], state="ambiguous")
 
 
 def _components(n: int, pairs: np.ndarray, connection: str) -> tuple[int, np.ndarray]:
@@ -111,9 +113,6 @@ def _components(n: int, pairs: np.ndarray, connection: str) -> tuple[int, np.nda
         return 0, np.zeros(0, dtype=np.int32)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     return connected_components(graph, directed=True, connection=connection)
-
-
-# Clusters and order as the authors' code has them, with connected components done right. docs/methods.md 2.2.
 
 
 def touching_masks(problem: Problem) -> tuple[Edge, ...]:
@@ -132,7 +131,7 @@ def touching_masks(problem: Problem) -> tuple[Edge, ...]:
 def published_clusters(parts: Sequence[VisiblePart], edges: Sequence[Edge]) -> Groups:
     """In each cluster the lower tops come first; the cluster whose first object is nearest comes first.
 
-    Without a plane heights are not known; the nearer comes first then.
+    Without a plane heights are unknown; the nearer comes first then.
     """
     by_id = {p.instance_id: p for p in parts}
     nearest_m = {i: float(p.points_cam[:, 2].min()) for i, p in by_id.items()}

@@ -1,4 +1,4 @@
-"""An order that a person gives, which wins over any rule. docs/methods.md 2.4."""
+"""An order that the user gives, which wins over any rule. docs/methods.md 2.4."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ def given_entries(settings: DependencySettings, frame: str) -> Entries | None:
         return checked(settings.order, "dependency.order")
     if not settings.order_file:
         return None
-    orders = read_orders(Path(settings.order_file))
-    return orders.get(frame)
+    return read_orders(Path(settings.order_file)).get(frame)
 
 
 def read_orders(path: Path) -> dict[str, Entries]:
@@ -69,7 +68,7 @@ def checked(value: Any, where: str) -> Entries:
 
 
 def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> tuple[Groups, tuple[str, ...]]:
-    """The clusters that entries mean in this frame, and what a person should know about them.
+    """The clusters that entries mean in this frame, and notes for the user.
 
     Args:
         problem: the frame.
@@ -90,11 +89,11 @@ def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> t
                 cluster.append(instance_id)
         if cluster:
             clusters.append(tuple(cluster))
-    left = [i for i in rest if i not in seen]
-    if left:
-        names = ", ".join(label(problem, i) for i in left)
+    unnamed = [i for i in rest if i not in seen]
+    if unnamed:
+        names = ", ".join(label(problem, i) for i in unnamed)
         notes.append(f"the given order does not name {names}; solved behind, each alone")
-    return (*clusters, *((i,) for i in left)), tuple(dict.fromkeys(notes))
+    return (*clusters, *((i,) for i in unnamed)), tuple(dict.fromkeys(notes))
 
 
 def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int]:
@@ -105,17 +104,17 @@ def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int
         if wanted not in ids:
             notes.append(f"given order: {unknown('instance', entry, [f'#{i}' for i in ids])}; it is ignored")
         return [wanted] if wanted in ids else []
-    found = [i.instance_id for i in problem.instances if i.obj_id == entry]
-    if not found:
+    ids = [i.instance_id for i in problem.instances if i.obj_id == entry]
+    if not ids:
         there = sorted({i.obj_id for i in problem.instances})
         notes.append(f"given order: {unknown('object', entry, there)}; it is ignored")
-    if len(found) > 1:
-        names = " and ".join(label(problem, i) for i in found)
+    if len(ids) > 1:
+        names = " and ".join(label(problem, i) for i in ids)
         notes.append(
-            f"given order: object {entry} is in the frame {len(found)} times, as {names}; all take its place, "
-            f'write "#{found[0]}" or "#{found[1]}" to tell them apart'
+            f"given order: object {entry} is in the frame {len(ids)} times, as {names}; all take its place, "
+            f'write "#{ids[0]}" or "#{ids[1]}" to distinguish them'
         )
-    return found
+    return ids
 
 
 def _is_list(value: Any) -> bool:

@@ -99,7 +99,7 @@ def _fit_rows(depth: np.ndarray, fx: float, window_m: float) -> tuple[np.ndarray
 def _normals(depth: np.ndarray, fx: float, fy: float, cx: float, cy: float, window_m: float) -> np.ndarray:
     h, w = depth.shape
     slope_u, value, weight = _fit_rows(depth, fx, window_m)
-    # Running sums down the columns, kept row by row so that memory is read in order.
+    # Running sums down the columns, stored row by row so that memory is read in order.
     total = np.zeros((h + 1, w))
     moment = np.zeros((h + 1, w))
     slopes = np.zeros((h + 1, w))

@@ -1,4 +1,4 @@
-"""From a sensor frame to an :class:`Observation`: everything that is derived once per frame."""
+"""From a sensor frame to an :class:`Observation`, once per frame; and the observed cloud of each instance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def observe(
 ) -> Observation:
     """Normals, union of the masks, support plane and gravity of one frame.
 
-    A frame without a plane is no error: its ``support`` is None and ``support_note`` says why.
+    A frame without a plane is no error: its ``support`` is None and ``support_note`` gives the reason.
 
     Args:
         camera: intrinsics.
@@ -48,13 +48,10 @@ def observe(
     return Observation(camera, depth, estimate_normals(depth, camera), rgb, object_mask, support, note)
 
 
-# The observed cloud of one instance.
-
-
 def segment_cloud(depth_m: NDArray[np.floating], camera: Camera, mask: Mask, n_points: int, seed: int) -> Float:
     """Points (N, 3) [m] in the camera frame of the mask's valid pixels, at most ``n_points`` of them.
 
-    The subset is drawn without replacement and kept in reading order; it depends on the arguments only. Empty (0, 3)
+    The subset is drawn without replacement and stays in reading order; it depends on the arguments only. Empty (0, 3)
     where the mask holds no depth.
 
     Args:

@@ -20,13 +20,27 @@ from verefine_viz.core.errors import NoSupportError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import GravitySource, Support
 
-# The least-squares plane through points, some of which do not lie on it; over all pixels of a frame, so compiled.
+Gravity = Literal["plane", "world"] | tuple[float, float, float]
 
+TOLERANCE_M = 0.010
+"""Distance to the plane that counts as lying on it [m]: a depth sensor's error on a table at 1 m."""
+MAX_PLANES = 4
+"""Planes tried: table, wall, shelf, box."""
+RANSAC_POINTS = 4000
+"""Points of the background that RANSAC sees."""
+RANSAC_TRIALS = 400
+"""Triples tried per plane: misses a plane with 30 % of the points once in 50 000 times."""
+MIN_SHARE = 0.10
+"""Share of the background near the objects that a plane must hold."""
+MIN_POINTS = 200
+"""Fewest points of background to look for a plane in."""
+MAX_TILT_RAD = np.radians(30.0)
+"""Angle between a plane's normal and a known "up" beyond which nothing would stay on it."""
 ROUNDS = 4
 """Fits at each tolerance, each to the points near the plane before it."""
 NARROWER = (1.0, 0.5, 0.25)
 """Shares of the tolerance, one after another: a keyboard on the table, or its bent edge, lies within the whole one and
-tilts the plane. In five YCB-Video frames of one table a mug's true pose leans by 2.6° against the plane so found, by
+tilts the plane. In five YCB-Video frames of one table the ground truth of a mug leans by 2.6° against this plane, by
 5.7° against that of the whole tolerance."""
 
 
@@ -65,7 +79,7 @@ def fitted(plane: Plane, points: Float, tolerance_m: float) -> Plane:
         n, centre, scatter = _moments(points, plane.normal, plane.offset_m, share * tolerance_m)
         most = max(most, n)
         if 2 * n < most:
-            break  # noise is wider than what was to be left out
+            break  # noise is wider than what was to be excluded
         normal = np.linalg.eigh(scatter)[1][:, 0]
         plane = Plane.towards_camera(normal, float(-normal @ centre))
     return plane
@@ -73,7 +87,10 @@ def fitted(plane: Plane, points: Float, tolerance_m: float) -> Plane:
 
 @njit(cache=True)
 def _moments(points: Float, normal: Float, offset_m: float, tolerance_m: float) -> tuple[int, Float, Float]:
-    """Number, mean (3,) and scatter (3, 3) of the points on the plane; around the mean, as sums of squares cancel."""
+    """Number, mean (3,) and scatter (3, 3) of the points on the plane; around the mean, as sums of squares cancel.
+
+    Compiled, as it takes all pixels of a frame.
+    """
     centre, scatter, offset = np.zeros(3), np.zeros((3, 3)), np.empty(3)
     n = 0
     for p in points:
@@ -89,24 +106,6 @@ def _moments(points: Float, normal: Float, offset_m: float, tolerance_m: float) 
                 for j in range(3):
                     scatter[i, j] += offset[i] * offset[j]
     return n, centre, scatter
-
-
-Gravity = Literal["plane", "world"] | tuple[float, float, float]
-
-TOLERANCE_M = 0.010
-"""Distance to the plane that counts as lying on it [m]: a depth sensor's error on a table at 1 m."""
-MAX_PLANES = 4
-"""Planes looked at: table, wall, shelf, box."""
-RANSAC_POINTS = 4000
-"""Points of the background that RANSAC sees."""
-RANSAC_TRIALS = 400
-"""Triples tried per plane: misses a plane with 30 % of the points once in 50 000 times."""
-MIN_SHARE = 0.10
-"""Share of the background near the objects that a plane must hold to be believed."""
-MIN_POINTS = 200
-"""Fewest points of background to look for a plane in."""
-MAX_TILT_RAD = np.radians(30.0)
-"""Angle between a plane's normal and a known "up" beyond which nothing would stay on it."""
 
 
 def find_support(
@@ -132,7 +131,7 @@ def find_support(
         seed: of the plane search.
 
     Raises:
-        NoSupportError: no plane carries the objects, or gravity is not known.
+        NoSupportError: no plane carries the objects, or gravity is unknown.
     """
     up_cam = _known_up(gravity, R_world_cam)
     depth = np.asarray(depth_m, dtype=np.float64)
@@ -156,7 +155,7 @@ def find_support(
 
 
 def _known_up(gravity: Gravity, R_world_cam: Float | None) -> Float | None:
-    """The unit vector against gravity in the camera frame, or None where the plane has to tell."""
+    """The unit vector against gravity in the camera frame, or None where it is the plane's normal."""
     if gravity == "plane":
         return None
     if gravity == "world":
@@ -195,10 +194,10 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     best_worth = 0.0
     largest_share = 0.0
     most_carried, tilt_rad = 0.0, 0.0
-    # Open3D's generator is global: seeding it right before each use is what makes the answer depend on the seed alone.
+    # Open3D's generator is global: seeded right before each use, the answer depends on the seed alone.
     for _ in range(MAX_PLANES):
         if len(sample) < max(3, MIN_SHARE * n_sample, best_worth * n_sample):
-            break  # what is left cannot be worth more than what was found
+            break  # no plane in what remains can be worth more than the best so far
         o3d.utility.random.seed(int(rng.integers(2**31)))
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample))
         # probability 1 runs every trial: an early stop would depend on how threads happen to interleave.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label as label_pieces
+from scipy.ndimage import label as label_components
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from verefine_viz.core.arrays import Float, Mask
@@ -16,11 +16,11 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Problem
 
 MOST_POINTS = 5000
-"""Points per instance that are looked at; denser clouds are thinned evenly, to about 1 mm in a near view."""
+"""Points per instance that are used; denser clouds are thinned evenly, to about 1 mm in a near view."""
 STEP = 0.015
 """A pixel next to a step in depth larger than this share of its depth may belong to either side."""
 SLIVER = 0.05
-"""A piece of less than this share of an instance, cut off by a step in depth, is not believed to be part of it."""
+"""A component of less than this share of an instance, cut off by a step in depth, does not count as part of it."""
 Box = tuple[slice, slice]
 """Rows and columns of a picture."""
 
@@ -31,7 +31,7 @@ class VisiblePart:
 
     instance_id: int
     name: str
-    """For people: "mug (#4)"."""
+    """For texts: "mug (#4)"."""
     pixels: Mask
     """(H, W) of its mask, without those that another mask claims too."""
     box: Box
@@ -85,7 +85,7 @@ def visible_parts(problem: Problem) -> tuple[VisiblePart, ...]:
 
 
 def label(problem: Problem, instance_id: int) -> str:
-    """An instance for people: "mug (#4)"."""
+    """An instance in texts: "mug (#4)"."""
     instance = next(i for i in problem.instances if i.instance_id == instance_id)
     return f"{problem.models[instance.obj_id].name} (#{instance_id})"
 
@@ -105,9 +105,9 @@ def _bounds(points: Float) -> tuple[Float, Float]:
 
 
 def _own_pixels(masks: Sequence[Mask]) -> list[Mask]:
-    """Each mask without the pixels that it shares with others: whose depth it is there, nobody knows.
+    """Each mask without the pixels that it shares with others, as it is unknown whose depth they have.
 
-    A mask of which less than half would stay is kept whole.
+    A mask of which less than half would stay is left whole.
     """
     if not masks:
         return []
@@ -122,19 +122,19 @@ def _without_strays(pixels: Mask, depth_m: NDArray[np.floating]) -> Mask:
     """Measured pixels without those at steps in depth and without slivers behind one: a mask's border leaks.
 
     A leak of two pixels onto what stands behind makes two things touch that do not, and a footprint reach under both.
-    All measured pixels are kept where less than half would stay.
+    All measured pixels stay where less than half would.
     """
     measured = pixels & (depth_m > 0)
     farthest = maximum_filter(np.where(measured, depth_m, 0), 3)
     nearest = minimum_filter(np.where(measured, depth_m, np.inf), 3)
     smooth = measured & (farthest - nearest <= STEP * depth_m)
-    pieces = np.zeros(smooth.shape, dtype=np.int32)
-    label_pieces(smooth, output=pieces)
-    sizes = np.bincount(pieces.ravel())
-    believed = sizes >= SLIVER * np.count_nonzero(smooth)
-    believed[0] = False
-    kept = believed[pieces]
-    return kept if 2 * np.count_nonzero(kept) >= np.count_nonzero(measured) else measured
+    components = np.zeros(smooth.shape, dtype=np.int32)
+    label_components(smooth, output=components)
+    sizes = np.bincount(components.ravel())
+    is_large = sizes >= SLIVER * np.count_nonzero(smooth)
+    is_large[0] = False
+    own = is_large[components]
+    return own if 2 * np.count_nonzero(own) >= np.count_nonzero(measured) else measured
 
 
 def _plane_frame(support: Support) -> Float:

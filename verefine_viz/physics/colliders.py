@@ -1,7 +1,7 @@
 """What Bullet collides with: convex parts, centre of mass and inertia of a model.
 
 Bullet's moving bodies must be convex or made of convex parts. One hull fills bowls and mugs; a decomposition keeps them
-hollow (docs/methods.md 1.8.24). Decomposing takes seconds, so the parts are kept on disk by the hash of the mesh.
+hollow (docs/methods.md 1.8.24). Decomposing takes seconds, so the parts are cached on disk by the hash of the mesh.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import io
 import logging
-import os
 import zipfile
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -24,9 +23,10 @@ import trimesh
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from verefine_viz.core.arrays import Float, finite
-from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.paths import atomic
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.physics.decomposition import LIMIT_S, TookTooLong, decomposed
 
@@ -79,7 +79,7 @@ class Collider:
 
     @property
     def note(self) -> str:
-        """What a person should know about it; empty where it is as it was asked for."""
+        """What the user should know about it; empty where it is as it was asked for."""
         if not self.took_too_long:
             return ""
         return (
@@ -94,7 +94,7 @@ def collider(
 ) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
 
-    The hull of a model that takes too long to be taken apart is kept in the place of its parts, and says so: tried
+    The hull of a model that takes too long to be taken apart is cached in the place of its parts, with a note: tried
     again at each start, it would cost that time again, and in a run that goes on, frames would be solved with another
     collider than those before.
 
@@ -106,17 +106,17 @@ def collider(
 
     Raises:
         ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it; or CoACD fails on it.
-        Cancelled: nobody waits for it any more; nothing is kept.
+        Cancelled: through ``progress``; nothing is cached.
     """
     folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
     path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
-    kept = _read(path)
-    if kept is None:
+    cached = _read(path)
+    if cached is None:
         shape = "convex parts" if kind == "decomposition" else "hull"
-        progress.checkpoint(f"Preparing the {shape} of {model.name} for physics; kept once they are made.")
-        kept = build(model, kind, progress)
-        _write(path, kept)
-    return kept
+        progress.checkpoint(f"Preparing the {shape} of {model.name} for physics; cached once they are made.")
+        cached = build(model, kind, progress)
+        _write(path, cached)
+    return cached
 
 
 @lru_cache(maxsize=1)
@@ -232,10 +232,10 @@ def _mass_properties(mesh: trimesh.Trimesh, parts: list[Float]) -> tuple[Float, 
 
 
 def _read(path: Path) -> Collider | None:
-    """The collider kept at ``path``; None if there is none that can be used."""
+    """The collider in the file ``path``; None if there is none that can be used."""
     try:
         changed_ns = path.stat().st_mtime_ns
-    except OSError:  # Reading it says why.
+    except OSError:  # Reading it gives the reason.
         changed_ns = 0
     return _read_as_of(path, changed_ns)
 
@@ -244,15 +244,15 @@ def _read(path: Path) -> Collider | None:
 def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
     """The same of a file that was last changed then, which is not read twice."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
-            parts = tuple(np.split(kept["vertices"], kept["splits"]))
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+            parts = tuple(np.split(data["vertices"], data["splits"]))
             return Collider(
                 parts,
-                kept["T_obj_com"],
-                kept["inertia_m2"],
-                float(kept["deviation_m"]),
-                "mesh" if kept["closed"] else "parts",
-                "took_too_long" in kept and bool(kept["took_too_long"]),
+                data["T_obj_com"],
+                data["inertia_m2"],
+                float(data["deviation_m"]),
+                "mesh" if data["closed"] else "parts",
+                "took_too_long" in data and bool(data["took_too_long"]),
             )
     except FileNotFoundError:
         return None
@@ -262,11 +262,9 @@ def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
 
 
 def _write(path: Path, built: Collider) -> None:
-    """Keep ``built`` at ``path``; a cache that cannot be written only costs time."""
-    part = path.with_suffix(f".{os.getpid()}.part")
+    """Writes ``built`` to ``path``; a cache that cannot be written only costs time."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
+        with atomic(path) as part, part.open("wb") as file:
             np.savez(
                 file,
                 vertices=np.vstack(built.parts),
@@ -277,8 +275,5 @@ def _write(path: Path, built: Collider) -> None:
                 closed=built.mass_from == "mesh",
                 took_too_long=built.took_too_long,
             )
-        part.replace(path)
-    except OSError as error:
+    except InputError as error:
         log.warning("the collider cache %s cannot be written: %s", path, error)
-        with contextlib.suppress(OSError):
-            part.unlink()

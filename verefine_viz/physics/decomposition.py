@@ -24,8 +24,8 @@ LIMIT_S = 60
 """Processor time that a mesh may take, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
 scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts stand for nothing. Processor time, not
 time on the clock: what comes out must not depend on how busy the machine is."""
-LOOK_S = 0.1
-"""Time between two looks at whether somebody still waits [s]."""
+CHECKPOINT_S = 0.1
+"""Time between two checkpoints [s]."""
 
 
 class TookTooLong(Exception):
@@ -46,20 +46,20 @@ def decomposed(
     Raises:
         TookTooLong: it takes more than ``LIMIT_S``.
         ShapeError: CoACD fails on the mesh.
-        Cancelled: nobody waits for them any more.
+        Cancelled: through ``progress``.
     """
     paths = (str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH"))
     # Waiting threads would spend processor time as well.
     settings = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OMP_WAIT_POLICY": "passive"}
     # Files, not pipes: neither side waits for the other.
-    with TemporaryFile() as mesh, TemporaryFile() as answer, TemporaryFile() as said:
+    with TemporaryFile() as mesh, TemporaryFile() as result, TemporaryFile() as errors:
         np.savez(mesh, vertices=vertices, faces=faces)
         mesh.seek(0)
         # -P: nothing is imported out of the folder that the program was started in. A session of its own: Ctrl-C is for
         # the program, which then ends this process.
         with subprocess.Popen(
             [sys.executable, "-P", "-m", __name__, str(LIMIT_S)],
-            stdin=mesh, stdout=answer, stderr=said, start_new_session=True, env={**os.environ, **settings},
+            stdin=mesh, stdout=result, stderr=errors, start_new_session=True, env={**os.environ, **settings},
         ) as child:  # fmt: skip
             try:
                 _wait(child, name, progress)
@@ -69,34 +69,34 @@ def decomposed(
         if child.returncode == -signal.SIGXCPU:
             raise TookTooLong
         if child.returncode != 0:
-            said.seek(0)
-            reason = (said.read().decode(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
+            errors.seek(0)
+            reason = (errors.read().decode(errors="replace").strip().splitlines() or ["no message"])[-1]
             raise ShapeError(
                 f"{name} cannot be taken apart into convex parts (CoACD ended with exit code {child.returncode}: "
                 f'{reason}); set physics.collider = "hull"'
             )
-        answer.seek(0)
-        with np.load(answer, allow_pickle=False) as found:
-            return np.split(found["vertices"], found["splits"]) if len(found["vertices"]) else []
+        result.seek(0)
+        with np.load(result, allow_pickle=False) as parts:
+            return np.split(parts["vertices"], parts["splits"]) if len(parts["vertices"]) else []
 
 
 def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) -> None:
-    """Until the process ends, saying every second for how long already."""
+    """Until the process ends, reporting every second for how long already."""
     doing = f"Preparing the convex parts of {name} for physics"
     progress.announce(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
-    begun, told_s = time.monotonic(), 0
+    started, reported_s = time.monotonic(), 0
     while True:
         try:
-            child.wait(LOOK_S)
+            child.wait(CHECKPOINT_S)
             return
         except subprocess.TimeoutExpired:
-            now_s = int(time.monotonic() - begun)
+            now_s = int(time.monotonic() - started)
             progress.checkpoint(
                 f"{doing}, {now_s} s so far; after {LIMIT_S} s of computing its hull is taken."
-                if now_s > told_s
+                if now_s > reported_s
                 else ""
             )
-            told_s = now_s
+            reported_s = now_s
 
 
 def _decompose(limit_s: int) -> None:
@@ -104,14 +104,14 @@ def _decompose(limit_s: int) -> None:
     import coacd
 
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # No picture of its memory is left behind then.
-    # Whatever the library may print must not get between.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # No core dump is left behind then.
+    # What the library may print must not get between.
     output = os.dup(1)
     os.dup2(2, 1)
     with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as given:
         mesh = coacd.Mesh(given["vertices"], given["faces"])
     coacd.set_log_level("off")
-    found = coacd.run_coacd(
+    hulls = coacd.run_coacd(
         mesh,
         threshold=0.08,
         max_convex_hull=MAX_PARTS,
@@ -124,7 +124,7 @@ def _decompose(limit_s: int) -> None:
         max_ch_vertex=64,
         seed=0,
     )
-    parts = [np.asarray(part_vertices) for part_vertices, _ in found]
+    parts = [np.asarray(part_vertices) for part_vertices, _ in hulls]
     splits = np.cumsum([len(part) for part in parts])[:-1]
     with open(output, "wb") as file:  # noqa: PTH123
         np.savez(file, vertices=np.vstack(parts) if parts else np.empty((0, 3)), splits=splits)

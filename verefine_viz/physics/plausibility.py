@@ -25,53 +25,14 @@ from verefine_viz.physics.simulator import checked_pose
 from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
 
-# Can contacts hold an object still? Contact forces inside friction cones against gravity, as a linear programme.
-
-CONE_SIDES = 8
-"""Sides of the pyramid inscribed in each friction cone; with 8 it loses at most 8 % of the friction."""
-
-
-def holds(points: Float, normals: Float, friction: Float, com: Float, gravity_direction: Float) -> bool:
-    """Whether forces at the contacts can balance gravity at the centre of mass.
-
-    Args:
-        points: contact points (n, 3) [m].
-        normals: (n, 3) unit normals pointing onto the object.
-        friction: (n,) coefficients μ of the contacts.
-        com: centre of mass (3,) [m].
-        gravity_direction: (3,) unit, down.
-
-    Source: docs/methods.md 7.2.
-    """
-    if len(points) == 0:
-        return False
-    arms = points - com
-    reach = max(float(np.linalg.norm(arms, axis=1).max()), 1e-9)
-    edges = _cone_edges(normals, friction)
-    torques = np.cross(arms[:, None, :] / reach, edges)
-    balance = np.concatenate([edges, torques], axis=2).reshape(-1, 6).T
-    weight = np.concatenate([-gravity_direction, np.zeros(3)])
-    solved = linprog(np.zeros(balance.shape[1]), A_eq=balance, b_eq=weight, bounds=(0, None), method="highs")
-    return bool(solved.status == 0)
-
-
-def _cone_edges(normals: Float, friction: Float) -> Float:
-    """Edges (n, CONE_SIDES, 3) of the pyramids inscribed in the friction cones."""
-    smallest = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    u = np.cross(normals, smallest)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(normals, u)
-    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
-    around = np.cos(angles)[:, None] * u[:, None, :] + np.sin(angles)[:, None] * v[:, None, :]
-    return normals[:, None, :] + friction[:, None, None] * around
-
-
 Light = Literal["green", "amber", "red"]
 
 NEAR_M = TOUCHING_M + IMPOSSIBLE_M
-"""Neighbours further away than this are not looked at."""
+"""Neighbours further away than this do not count."""
 BARELY_M = 0.003
-"""A smaller margin of the centre of mass is worth a look."""
+"""A smaller margin of the centre of mass is reported."""
+CONE_SIDES = 8
+"""Sides of the pyramid inscribed in each friction cone; with 8 it loses at most 8 % of the friction."""
 MOST_CONTACTS = 60
 """Contacts with neighbours that enter the equilibrium; more change nothing."""
 
@@ -107,7 +68,7 @@ class Plausibility:
     light: Light
     """green: plausible; amber: within tolerance, or barely; red: cannot be."""
     sentence: str
-    """The verdict in words."""
+    """The same in words."""
 
     def __post_init__(self) -> None:
         n = len(self.contact_others)
@@ -128,23 +89,23 @@ def plausibility(
     surface_of: Callable[[ObjectModel], Surface] = Surface,
     progress: ProgressToken = NEVER_CANCELLED,
 ) -> Plausibility:
-    """Judge the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
+    """Evaluates the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
 
     Distances are between the meshes themselves, so no collision margin enters; friction and the collider whose centre
     of mass stands in for a mesh with holes are those of ``settings``.
 
     Args:
-        moving: the object and the pose to judge.
+        moving: the object and the pose to evaluate.
         fixed: its neighbours; their order does not matter.
         support: plane and gravity.
         settings: the simulator's settings; defaults if None.
         cache: folder of colliders already built; by default in the user's cache folder.
-        surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
+        surface_of: makes the surface of a model; ``Surfaces()`` caches them.
         progress: asked where a collider has to be built.
 
     Raises:
         ShapeError: a pose is not rigid, not finite or far away, or a model has no volume.
-        Cancelled: a collider had to be built, and nobody waits for it any more.
+        Cancelled: through ``progress``.
     """
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
@@ -169,13 +130,14 @@ def plausibility(
         if _are_apart(vertices, apply(T_world_other, _solid_vertices(other))):
             continue
         surface = surface or surface_of(moving.model)
-        found = nearness(surface, T_world_obj, surface_of(other.model), T_world_other, NEAR_M)
-        gaps_m[other.instance_id], depths_m[other.instance_id] = found.gap_m, found.penetration_m
-        near.append((found.points, found.normals, found.distances_m, other.instance_id, settings.friction**2))
+        near_other = nearness(surface, T_world_obj, surface_of(other.model), T_world_other, NEAR_M)
+        gaps_m[other.instance_id], depths_m[other.instance_id] = near_other.gap_m, near_other.penetration_m
+        points, normals, distances_m = near_other.points, near_other.normals, near_other.distances_m
+        near.append((points, normals, distances_m, other.instance_id, settings.friction**2))
 
     gap_m = min(gaps_m.values())
-    deepest = max(depths_m, key=lambda other: depths_m[other])
-    # A pose that floats a little is judged as if the gap were closed; one that floats far touches nothing.
+    deepest = max(depths_m, key=depths_m.__getitem__)
+    # A pose that floats a little is evaluated as if the gap were closed; one that floats far touches nothing.
     reach_m = gap_m + TOUCHING_M if gap_m <= IMPOSSIBLE_M else -1.0
     points, normals, others, friction = _contacts(near, reach_m)
     carrying = points[normals[:, 2] > UPWARDS, :2]
@@ -185,7 +147,7 @@ def plausibility(
     if depths_m[deepest] <= IMPOSSIBLE_M:
         is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
 
-    light, sentence = _verdict(gap_m, depths_m[deepest], deepest, margin_m, is_stable)
+    light, sentence = _rating(gap_m, depths_m[deepest], deepest, margin_m, is_stable)
     T_cam_world = inverse(support.T_world_cam)
     R_cam_world = T_cam_world[:3, :3]
     return Plausibility(
@@ -203,6 +165,39 @@ def plausibility(
         light=light,
         sentence=sentence,
     )
+
+
+def holds(points: Float, normals: Float, friction: Float, com: Float, gravity_direction: Float) -> bool:
+    """Whether contact forces inside friction cones can balance gravity at the centre of mass: a linear programme.
+
+    Args:
+        points: contact points (n, 3) [m].
+        normals: (n, 3) unit normals pointing onto the object.
+        friction: (n,) coefficients μ of the contacts.
+        com: centre of mass (3,) [m].
+        gravity_direction: (3,) unit, down.
+    """
+    if len(points) == 0:
+        return False
+    arms = points - com
+    reach = max(float(np.linalg.norm(arms, axis=1).max()), 1e-9)
+    edges = _cone_edges(normals, friction)
+    torques = np.cross(arms[:, None, :] / reach, edges)
+    balance = np.concatenate([edges, torques], axis=2).reshape(-1, 6).T
+    weight = np.concatenate([-gravity_direction, np.zeros(3)])
+    solved = linprog(np.zeros(balance.shape[1]), A_eq=balance, b_eq=weight, bounds=(0, None), method="highs")
+    return bool(solved.status == 0)
+
+
+def _cone_edges(normals: Float, friction: Float) -> Float:
+    """Edges (n, CONE_SIDES, 3) of the pyramids inscribed in the friction cones."""
+    smallest = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    u = np.cross(normals, smallest)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(normals, u)
+    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
+    around = np.cos(angles)[:, None] * u[:, None, :] + np.sin(angles)[:, None] * v[:, None, :]
+    return normals[:, None, :] + friction[:, None, None] * around
 
 
 def _solid_vertices(placed: Placed) -> Float:
@@ -271,8 +266,8 @@ def _onto_plane(xy: Float, normal: Float) -> Float:
     return np.column_stack([xy, z])
 
 
-def _verdict(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool | None) -> tuple[Light, str]:
-    """The light and the sentence; the worst finding speaks."""
+def _rating(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool | None) -> tuple[Light, str]:
+    """What is worst about the pose decides."""
     into = "the support plane" if deepest == PLANE_ID else f"instance {deepest}"
     sinks = f"Sinks {depth_m * 1e3:.1f} mm into {into}."
     floats = f"Floats: {gap_m * 1e3:.1f} mm to the nearest surface."

@@ -1,4 +1,4 @@
-"""Distances between the surfaces of two placed models, without stepping and without collision margins."""
+"""Distances between the surfaces of two placed models, and their overlap, without stepping and collision margins."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ SIDEWAYS_M = 3e-4
 """A point may be so far beside the surface that it meets [m]."""
 SPACING = 0.03
 """Largest distance between neighbouring surface points [share of the diameter]."""
+OVERLAP_M = 0.0015
+"""Less penetration than this is noise of poses and meshes [m]."""
 
 
 class Surface:
@@ -48,7 +50,7 @@ class Surface:
 
 
 class Surfaces:
-    """Surfaces of models, made when first asked for and kept: they do not depend on the pose."""
+    """Surfaces of models, made when first asked for and cached: they do not depend on the pose."""
 
     def __init__(self) -> None:
         self._made: dict[str, Surface] = {}
@@ -78,14 +80,14 @@ class Nearness:
 
 def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float) -> Nearness:
     """How near surface ``a`` is to ``b``, with points and normals in frame w."""
-    found = [_one_way(a, T_w_a, b, T_w_b, within_m), _one_way(b, T_w_b, a, T_w_a, within_m)]
-    smallest_m = min(found[0][0], found[1][0])
+    both = [_one_way(a, T_w_a, b, T_w_b, within_m), _one_way(b, T_w_b, a, T_w_a, within_m)]
+    smallest_m = min(both[0][0], both[1][0])
     return Nearness(
         max(smallest_m, 0.0),
         max(-smallest_m, 0.0),
-        np.vstack([found[0][1], found[1][1]]),
-        np.vstack([found[0][2], -found[1][2]]),
-        np.concatenate([found[0][3], found[1][3]]),
+        np.vstack([both[0][1], both[1][1]]),
+        np.vstack([both[0][2], -both[1][2]]),
+        np.concatenate([both[0][3], both[1][3]]),
     )
 
 
@@ -108,12 +110,6 @@ def _one_way(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
     return smallest_m, met_w[facing], normals_w[facing], signed_m[near][facing]
 
 
-# Do two placed objects overlap, how deep, and where?
-
-OVERLAP_M = 0.0015
-"""Less penetration than this is noise of poses and meshes [m]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Overlap:
     """Two objects that are partly in the same place."""
@@ -133,15 +129,15 @@ def overlap(a: Placed, b: Placed, surface_of: Callable[[ObjectModel], Surface] =
     Args:
         a: an object and its pose in the camera frame.
         b: another one.
-        surface_of: makes the surface of a model; ``Surfaces()`` keeps them for the next call.
+        surface_of: makes the surface of a model; ``Surfaces()`` caches them.
     """
     corners_a, corners_b = _box(a), _box(b)
     if (np.maximum(corners_a[0], corners_b[0]) > np.minimum(corners_a[1], corners_b[1])).any():
         return None
-    found = nearness(surface_of(a.model), a.T_cam_obj, surface_of(b.model), b.T_cam_obj, 0.0)
-    if found.penetration_m < OVERLAP_M:
+    near = nearness(surface_of(a.model), a.T_cam_obj, surface_of(b.model), b.T_cam_obj, 0.0)
+    if near.penetration_m < OVERLAP_M:
         return None
-    return Overlap(a.instance_id, b.instance_id, found.penetration_m * 1e3, found.points)
+    return Overlap(a.instance_id, b.instance_id, near.penetration_m * 1e3, near.points)
 
 
 def _box(placed: Placed) -> Float:

@@ -26,10 +26,13 @@ from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.stability import PLANE_ID, Motion, Touch
 from verefine_viz.physics.world import BodyKey, PlacedBody, World, pybullet
 
+_OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
+"""Positions in a contact point of Bullet's."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """What a support plane comes to, for Bullet and back."""
+    """A support plane, for Bullet and back."""
 
     support: Support
     T_cam_world: Float
@@ -64,13 +67,13 @@ class BulletSimulator:
 
         Raises:
             ShapeError: the mesh has no volume.
-            Cancelled: it had to be built, and nobody waits for it any more.
+            Cancelled: through the progress token.
         """
-        found = self._colliders.get(model.mesh_hash)
-        if found is None:
-            found = collider(model, self._settings.collider, self._cache, self._progress)
-            self._colliders[model.mesh_hash] = found
-        return found
+        built = self._colliders.get(model.mesh_hash)
+        if built is None:
+            built = collider(model, self._settings.collider, self._cache, self._progress)
+            self._colliders[model.mesh_hash] = built
+        return built
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
         """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane.
@@ -127,12 +130,12 @@ class BulletSimulator:
 
     def _hull_com(self, model: ObjectModel) -> Float:
         """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame [m]."""
-        found = self._hulls.get(model.mesh_hash)
-        if found is None:
+        hull = self._hulls.get(model.mesh_hash)
+        if hull is None:
             solid = model.vertices[np.unique(model.faces)]
             corners = solid[ConvexHull(solid).vertices]
-            found = self._hulls[model.mesh_hash] = apply(self.collider(model).T_com_obj, corners)
-        return found
+            hull = self._hulls[model.mesh_hash] = apply(self.collider(model).T_com_obj, corners)
+        return hull
 
     def _under(self, support: Support) -> _Ground:
         if self._ground is None or self._ground.support is not support:
@@ -164,16 +167,16 @@ class BulletSimulator:
         return bodies, ids
 
     def _touches(self, near: Sequence[tuple], com: Sequence[float], ids: dict[int, int]) -> list[Touch]:
-        """What Bullet knows to be near after a step, seen from the centre of mass."""
+        """What Bullet reports as near after a step, seen from the centre of mass."""
         x, y, _ = com
-        margin_m, found = self._settings.margin_m, []
+        margin_m, touches = self._settings.margin_m, []
         for p in near:
             is_plane, (px, py, _) = ids[p[_OTHER]] == PLANE_ID, p[_POINT]
             gap_m = p[_DISTANCE] + (margin_m if is_plane else 2 * margin_m)
-            found.append(
+            touches.append(
                 Touch((px - x, py - y), p[_NORMAL][2], gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane)
             )
-        return found
+        return touches
 
     def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
         """Bullet's contact points as records."""
@@ -187,12 +190,8 @@ class BulletSimulator:
         depths_m, forces_n = flat[:, 6], flat[:, 7] * self._settings.substeps
         others = np.array([ids[p[_OTHER]] for p in touched], dtype=np.int64)
         for column in (points, normals, depths_m, forces_n, others):
-            column.flags.writeable = False  # Kept without a copy.
+            column.flags.writeable = False  # Records then take it without a copy.
         return Contacts(points, normals, depths_m, forces_n, others)
-
-
-_OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
-"""Where a contact point of Bullet's has what is asked for."""
 
 
 def checked_pose(placed: Placed) -> Float:
@@ -209,7 +208,7 @@ def checked_pose(placed: Placed) -> Float:
     norms = abs(a * a + b * b + c * c - 1) + abs(d * d + e * e + f * f - 1) + abs(g * g + h * h + i * i - 1)
     angles = abs(a * d + b * e + c * f) + abs(a * g + b * h + c * i) + abs(d * g + e * h + f * i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    # The comparison is false for NaN as well; as_rigid then says what is wrong.
+    # The comparison is false for NaN as well; as_rigid then raises what is wrong.
     if not (norms + angles <= RIGID_TOLERANCE and determinant > 0):
         T = as_rigid(T, name)
     away_m = distance_m(T)
@@ -259,9 +258,6 @@ def _transforms(poses: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Flo
     return T
 
 
-# Let an object fall until it lies still: how demo scenes are laid out.
-
-
 def settle_to_rest(
     simulator: Simulator,
     moving: Placed,
@@ -271,12 +267,12 @@ def settle_to_rest(
     still_steps: int = 15,
     still_m: float = 2e-4,
 ) -> SimulatedPath:
-    """The path of ``moving`` from a drop until it lies still.
+    """The path of ``moving`` from a drop until it lies still: how built-in scenes are laid out.
 
     Args:
         simulator: the simulator; its steps are 1/60 s by default.
-        moving: the object and the pose it is let go in.
-        fixed: what lies there already.
+        moving: the object and the pose it is dropped in.
+        fixed: objects already placed.
         support: plane and gravity.
         max_steps: give up after so many steps; the path then ends in motion. 600 are 10 s.
         still_steps: it lies still when over so many steps …
@@ -298,7 +294,7 @@ def settle_to_rest(
 
 
 def _first_still(Ts: Float, vertices: Float, still_steps: int, still_m: float) -> int | None:
-    """Index of the initial pose that differs little from all of the ``still_steps`` poses before it."""
+    """Index of the first pose that differs little from all of the ``still_steps`` poses before it."""
     corners = np.array(np.meshgrid(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))).reshape(3, -1)
     tracks = Ts[:, :3, :3] @ corners + Ts[:, :3, 3:]
     for end in range(still_steps, len(Ts)):

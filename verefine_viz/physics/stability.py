@@ -1,8 +1,8 @@
-"""Does a simulated object stand? Told from where Bullet says that it touches, in microseconds.
+"""Does a simulated object stand? From the contacts that Bullet reports, in microseconds.
 
-:func:`plausibility` knows more (friction, neighbours' meshes), and takes a hundred times as long: too long for every
-iteration of a run. Both see the support plane alike: what is within 2 mm of the lowest point carries, and a pose that
-sinks in by more than 5 mm cannot tell.
+:func:`plausibility` takes more into account (friction, neighbours' meshes) and a hundred times as long: too long for
+every iteration of a run. Both treat the support plane alike: what is within 2 mm of the lowest point carries, and of a
+pose that sinks in by more than 5 mm it is unknown.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ IMPOSSIBLE_M = 0.005
 UPWARDS = 0.3
 """Contacts whose normal has a smaller upward part do not carry [-]."""
 LEAST_M = 0.0005
-"""A centre of mass that is less than this outside is on the edge, as far as contacts tell."""
+"""A centre of mass that is less than this outside is on the edge, as exact as contacts are."""
 TOPPLED_DEG = 10.0
 """An object that turns by more than this and then stands has fallen over [deg]."""
 HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
 
 PLANE_ID = -1
-"""What :class:`core.simulated.Contacts` calls the support plane."""
+"""What :class:`core.records.Contacts` calls the support plane."""
 
 Point = tuple[float, float]
 """Seen from above, from the centre of mass [m]."""
@@ -54,7 +54,7 @@ class Touch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What simulation did to an object, as far as it takes to tell whether it stands."""
+    """What simulation did to an object, as far as it matters for whether it stands."""
 
     Ts_world_com: Float
     """(S + 1, 4, 4): the start, then one pose per step [m]."""
@@ -67,13 +67,13 @@ class Motion:
     step_s: float
 
     def tipping(self) -> Tipping | None:
-        """Whether it does not stand where it ends, or fell over on the way; None: it stands, or none can tell."""
+        """Whether it does not stand where it ends, or fell over on the way; None: it stands, or that is unknown."""
         last = len(self.Ts_world_com) - 1
-        found = self._after(last) if last else None
-        if found is None and self._turned_deg(0, last) > TOPPLED_DEG:
+        tipping = self._after(last) if last else None
+        if tipping is None and self._turned_deg(0, last) > TOPPLED_DEG:
             first = next((k for k in range(1, last) if any(t.pushes for t in self.near(k))), None)
-            found = self._after(first) if first else None
-        return found
+            tipping = self._after(first) if first else None
+        return tipping
 
     def _after(self, step: int) -> Tipping | None:
         """Whether it does not stand at the end of a step."""

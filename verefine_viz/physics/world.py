@@ -20,21 +20,17 @@ from scipy.spatial import ConvexHull
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import Collider
 
-# pybullet, without the line about its build that it writes to stderr when it is imported.
-
-__all__ = ["BulletClient", "pybullet"]
-
 
 @contextmanager
 def _stderr_closed() -> Iterator[None]:
-    """The line comes from C, so the file descriptor is what has to point elsewhere."""
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    """Pybullet writes a line about its build when it is imported, from C: so it is the descriptor that is closed."""
+    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(stderr, 2)
+        os.close(stderr)
         os.close(nowhere)
 
 
@@ -45,11 +41,11 @@ with _stderr_closed():
 
 Vector = Sequence[float]
 MAX_BODIES = 48
-"""Bodies kept in one world; every parked one costs 0.3 µs per step."""
+"""Bodies in one world; every parked one costs 0.3 µs per step."""
 
 PLANE_FRICTION = 1.0
 BULLET_DAMPING = 0.04
-"""What Bullet gives to a new body, as it writes it down in single precision: left alone where it is what is wanted."""
+"""What Bullet gives to a new body, in single precision: left alone where it is what is wanted."""
 LARGEST_DAMPING = 1 - 1e-6
 """Stands for a share of 1, which no finite rate takes away."""
 
@@ -66,13 +62,13 @@ class BodyKey:
     """Which body stands for an object.
 
     Bullet solves contacts among moving bodies in the order in which the bodies were made. Where several move, each
-    company (the meshes that move together, in order) therefore has bodies of its own.
+    group (the meshes that move together, in order) therefore has bodies of its own.
     """
 
-    company: tuple[str, ...]
+    group: tuple[str, ...]
     """Mesh hashes of all that move together; of the object alone where the others stay."""
     copy: int
-    """Number in the company, or of the copy: two cups are two bodies."""
+    """Number in the group, or of the copy: two cups are two bodies."""
     moves: bool
 
 
@@ -118,7 +114,7 @@ class World:
         self._bodies: dict[BodyKey, int] = {}
         self._in_use: set[int] = set()
         self._asleep: set[int] = set()
-        # Each attribute of a BulletClient makes a new partial; the hot ones are kept.
+        # Each attribute of a BulletClient makes a new partial; those of the inner loop are made once.
         self.step = self._bullet.stepSimulation
         self.pose = self._bullet.getBasePositionAndOrientation
         self.contacts = self._bullet.getContactPoints
@@ -127,11 +123,11 @@ class World:
 
     def body(self, key: BodyKey, collider: Collider) -> int:
         """The body of ``key``, made at its first use and parked."""
-        found = self._bodies.get(key)
-        if found is None:
-            found = self._bodies[key] = self._made(collider, key.moves)
-            self._park(found)
-        return found
+        body = self._bodies.get(key)
+        if body is None:
+            body = self._bodies[key] = self._made(collider, key.moves)
+            self._park(body)
+        return body
 
     @property
     def is_full(self) -> bool:
@@ -146,7 +142,7 @@ class World:
         """Put ``bodies`` and the plane in place, at rest, without any memory of former contacts; park all others.
 
         Entering a body's collision filter makes Bullet drop all its pairs with their cached contacts, and number it
-        anew in the broad phase. Done for plane and bodies in the caller's order, the world is the same after every
+        again in the broad phase. Done for plane and bodies in the caller's order, the world is the same after every
         history; ``deterministicOverlappingPairs`` then works in this order.
         """
         in_use = {b.body for b in bodies}
@@ -178,7 +174,7 @@ class World:
 
     def _made(self, collider: Collider, moves: bool) -> int:
         settings = self._settings
-        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet keeps files by name.
+        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet caches files by name.
             path = Path(folder) / "parts.obj"
             path.write_text(_wavefront(collider), encoding="ascii")
             shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))

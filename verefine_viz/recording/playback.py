@@ -138,7 +138,7 @@ def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
         arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in known]
     if j < len(arms):
         score = accepted.score or arms[j].current.score
-        arm = arms[j].moved(Entry(accepted.T_cam_obj, score, accepted.name, iteration.index))
+        arm = arms[j].advanced(Entry(accepted.T_cam_obj, score, accepted.name, iteration.index))
         judged = [s.score.score for s in iteration.stages[1:] if s.score is not None]
         arms[j] = arm.rewarded(max(judged)) if judged else arm
     return replace(

@@ -55,7 +55,7 @@ def icp_loop(
     moved = np.empty((n, 3))
     match = np.zeros(n, dtype=np.int64)
     squared = np.empty(n)
-    kept = np.empty(n, dtype=np.bool_)
+    used = np.empty(n, dtype=np.bool_)
     points = index.points
     n_matches, mse, previous_mse = 0, 0.0, np.inf
     for iteration in range(len(gates_m)):
@@ -65,19 +65,19 @@ def icp_loop(
             moved[i, 0], moved[i, 1], moved[i, 2] = apply(R, t, source[i])
         nearest_of_all(moved, gate_squared, index, match, squared)
         for i in range(n):
-            kept[i] = squared[i] <= gate_squared
-            if kept[i] and check_sides:
-                kept[i] = _turned_dot(R, source_normals[i], normals[match[i]]) >= 0.0
-            if kept[i]:
+            used[i] = squared[i] <= gate_squared
+            if used[i] and check_sides:
+                used[i] = _turned_dot(R, source_normals[i], normals[match[i]]) >= 0.0
+            if used[i]:
                 n_matches += 1
                 total += squared[i]
         if n_matches < 3:
             return R, t, iteration, n_matches, 0.0
         mse = total / n_matches
         step_R, step_t = (
-            _plane_step(moved, points, normals, match, kept)
+            _plane_step(moved, points, normals, match, used)
             if plane
-            else point_step(moved, points, match, kept, n_matches)
+            else point_step(moved, points, match, used, n_matches)
         )
         R = step_R @ R
         t = step_R @ t + step_t
@@ -166,7 +166,7 @@ def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
 
 @njit(cache=True)
 def point_step(
-    moved: np.ndarray, points: np.ndarray, match: np.ndarray, kept: np.ndarray, n_matches: int
+    moved: np.ndarray, points: np.ndarray, match: np.ndarray, used: np.ndarray, n_matches: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step with the least sum of squared distances (Umeyama without scale)."""
     # One pass, about a point near both clouds: what is taken off again afterwards is then no larger than what stays.
@@ -174,7 +174,7 @@ def point_step(
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(moved)):
-        if kept[i]:
+        if used[i]:
             j = match[i]
             px, py, pz = moved[i, 0] - ox, moved[i, 1] - oy, moved[i, 2] - oz
             qx, qy, qz = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
@@ -183,14 +183,8 @@ def point_step(
             xx, xy, xz = xx + qx * px, xy + qx * py, xz + qx * pz
             yx, yy, yz = yx + qy * px, yy + qy * py, yz + qy * pz
             zx, zy, zz = zx + qz * px, zy + qz * py, zz + qz * pz
-    ax, ay, az, bx, by, bz = (
-        ax / n_matches,
-        ay / n_matches,
-        az / n_matches,
-        bx / n_matches,
-        by / n_matches,
-        bz / n_matches,
-    )
+    ax, ay, az = ax / n_matches, ay / n_matches, az / n_matches
+    bx, by, bz = bx / n_matches, by / n_matches, bz / n_matches
     nx, ny, nz = n_matches * bx, n_matches * by, n_matches * bz
     H = np.array(
         [
@@ -244,13 +238,13 @@ def nearest_rotation(H: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _plane_step(
-    moved: np.ndarray, points: np.ndarray, normals: np.ndarray, match: np.ndarray, kept: np.ndarray
+    moved: np.ndarray, points: np.ndarray, normals: np.ndarray, match: np.ndarray, used: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step that brings the points nearest to the tangent planes of their matches (small-angle fit)."""
     centre = np.zeros(3)
     n = 0
     for i in range(len(moved)):
-        if kept[i]:
+        if used[i]:
             n += 1
             for k in range(3):
                 centre[k] += moved[i, k]
@@ -259,7 +253,7 @@ def _plane_step(
     rhs = np.zeros(6)
     row = np.empty(6)
     for i in range(len(moved)):
-        if kept[i]:
+        if used[i]:
             j = match[i]
             x, y, z = moved[i, 0] - centre[0], moved[i, 1] - centre[1], moved[i, 2] - centre[2]
             nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]

@@ -2,7 +2,8 @@
 
 Space around the cloud is cut into cubes, and each cube keeps the few points that are nearest to some place inside it
 (the Voronoi cells it touches, by a bound that errs on the safe side). A query looks up its cube and compares those:
-no search, hardly a branch. Single-threaded; the answer depends on the query alone.
+no search, hardly a branch. Beyond the cubes every point is compared, or, where no gate keeps queries near, the cloud's
+:class:`Leaves` are searched. Single-threaded; the answer depends on the query alone.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ PADDING = 0.3
 """How far the cubes reach beyond the cloud, as a share of its largest extent; farther away every point is compared."""
 BLOCK = 4
 """Cubes are filled in blocks of this many a side, which share one look at the whole cloud."""
+LEAF = 32
+"""Most points of a leaf."""
 CELLS_ACROSS = 16
 """Cells along the longest side of a cloud within which the order of its points does not matter."""
 
@@ -70,9 +73,9 @@ class NearestIndex(NamedTuple):
 
     def query(self, points: Float) -> tuple[Float, NDArray[np.int64]]:
         """Distance to, and index of, the nearest neighbour of each of ``points`` (M, 3)."""
-        found, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-        nearest_of_all(np.array(points, dtype=np.float64, order="C"), np.inf, self, found, squared)
-        return np.sqrt(squared), self.order[found]
+        nearest, squared = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+        nearest_of_all(np.array(points, dtype=np.float64, order="C"), np.inf, self, nearest, squared)
+        return np.sqrt(squared), self.order[nearest]
 
 
 def neighbours_first(points: Float) -> NDArray[np.int64]:
@@ -84,21 +87,21 @@ def neighbours_first(points: Float) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=64)
 def model_index(model: ObjectModel) -> NearestIndex:
-    """The index of a model's points, of which there must be one at least; built once, whoever asks."""
+    """The index of a model's points, of which there must be one at least; built once for all callers."""
     return NearestIndex.build(model.points)
 
 
 @njit(cache=True)
 def nearest_of_all(
-    queries: np.ndarray, limit_squared: float, index: NearestIndex, found: np.ndarray, squared: np.ndarray
+    queries: np.ndarray, limit_squared: float, index: NearestIndex, nearest: np.ndarray, squared: np.ndarray
 ) -> None:
     """Finds the nearest points of all queries in one call; a function that is called for each would take longer.
 
     Args:
         queries: (M, 3).
-        limit_squared: how far one looks [m²].
+        limit_squared: how far to look [m²].
         index: of the cloud.
-        found: (M,) filled with the nearest ones' places in ``index.points``; 0 where they are surely beyond the limit.
+        nearest: (M,) filled with their places in ``index.points``; 0 where they are surely beyond the limit.
         squared: (M,) filled with the squared distances; infinite there.
     """
     points, starts, candidates = index.points, index.starts, index.candidates
@@ -118,19 +121,19 @@ def nearest_of_all(
                     best, best_squared = i, distance
         else:
             best, best_squared = _beyond_the_cubes(x, y, z, limit_squared, points, index.bounds)
-        found[m], squared[m] = best, best_squared
+        nearest[m], squared[m] = best, best_squared
 
 
 @njit(cache=True)
 def mean_distance(points: np.ndarray, T: np.ndarray, index: NearestIndex) -> float:
     """Mean distance of points (n, 3), moved by ``T`` (4, 4), to the nearest points of a cloud."""
     n = len(points)
-    moved, found, squared = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
+    moved, nearest, squared = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
     for i in range(n):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for k in range(3):
             moved[i, k] = T[k, 0] * x + T[k, 1] * y + T[k, 2] * z + T[k, 3]
-    nearest_of_all(moved, np.inf, index, found, squared)
+    nearest_of_all(moved, np.inf, index, nearest, squared)
     total = 0.0
     for i in range(n):
         total += np.sqrt(squared[i])
@@ -143,10 +146,7 @@ def _beyond_the_cubes(
 ) -> tuple[int, float]:
     """The nearest point's index and squared distance by a look at all of them; (0, inf) beyond the limit."""
     best, best_squared = 0, np.inf
-    dx = max(bounds[0, 0] - x, x - bounds[1, 0], 0.0)
-    dy = max(bounds[0, 1] - y, y - bounds[1, 1], 0.0)
-    dz = max(bounds[0, 2] - z, z - bounds[1, 2], 0.0)
-    if dx * dx + dy * dy + dz * dz > limit_squared:
+    if _to_box(x, y, z, bounds) > limit_squared:
         return best, best_squared
     for i in range(len(points)):
         dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
@@ -250,14 +250,83 @@ def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, 
             own[m], squared[m] = own[m - 1], squared[m - 1]
             m -= 1
         own[m], squared[m] = i, s
-    kept = 0
+    n_unbeaten = 0
     for k in range(n):
         beaten = False
-        for m in range(kept):
+        for m in range(n_unbeaten):
             if _is_beaten(points, own[k], squared[k], own[m], squared[m], side):
                 beaten = True
                 break
         if not beaten:
-            own[kept], squared[kept] = own[k], squared[k]
-            kept += 1
-    return kept
+            own[n_unbeaten], squared[n_unbeaten] = own[k], squared[k]
+            n_unbeaten += 1
+    return n_unbeaten
+
+
+class Leaves(NamedTuple):
+    """The cloud halved again and again into leaves of a few points, for queries that may lie anywhere.
+
+    A query looks only into leaves whose box is not too far to hold the nearest point.
+    """
+
+    points: Float
+    """(N, 3) the cloud."""
+    bounds: Float
+    """(L, 2, 3) lowest and highest coordinates of each leaf's points."""
+    starts: NDArray[np.int64]
+    """(L + 1,) where each leaf's members begin."""
+    members: NDArray[np.int64]
+    """(N,) indices into ``points``, leaf by leaf."""
+
+    @staticmethod
+    def build(points: Float) -> Leaves:
+        """The leaves of a cloud (N, 3) of at least one point."""
+        points = np.array(points, dtype=np.float64, order="C")
+        leaves = [np.arange(len(points))]
+        while max(map(len, leaves)) > LEAF:
+            halves: list[NDArray[np.int64]] = []
+            for leaf in leaves:
+                axis = int(np.argmax(np.ptp(points[leaf], axis=0)))
+                halves += np.array_split(leaf[np.argsort(points[leaf, axis], kind="stable")], 2)
+            leaves = halves
+        bounds = np.array([[points[leaf].min(axis=0), points[leaf].max(axis=0)] for leaf in leaves])
+        return Leaves(points, bounds, np.cumsum([0, *map(len, leaves)]), np.concatenate(leaves))
+
+
+@njit(cache=True)
+def nearest_from_afar(x: float, y: float, z: float, leaves: Leaves) -> tuple[int, float]:
+    """The nearest point's index and squared distance to (x, y, z); the first in the cloud on ties."""
+    first, least = 0, np.inf
+    for leaf in range(len(leaves.bounds)):
+        bound = _to_box(x, y, z, leaves.bounds[leaf])
+        if bound < least:
+            first, least = leaf, bound
+    best, best_squared = _better(x, y, z, leaves, first, 0, np.inf)
+    for leaf in range(len(leaves.bounds)):
+        if leaf != first and _to_box(x, y, z, leaves.bounds[leaf]) <= best_squared:
+            best, best_squared = _better(x, y, z, leaves, leaf, best, best_squared)
+    return best, best_squared
+
+
+@njit(cache=True)
+def _to_box(x: float, y: float, z: float, bounds: np.ndarray) -> float:
+    """Squared distance of a point to a box (2, 3); 0 inside."""
+    dx = max(bounds[0, 0] - x, x - bounds[1, 0], 0.0)
+    dy = max(bounds[0, 1] - y, y - bounds[1, 1], 0.0)
+    dz = max(bounds[0, 2] - z, z - bounds[1, 2], 0.0)
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True)
+def _better(
+    x: float, y: float, z: float, leaves: Leaves, leaf: int, best: int, best_squared: float
+) -> tuple[int, float]:
+    """The nearer of the best so far and the leaf's points."""
+    points = leaves.points
+    for k in range(leaves.starts[leaf], leaves.starts[leaf + 1]):
+        i = leaves.members[k]
+        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < best_squared or (squared == best_squared and i < best):
+            best, best_squared = i, squared
+    return best, best_squared

@@ -1,4 +1,7 @@
-"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``."""
+"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``.
+
+An exception of another program's refiner is marked as such, so that it is not taken for a bug of this one.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,6 @@ from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 
-# Refiners of another program: what they raise is told apart from a bug of this one.
-
 _OWN = __name__.partition(".")[0]
 _PACKAGE = Path(__file__).parents[1]
 _LIBRARIES = ("<frozen ", *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")))
@@ -26,7 +27,7 @@ _RAISED = "raised by the refiner "
 
 
 class Foreign:
-    """Refines as another program's refiner does, and notes on what that raises that it did.
+    """Refines as another program's refiner does, and marks the exceptions of that.
 
     Args:
         name: what sessions call it.
@@ -37,30 +38,19 @@ class Foreign:
         self._name, self._inner = name, inner
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """The pose that the refiner itself finds."""
-        with _noted(self._name):
+        """The refiner's own result."""
+        with _marked(self._name):
             return self._inner.refine(target, T_cam_obj, fixed)
 
 
-def is_foreign(make: Callable[[Session], Refiner]) -> bool:
-    """Whether what builds a refiner is another program's."""
-    return getattr(make, "__module__", "").partition(".")[0] != _OWN
-
-
-def made(name: str, make: Callable[[Session], Refiner], session: Session) -> Refiner:
-    """Another program's refiner, built; what that raises is noted too."""
-    with _noted(name):
-        return Foreign(name, make(session))
-
-
 def raised_by_refiner(error: BaseException) -> str:
-    """What to tell of an exception of another program's refiner: which one raised what, and where; "" for any other."""
+    """The message for an exception of another program's refiner: which one raised what, and where; "" for any other."""
     note = next((n for n in getattr(error, "__notes__", ()) if n.startswith(_RAISED)), None)
     if note is None:
         return ""
     called = dropwhile(_is_outside, traceback.extract_tb(error.__traceback__))
     outside = [frame for frame in called if _is_outside(frame)]
-    # What went wrong in a library is mended where it was called.
+    # An exception of a library is shown where the refiner called it.
     frames = [f for f in outside if not f.filename.startswith(_LIBRARIES)] or outside
     where = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
     return f"the refiner {note.removeprefix(_RAISED)} raised {type(error).__name__}: {error}{where}"
@@ -71,7 +61,7 @@ def _is_outside(frame: traceback.FrameSummary) -> bool:
 
 
 @contextmanager
-def _noted(name: str) -> Iterator[None]:
+def _marked(name: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
@@ -79,11 +69,8 @@ def _noted(name: str) -> Iterator[None]:
         raise
 
 
-# The refiner that changes nothing: what a method does by physics and choice alone.
-
-
 class Identity:
-    """Returns the pose it was given."""
+    """Returns the pose it was given: what a method does by physics and choice alone."""
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The same pose (4, 4)."""
@@ -106,4 +93,7 @@ def make_refiner(name: str, session: Session) -> Refiner:
     if name not in REFINERS:
         raise SettingsError(unknown("refiner", name, REFINERS))
     make = REFINERS[name]
-    return made(name, make, session) if is_foreign(make) else make(session)
+    if getattr(make, "__module__", "").partition(".")[0] == _OWN:
+        return make(session)
+    with _marked(name):
+        return Foreign(name, make(session))

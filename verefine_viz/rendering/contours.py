@@ -18,9 +18,9 @@ from verefine_viz.core.palette import RGB, Image, depth_scale
 from verefine_viz.core.problem import Target
 
 WIDTH_PX, HEIGHT_PX = 360, 270
-"""Size of a picture where nothing else is said; smaller ones have the same shape."""
+"""Default size of a picture; smaller ones have the same shape."""
 MARGIN = 0.25
-"""Room around the object, as a share of its size."""
+"""Space around the object, as a share of its size."""
 SMALLEST_PX = 48
 """Least width of what is shown of the camera's image."""
 QUALITY = 72
@@ -95,8 +95,8 @@ def background(target: Target, window: Window, width_px: int = WIDTH_PX) -> Imag
     image = observation.rgb
     if image is None:
         depth_m = observation.depth_m
-        known = depth_m[depth_m > 0]
-        low, high = (float(known.min()), float(known.max()) + 1e-6) if len(known) else (0.0, 1.0)
+        measured = depth_m[depth_m > 0]
+        low, high = (float(measured.min()), float(measured.max()) + 1e-6) if len(measured) else (0.0, 1.0)
         image = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
     resized = PilImage.fromarray(image).resize((width_px, height_of(width_px)), PilImage.Resampling.BICUBIC, window.box)
     return np.array(resized)

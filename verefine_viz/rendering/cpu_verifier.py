@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -14,33 +14,30 @@ from numba.core import config
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.rendering import kernels
-from verefine_viz.rendering.map_kernel import draw_at
-from verefine_viz.rendering.prepared import MeshStore, TargetStore, far_m, intrinsics
+from verefine_viz.rendering.prepared import PreparedTarget, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth
-from verefine_viz.rendering.score_sums import (
+from verefine_viz.rendering.score_kernels import N_SUMS, draw_at, score_every
+from verefine_viz.rendering.verifier import (
     NOTHING_PLACED,
-    PIXELS,
-    as_combinations,
+    RenderingVerifier,
     as_poses,
-    in_order,
+    rule_of,
     score_maps,
     scores_from_sums,
 )
 
 FACES_PER_THREAD = 2500
-"""A thread is given at least so many faces to draw: handing over takes as long as drawing a small mesh."""
+"""A thread gets at least so many faces to draw: handing over takes as long as drawing a small mesh."""
 
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    # Threads of Python's own, as the kernels let go of the interpreter: numba's thread layers may not be entered twice
-    # at once, and warn about old versions of TBB.
+    # Threads of Python's own, as the kernels release the interpreter's lock: numba's thread layers may not be entered
+    # twice at once, and warn about old versions of TBB.
     return ThreadPoolExecutor(config.NUMBA_NUM_THREADS, "score")  # pyright: ignore
 
 
@@ -50,14 +47,12 @@ class _Scene:
 
     targets: tuple[Target, ...]
     whole_frame: bool
-    before_placed: tuple[Any, ...]
-    after_placed: tuple[Any, ...]
-
-    def is_of(self, targets: Sequence[Target], whole_frame: bool) -> bool:
-        return self.whole_frame == whole_frame and self.targets == tuple(targets)
+    drawing: tuple[Any, ...]
+    """Meshes, camera, far limit."""
+    prepared: PreparedTarget
 
 
-class CpuVerifier:
+class CpuVerifier(RenderingVerifier):
     """Scores poses with the numba rasteriser; may be used from any thread, one at a time.
 
     A batch is spread over ``NUMBA_NUM_THREADS`` threads (an environment variable; all cores unless it is set); the bits
@@ -69,25 +64,18 @@ class CpuVerifier:
     def __init__(
         self, settings: ScoreSettings, cache_folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
     ) -> None:
-        self.settings = settings
-        self._targets = TargetStore()
-        self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
+        super().__init__(settings, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _Scene | None = None
         """Of the last call; it is mostly that of the next one as well."""
-        self._placed_key: tuple[object, ...] | None = None
         self._placed_m = NOTHING_PLACED
-
-    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
-        """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``)."""
-        return self._score((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
         """Scores in another thread what :meth:`score` would, until the answer is called for; None if there is none."""
         if self._n_threads < 2:
             return None
         arguments = self._arguments((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
-        working = _pool().submit(kernels.score_every, 0, 1, *arguments)
+        working = _pool().submit(score_every, 0, 1, *arguments)
 
         def answer() -> Scores:
             working.result()
@@ -95,48 +83,12 @@ class CpuVerifier:
 
         return answer
 
-    def maps(
-        self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
-    ) -> ScoreMaps:
-        """The score of one pose, pixel by pixel; ``at`` some pixels, or all."""
-        return self._maps((target,), as_poses(np.asarray(T_cam_obj)[None]), placed, True, at)
-
-    def score_scene(
-        self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
-    ) -> Scores:
-        """Scores of N combinations of poses (N, m, 4, 4) of m targets, each combination in one depth buffer.
-
-        Args:
-            targets: of one frame; their order does not matter.
-            Ts_cam_obj: a pose that is not finite, or shows nothing, leaves its object's mask empty.
-            placed: objects other than the targets that may hide parts (``classes``).
-            whole_frame: ``published`` counts the pixels of all objects in the frame, as :meth:`score` does.
-
-        Raises:
-            ShapeError: another shape of poses, no targets, or targets of several frames.
-        """
-        targets, Ts = in_order(targets, as_combinations(Ts_cam_obj, len(targets)))
-        return self._score(targets, Ts, placed, whole_frame)
-
-    def scene_maps(
-        self,
-        targets: Sequence[Target],
-        Ts_cam_obj: Float,
-        placed: Sequence[Placed] = (),
-        whole_frame: bool = False,
-        *,
-        at: PixelGrid | None = None,
-    ) -> ScoreMaps:
-        """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
-        targets, Ts = in_order(targets, as_combinations(np.asarray(Ts_cam_obj)[None], len(targets)))
-        return self._maps(targets, Ts[0], placed, whole_frame, at)
-
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         arguments = self._arguments(targets, Ts, placed, whole_frame)
         n_faces = len(Ts) * sum(len(self._meshes.get(target.model).faces) for target in targets)
         n = max(1, min(len(Ts), self._n_threads, n_faces // FACES_PER_THREAD))
-        others = [_pool().submit(kernels.score_every, k, n, *arguments) for k in range(1, n)]
-        kernels.score_every(0, n, *arguments)
+        others = [_pool().submit(score_every, k, n, *arguments) for k in range(1, n)]
+        score_every(0, n, *arguments)
         for other in others:
             other.result()
         return scores_from_sums(arguments[-1], self.settings)
@@ -145,18 +97,14 @@ class CpuVerifier:
         self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool
     ) -> tuple[Any, ...]:
         """What the kernel takes after its first two arguments; the last one is where it leaves the sums."""
-        if self._scene is None or not self._scene.is_of(targets, whole_frame):
-            self._scene = self._prepared(targets, whole_frame)
-        before, after = self._scene.before_placed, self._scene.after_placed
-        return (Ts, *before, self._placed_depth(targets, placed), *after, np.empty((len(Ts), kernels.N_SUMS)))
-
-    def _prepared(self, targets: Sequence[Target], whole_frame: bool) -> _Scene:
-        prepared, settings = self._targets.scene(targets, whole_frame), self.settings
-        meshes = self._meshes.together([target.model for target in targets])
-        pinhole = intrinsics(targets[0].observation.camera, settings)
-        before = meshes.arrays, pinhole, far_m(settings), prepared.observed, prepared.flags, prepared.own
-        after = prepared.n_objects, prepared.n_own, PIXELS[settings.pixels], settings.tau_m, settings.alpha
-        return _Scene(tuple(targets), whole_frame, before, after)
+        scene, settings = self._scene, self.settings
+        if scene is None or scene.whole_frame != whole_frame or scene.targets != tuple(targets):
+            meshes = self._meshes.together([target.model for target in targets])
+            drawing = meshes.arrays, intrinsics(targets[0].observation.camera, settings), far_m(settings)
+            scene = _Scene(tuple(targets), whole_frame, drawing, self._targets.scene(targets, whole_frame))
+            self._scene = scene
+        seen = scene.prepared.arrays(self._placed_depth(targets, placed))
+        return (Ts, *scene.drawing, seen, rule_of(settings), np.empty((len(Ts), N_SUMS)))
 
     def _maps(
         self,
@@ -176,23 +124,16 @@ class CpuVerifier:
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
         return score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
 
-    def _depth(self, objects: Iterable[Placed], camera: Camera) -> NDArray[np.float32]:
-        """(H, W) z of objects at their poses [m]; 0 = empty."""
-        depth_m = np.zeros(camera.shape, np.float32)
-        for p in objects:
-            T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
-            draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
-        return depth_m
-
     def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
         """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""
-        judged = [target.instance.instance_id for target in targets]
-        others = [p for p in placed if p.instance_id not in judged]
+        others, key = self._others(targets, placed)
         if not others:
             return NOTHING_PLACED
-        camera = targets[0].observation.camera
-        key = (camera.K.tobytes(), camera.shape, *((p.model.mesh_hash, p.T_cam_obj.tobytes()) for p in others))
         if key != self._placed_key:
-            self._placed_m = self._depth(others, camera)
-            self._placed_key = key
+            camera = targets[0].observation.camera
+            depth_m = np.zeros(camera.shape, np.float32)
+            for p in others:
+                T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
+                draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
+            self._placed_m, self._placed_key = depth_m, key
         return self._placed_m

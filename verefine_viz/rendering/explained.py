@@ -1,7 +1,7 @@
 """How many pixels a scene leaves unexplained: the cost of PHYSIM-MCTS. docs/methods.md 3.1, 3.3.
 
 The observed picture is the depth with the table removed: what is less than ``TABLE_M`` above the support plane, or
-below it, is no object. What else stands on the plane stays, also where nobody asked for it: it costs every scene the
+below it, is no object. What else stands on the plane stays, also what is not to be solved: it costs every scene the
 same. Without a support plane, only what the masks of the frame's objects cover counts as observed.
 """
 

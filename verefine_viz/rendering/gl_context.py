@@ -28,7 +28,7 @@ HOW_TO_GET_GL = (
 
 @dataclass(frozen=True)
 class GlInfo:
-    """The OpenGL that was found."""
+    """The OpenGL of this machine."""
 
     renderer: str
     vendor: str
@@ -65,38 +65,33 @@ def info_of(context: moderngl.Context) -> GlInfo:
 
 @cache
 def probe() -> GlInfo | UnavailableError:
-    """What OpenGL this machine has, or why it has none; never raises."""
-    found: list[GlInfo | UnavailableError] = []
+    """What OpenGL this machine has, or why it has none; never raises. Looked up once."""
+    answers: list[GlInfo | UnavailableError] = []
 
     # A thread of its own, so that the caller's current context, if any, stays current.
     def look() -> None:
         try:
             context = create_context()
-            found.append(info_of(context))
+            answers.append(info_of(context))
             context.release()
         except UnavailableError as error:
-            found.append(error)
+            answers.append(error)
         except Exception as error:
-            found.append(UnavailableError(f"OpenGL failed ({error}); {HOW_TO_GET_GL}"))
+            answers.append(UnavailableError(f"OpenGL failed ({error}); {HOW_TO_GET_GL}"))
 
     thread = threading.Thread(target=look, name="gl-probe")
     thread.start()
     thread.join()
-    return found[0] if found else UnavailableError(f"OpenGL failed; {HOW_TO_GET_GL}")
-
-
-# What OpenGL this machine has, for people.
-
-__all__ = ["GlInfo", "gl_info", "gl_problem"]
+    return answers[0] if answers else UnavailableError(f"OpenGL failed; {HOW_TO_GET_GL}")
 
 
 def gl_info() -> GlInfo | None:
-    """Renderer, vendor and version, or None where there is no usable OpenGL; never raises. Looked up once."""
-    found = probe()
-    return found if isinstance(found, GlInfo) else None
+    """Renderer, vendor and version, or None where there is no usable OpenGL."""
+    gl = probe()
+    return gl if isinstance(gl, GlInfo) else None
 
 
 def gl_problem() -> str | None:
     """Why there is no usable OpenGL and how to get it, in one line; None where there is."""
-    found = probe()
-    return None if isinstance(found, GlInfo) else str(found)
+    gl = probe()
+    return None if isinstance(gl, GlInfo) else str(gl)

@@ -1,4 +1,4 @@
-"""The OpenGL passes of the score: draw poses into tiles, judge their pixels row by row, add up the rows.
+"""The OpenGL passes of the score: draw poses into tiles, score their pixels row by row, add up the rows.
 
 All arrays keep image order: texture row v is image row v, so nothing is ever flipped, and the projection puts pixel
 centres at integers of the camera's image.
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.rendering.kernels import OWN
 from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes
 from verefine_viz.rendering.prepared import PreparedTarget
 from verefine_viz.rendering.rasterizer import NEAR_M
+from verefine_viz.rendering.score_kernels import OWN
 
 Intrinsics = tuple[float, float, float, float]
 Windows = NDArray[np.int64]
@@ -65,7 +65,7 @@ class GlPasses:
 
     def __init__(self, context: moderngl.Context) -> None:
         self.context = context
-        # What Python forgets is released at the next call, in the thread that owns the context.
+        # What Python no longer references is released at the next call, in the thread that owns the context.
         context.gc_mode = "context_gc"
         self.atlas = Surface(context)
         self.placed = Surface(context)
@@ -81,7 +81,7 @@ class GlPasses:
         self._max_side = int(context.info["GL_MAX_TEXTURE_SIZE"])
 
     def collect(self) -> None:
-        """Releases what nobody holds any more."""
+        """Releases what is no longer referenced."""
         self.context.gc()
 
     def batches(self, windows: Windows) -> Iterator[tuple[int, int]]:
@@ -124,7 +124,7 @@ class GlPasses:
         windows: Windows,
         camera: Intrinsics,
         has_placed: bool,
-        judging: dict[str, float | int],
+        rule: tuple[int, float, float],
     ) -> NDArray[np.float32]:
         """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each combination's tile.
 
@@ -135,7 +135,7 @@ class GlPasses:
             windows: as there.
             camera: (fx, fy, cx, cy) [px].
             has_placed: whether ``placed`` holds objects that may hide others.
-            judging: ``pixels``, ``tau_m`` and ``alpha``.
+            rule: (pixels, τ, α).
         """
         joint = _joint(windows)
         context, n, m, (columns, rows) = self.context, *Ts.shape[:2], _tile(joint)
@@ -153,7 +153,8 @@ class GlPasses:
             "placed": self.placed.texture if has_placed else self.atlas.texture,
         }
         values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(joint), "n_models": m}
-        _bind(self._score, inputs, {**values, **judging, "has_placed": has_placed})
+        values |= dict(zip(("pixels", "tau_m", "alpha"), rule, strict=True))
+        _bind(self._score, inputs, {**values, "has_placed": has_placed})
         row_target = context.framebuffer(by_row)
         row_target.use()
         self._score_all.render(vertices=3)

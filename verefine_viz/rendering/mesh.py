@@ -82,19 +82,19 @@ def render_meshes(meshes: tuple[RenderMesh, ...]) -> RenderMeshes:
 def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bool_] | None = None) -> RenderMesh:
     """Prepares a mesh (V, 3), (F, 3) for drawing; triangles without area are left out.
 
-    ``closed`` (F,) is what :func:`~verefine_viz.rendering.simplify.closed_faces` found; without it all backs are drawn.
+    ``closed`` (F,) comes from :func:`~verefine_viz.rendering.simplify.closed_faces`; without it all backs are drawn.
     """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
-    flat = length > 0
-    kept = np.ascontiguousarray(faces[flat], dtype=np.int32)
-    normals = np.ascontiguousarray(normals[flat] / length[flat, None])
+    solid = length > 0
+    faces = np.ascontiguousarray(faces[solid], dtype=np.int32)
+    normals = np.ascontiguousarray(normals[solid] / length[solid, None])
     return RenderMesh(
         vertices=np.ascontiguousarray(vertices, dtype=np.float64),
-        faces=kept,
+        faces=faces,
         face_normals=normals,
-        face_offsets=np.einsum("ij,ij->i", normals, vertices[kept[:, 0]]),
-        closed=np.zeros(len(kept), np.bool_) if closed is None else closed[flat],
+        face_offsets=np.einsum("ij,ij->i", normals, vertices[faces[:, 0]]),
+        closed=np.zeros(len(faces), np.bool_) if closed is None else closed[solid],
         radius_m=float(np.linalg.norm(vertices, axis=1).max()),
     )

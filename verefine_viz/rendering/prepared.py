@@ -1,4 +1,4 @@
-"""What is made once per frame, per instance and per model, and kept as long as those live."""
+"""What is made once per frame, per instance and per model, and cached as long as those live."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.rendering.kernels import OBJECTS, OWN
 from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes, render_meshes
+from verefine_viz.rendering.score_kernels import OBJECTS, OWN
 from verefine_viz.rendering.simplify import scoring_mesh
 
 PUBLISHED_FAR_M = 5.0
 """Farthest surface that the authors' renderer draws [m]."""
 
-KEPT_SCENES = 16
-"""How many choices of targets are kept for a frame."""
+CACHED_SCENES = 16
+"""How many choices of targets are cached for a frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedTarget:
-    """One instance, or several that are judged together, in one frame, as the renderers read it."""
+    """One instance, or several that are scored together, in one frame, as the renderers read it."""
 
     observed: NDArray[np.float32]
     """(H, W, 4) unit normal and z [m]; 0 where missing."""
@@ -43,12 +43,16 @@ class PreparedTarget:
     own: NDArray[np.uint8]
     """(m, H, W) the flags of each instance by itself."""
 
+    def arrays(self, placed_m: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray, NDArray, int, int]:
+        """What the kernels take; ``placed_m`` is z of the objects placed before, (H, W), or (0, 0) for none [m]."""
+        return self.observed, self.flags, self.own, placed_m, self.n_objects, self.n_own
+
 
 _Scene = tuple[tuple[PreparedTarget, ...], PreparedTarget]
 
 
 class TargetStore:
-    """Prepared targets; forgotten together with the frame or instance they belong to."""
+    """Prepared targets, cached as long as the frame and instance they belong to."""
 
     def __init__(self) -> None:
         self._frames: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
@@ -69,7 +73,7 @@ class TargetStore:
         return prepared
 
     def scene(self, targets: Sequence[Target], whole_frame: bool) -> PreparedTarget:
-        """The arrays of m ≥ 1 targets that are judged together.
+        """The arrays of m ≥ 1 targets that are scored together.
 
         Args:
             targets: of one frame.
@@ -87,9 +91,9 @@ class TargetStore:
         scenes = self._scenes.setdefault(frame, {})
         key = (whole_frame, *(id(part) for part in parts))
         if key not in scenes:
-            if len(scenes) >= KEPT_SCENES:
+            if len(scenes) >= CACHED_SCENES:
                 del scenes[next(iter(scenes))]
-            # The parts are kept so that their ids stay theirs.
+            # The parts are held so that their ids stay theirs.
             scenes[key] = parts, _together(parts, whole_frame)
         return scenes[key][1]
 
@@ -145,7 +149,7 @@ class MeshStore:
         return mesh
 
     def together(self, models: Sequence[ObjectModel]) -> RenderMeshes:
-        """Several models as one; kept like the meshes themselves."""
+        """Several models as one; cached like the meshes themselves."""
         key = tuple(model.mesh_hash for model in models)
         if key not in self._joined:
             self._joined[key] = render_meshes(tuple(self.get(model) for model in models))

@@ -125,7 +125,7 @@ def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
 @njit(cache=True)
 def fill_clipped(inv_z, face_of, x0, y0, face, T, corners, fx, fy, cx, cy):
     """Draws a triangle (3, 3) that crosses the near plane: the part in front of it, one or two triangles."""
-    kept = np.empty((4, 3))
+    part = np.empty((4, 3))
     n = 0
     R, t = np.ascontiguousarray(T[:3, :3]), T[:3, 3]
     previous = R @ corners[2] + t
@@ -133,19 +133,19 @@ def fill_clipped(inv_z, face_of, x0, y0, face, T, corners, fx, fy, cx, cy):
         current = R @ corners[k] + t
         if (previous[2] >= NEAR_M) != (current[2] >= NEAR_M):
             s = (NEAR_M - previous[2]) / (current[2] - previous[2])
-            kept[n] = previous + s * (current - previous)
-            kept[n, 2] = NEAR_M
+            part[n] = previous + s * (current - previous)
+            part[n, 2] = NEAR_M
             n += 1
         if current[2] >= NEAR_M:
-            kept[n] = current
+            part[n] = current
             n += 1
         previous = current
     for i in range(n):
-        kept[i, 0] = kept[i, 0] / kept[i, 2] * fx + cx
-        kept[i, 1] = kept[i, 1] / kept[i, 2] * fy + cy
-        kept[i, 2] = 1.0 / kept[i, 2]
+        part[i, 0] = part[i, 0] / part[i, 2] * fx + cx
+        part[i, 1] = part[i, 1] / part[i, 2] * fy + cy
+        part[i, 2] = 1.0 / part[i, 2]
     for i in range(1, n - 1):
-        a, b, c = kept[0], kept[i], kept[i + 1]
+        a, b, c = part[0], part[i], part[i + 1]
         fill(inv_z, face_of, x0, y0, face, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
 
 
@@ -188,7 +188,7 @@ def draw(
 
     Faces turned to the camera come first. Others that are part of a closed surface are left out, unless the near plane
     opens it. Most that remain lie behind what is drawn; a coarse grid of the farthest surface so far tells which,
-    without a look at their pixels. The picture is that of all faces.
+    without reading their pixels. The picture is that of all faces.
 
     Args:
         T: (4, 4) T_cam_obj.
@@ -280,7 +280,7 @@ def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
 
 
 @njit(cache=True)
-def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of, first_face=0):
+def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of):
     """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
     height, width = inv_z.shape
     projected = np.empty((len(vertices), 3))
@@ -288,7 +288,7 @@ def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv
     if columns > 0:
         draw(
             T, vertices, faces, normals, offsets, closed, projected, n_front,
-            fx, fy, cx, cy, inv_z, face_of, 0, 0, first_face,
+            fx, fy, cx, cy, inv_z, face_of, 0, 0, 0,
         )  # fmt: skip
 
 

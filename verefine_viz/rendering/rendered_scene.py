@@ -20,7 +20,7 @@ GREY = np.array([176, 176, 176], np.uint8)
 """Colour of models without any."""
 
 CREASE_COSINE = np.cos(np.deg2rad(40.0))
-"""Neighbouring faces that meet at more than this angle are shaded apart: edges stay edges."""
+"""Neighbouring faces that meet at more than this angle are shaded separately: edges stay edges."""
 
 AMBIENT = 0.25
 """Share of light that comes from everywhere; the rest comes from the camera."""
@@ -49,7 +49,8 @@ def render_scene(placed: Sequence[Placed], camera: Camera) -> Rendering:
     for index, item in enumerate(placed):
         mesh = render_mesh(item.model.vertices, item.model.faces)
         face_of = np.full(camera.shape, -1, np.int32)
-        _draw(item.T_cam_obj, mesh, camera, inv_z, face_of)
+        T = np.ascontiguousarray(item.T_cam_obj)
+        draw_frame(T, *mesh.arrays, camera.fx, camera.fy, camera.cx, camera.cy, inv_z, face_of)
         rows, columns = np.nonzero(face_of >= 0)
         face = face_of[rows, columns]
         points = _points(camera, rows, columns, inv_z[rows, columns])
@@ -59,11 +60,6 @@ def render_scene(placed: Sequence[Placed], camera: Camera) -> Rendering:
         rgb[rows, columns] = _shade(item, mesh, face, points, flat)
     depth = np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
     return Rendering(depth_m=depth, normals_cam=normals, labels=labels, rgb=rgb)
-
-
-def _draw(T_cam_obj: Float, mesh: RenderMesh, camera: Camera, inv_z: NDArray, face_of: NDArray) -> None:
-    T = np.ascontiguousarray(T_cam_obj)
-    draw_frame(T, *mesh.arrays, camera.fx, camera.fy, camera.cx, camera.cy, inv_z, face_of)
 
 
 def _points(camera: Camera, rows: NDArray, columns: NDArray, inv_z: NDArray) -> Float:

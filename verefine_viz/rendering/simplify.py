@@ -1,4 +1,4 @@
-"""The mesh that is scored: the model's, with as few triangles as a stated deviation allows, kept on disk."""
+"""The mesh that is scored: the model's, with as few triangles as a given deviation allows, cached on disk."""
 
 from __future__ import annotations
 
@@ -22,65 +22,18 @@ from verefine_viz.core.paths import atomic
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 
-# Which triangles of a mesh belong to a closed surface, whose back is never seen from outside.
-#
-# A surface without border that does not cut itself, and whose faces look outward, bounds a solid: whatever looks at it
-# from outside meets a face turned toward it first. Its faces that are turned away need not be drawn.
-
-MOST_FACES = 30_000
-"""Larger parts count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
-
-
-def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(F,) whether each of the faces (F, 3) is part of a closed surface; parts are judged by themselves.
-
-    Vertices at the same place must be one vertex.
-    """
-    closed = np.zeros(len(faces), np.bool_)
-    if len(faces) == 0:
-        return closed
-    part_of = parts(len(vertices), faces)
-    by_part = np.argsort(part_of, kind="stable")
-    for part in np.split(by_part, np.cumsum(np.bincount(part_of))[:-1]):
-        used, own = np.unique(faces[part], return_inverse=True)
-        closed[part] = len(part) <= MOST_FACES and _bounds_a_solid(vertices[used], own.reshape(-1, 3).astype(np.int32))
-    return closed
-
-
-def parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
-    return np.unique(connected_components(edges, directed=False)[1][faces[:, 0]], return_inverse=True)[1]
-
-
-def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    if not (mesh.is_watertight and mesh.is_winding_consistent):
-        return False
-    # Not trimesh's own volume, which divides by it as well and warns where it is 0.
-    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
-    return volume > 0 and not _cuts_itself(vertices, faces)
-
-
-def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
-    # open3d takes seconds to import, and is needed only where no cached mesh exists.
-    import open3d as o3d
-
-    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
-    return bool(mesh.is_self_intersecting())
-
-
 log = logging.getLogger(__name__)
 
 Faces = NDArray[np.int32]
+
+MOST_FACES = 30_000
+"""Parts with more count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
 
 ALGORITHM = 2
 """Part of the cached file's name; raised when the same input would give another mesh."""
 
 SMALL_PART_FACES = 64
-"""Unconnected parts smaller than this are kept as they are: the simplifier would let them vanish."""
+"""Unconnected parts smaller than this stay as they are: the simplifier would let them vanish."""
 
 N_SAMPLES = 30_000
 """Random surface points, beside all vertices, at which the deviation is measured."""
@@ -90,7 +43,7 @@ AGGRESSIVENESS = 7.0
 
 
 def cache_folder() -> Path:
-    """Where simplified meshes are kept."""
+    """Where simplified meshes are cached."""
     return Path(platformdirs.user_cache_dir("verefine-viz")) / "meshes"
 
 
@@ -106,14 +59,14 @@ def scoring_mesh(
         progress: asked where the mesh has to be made, before each try to make it with fewer triangles.
 
     Raises:
-        Cancelled: nobody waits for it any more; nothing is kept.
+        Cancelled: through ``progress``; nothing is cached.
     """
     if simplify_mm == 0:
         return render_mesh(model.vertices, model.faces)
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        progress.checkpoint(f"Preparing the mesh of {model.name} to score; kept once it is made.")
+        progress.checkpoint(f"Preparing the mesh of {model.name} to score; cached once it is made.")
         vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
         cached = vertices, faces, closed_faces(vertices, faces)
         _write(file, *cached)
@@ -123,7 +76,7 @@ def scoring_mesh(
 def simplified(
     vertices: Float, faces: Faces, tolerance_m: float, progress: ProgressToken = NEVER_CANCELLED
 ) -> tuple[Float, Faces]:
-    """The coarsest mesh found whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
+    """The coarsest mesh tried whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
     vertices, faces = _welded(vertices, faces)
     is_small = _in_small_part(vertices, faces)
     small, large = faces[is_small], faces[~is_small]
@@ -195,13 +148,56 @@ def _welded(vertices: Float, faces: Faces) -> tuple[Float, Faces]:
 
 
 def _in_small_part(vertices: Float, faces: Faces) -> NDArray[np.bool_]:
-    part_of = parts(len(vertices), faces)
+    part_of = _parts(len(vertices), faces)
     return np.bincount(part_of)[part_of] < SMALL_PART_FACES
 
 
 def _joined(vertices_a: Float, faces_a: Faces, vertices_b: Float, faces_b: Faces) -> tuple[Float, Faces]:
     faces = np.concatenate([faces_a, faces_b + len(vertices_a)]).astype(np.int32)
     return _welded(np.concatenate([vertices_a, vertices_b]), faces)
+
+
+def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(F,) whether each of the faces (F, 3) is part of a closed surface, whose back is never seen from outside.
+
+    A part (faces that hang together by vertices) without border that does not cut itself, and whose faces look outward,
+    bounds a solid: seen from outside, a face turned toward the viewer comes first, so that those turned away need not
+    be drawn. Vertices at the same place must be one vertex.
+    """
+    closed = np.zeros(len(faces), np.bool_)
+    if len(faces) == 0:
+        return closed
+    part_of = _parts(len(vertices), faces)
+    by_part = np.argsort(part_of, kind="stable")
+    for part in np.split(by_part, np.cumsum(np.bincount(part_of))[:-1]):
+        used, own = np.unique(faces[part], return_inverse=True)
+        closed[part] = len(part) <= MOST_FACES and _bounds_a_solid(vertices[used], own.reshape(-1, 3).astype(np.int32))
+    return closed
+
+
+def _parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
+    return np.unique(connected_components(edges, directed=False)[1][faces[:, 0]], return_inverse=True)[1]
+
+
+def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not (mesh.is_watertight and mesh.is_winding_consistent):
+        return False
+    # Not trimesh's own volume, which divides by it as well and warns where it is 0.
+    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return volume > 0 and not _cuts_itself(vertices, faces)
+
+
+def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
+    # open3d takes seconds to import, and is needed only where no cached mesh exists.
+    import open3d as o3d
+
+    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
+    return bool(mesh.is_self_intersecting())
 
 
 def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:

@@ -48,7 +48,7 @@ class Plan:
             InputError: the method that takes over cannot go on with another score.
         """
         new = self.method_at(k)
-        return self._edited(new.judged_anew(made) if self.scores_change(k) else made, k, new)
+        return self._edited(new.rescored(made) if self.scores_change(k) else made, k, new)
 
     def before(self, k: int, made: RunState) -> RunState:
         """The same by the method that made iteration ``k``: nothing is scored by the one that takes over."""

@@ -1,7 +1,7 @@
 #version 330
 // Pass 2: Eq. 1 and the pixel classes, summed along one row of one combination's tile. Fragment (x, y): row x of
 // combination y, which has one pose of each of n_models models.
-// The same rules as kernels.py, which has the words.
+// The same rules as score_kernels.py, which has the comments.
 
 const int PUBLISHED = 0, OBSERVED = 1, CLASSES = 2;
 const uint OWN = 1u, OBJECTS = 2u;

@@ -41,7 +41,7 @@ def test_the_search_takes_the_shortest_way_to_where_it_can_be_placed(
     assert len(selection.branch) - 1 == deepest, "as deep as there are nodes above the object"
     if deepest == level:
         assert selection.arm == arm
-        assert selection.choices[-1] == f"hypothesis {arm + 1}: it was moved by hand and is placed first"
+        assert selection.choices[-1] == f"hypothesis {arm + 1}: its pose was edited and is placed first"
 
 
 @pytest.mark.parametrize("instance_id", [0, 1, 2])
@@ -49,7 +49,7 @@ def test_it_is_placed_next_below_what_is_placed_already(instance_id: int) -> Non
     run = stepped(10, (0, 1, 2))
     deep = max(node.level for node in run.state.searches[0].tree.nodes)
     fork = run.fork(10, edit=(instance_id, 1, PUT))
-    while fork.state.objects[instance_id].by_hand:
+    while fork.state.objects[instance_id].edited_arms:
         fork.step()
     made = fork.iterations[10:]
     assert len(made) == max(1, instance_id - deep + 1)
@@ -80,4 +80,4 @@ def test_where_the_search_is_over_nothing_waits() -> None:
     run = stepped(0, (0,), n_objects=1)
     run.finish()
     fork = run.fork(run.length, edit=(0, 1, PUT))
-    assert fork.is_done == (not fork.state.objects[0].by_hand)
+    assert fork.is_done == (not fork.state.objects[0].edited_arms)

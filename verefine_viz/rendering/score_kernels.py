@@ -1,4 +1,5 @@
-"""Scores of poses (Eq. 1) on the CPU: each pose is drawn into its own small window and summed in the same pass.
+"""Scores of poses (Eq. 1) on the CPU: each pose is drawn into its own small window and summed in the same pass; and the
+same pixel by pixel (:func:`fill_maps`), for the screen and for recordings.
 
 What is scored is a combination of poses, one of each of m models that share one depth buffer; a lone object is m = 1.
 Only pixels on which a model shows are visited: what the rest of the image adds (missed pixels of the mask, other
@@ -7,6 +8,8 @@ one thread, hence the same bits with any number of threads.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import config, njit
@@ -58,7 +61,7 @@ def classify(observed, rendered, other, is_own, is_any, tau):
 
 
 @njit(cache=True)
-def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, sums):
+def score_scene(Ts, meshes, camera, far, seen, rule, sums):
     """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
     Args:
@@ -66,23 +69,12 @@ def score_scene(Ts, meshes, camera, far, observed, flags, own, placed, n_objects
         meshes: ``RenderMeshes.arrays``.
         camera: (fx, fy, cx, cy) [px].
         far: farthest surface that is drawn [m].
-        observed: (H, W, 4) normal and depth; 0 where missing.
-        flags: (H, W) bits ``OWN``, ``OBJECTS``.
-        own: (m, H, W) the bit ``OWN`` of each instance by itself.
-        placed: (H, W) z of the objects placed before, or (0, 0) for none [m].
-        n_objects: how many pixels have the flag ``OBJECTS``.
-        n_own: how many have ``OWN``.
-        pixels: ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``.
-        tau: depth tolerance [m].
-        alpha: tolerance of 1 − n·n̂.
+        seen: ``PreparedTarget.arrays``: what was observed.
+        rule: (pixels, τ, α): ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``, depth tolerance [m], tolerance of 1 − n·n̂.
         sums: (9,) result.
     """
-    x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, flags.shape[0], flags.shape[1])
-    facing = _facing(Ts, meshes)
-    _sum(
-        inv_z, face_of, x0, y0, facing, meshes[6], far, observed, flags, own, placed, n_objects, n_own,
-        pixels, tau, alpha, sums,
-    )  # fmt: skip
+    x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, seen[1].shape[0], seen[1].shape[1])
+    _sum(inv_z, face_of, x0, y0, _facing(Ts, meshes), meshes[6], far, seen, rule, sums)
 
 
 @njit(cache=True)
@@ -102,11 +94,10 @@ def _facing(Ts, meshes):
 
 
 @njit(cache=True)
-def _sum(
-    inv_z, face_of, x0, y0, facing, face_starts, far, observed, flags, own, placed, n_objects, n_own,
-    pixels, tau, alpha, sums,
-):  # fmt: skip
-    """Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
+def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
+    """Eq. 1. Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
+    observed, flags, own, placed, n_objects, n_own = seen
+    pixels, tau, alpha = rule
     rows, columns = inv_z.shape
     per_tau, per_alpha = 1.0 / tau, 1.0 / alpha
     sum_d, sum_n, n_rendered, n_stray = 0.0, 0.0, 0, 0
@@ -198,14 +189,10 @@ def draw_window(Ts, meshes, camera, height, width):
 
 
 @njit(cache=True, nogil=True)
-def score_every(
-    first, step, Ts, meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out
-):
+def score_every(first, step, Ts, meshes, camera, far, seen, rule, out):
     """:func:`score_scene` of combinations first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
-        score_scene(
-            Ts[i], meshes, camera, far, observed, flags, own, placed, n_objects, n_own, pixels, tau, alpha, out[i]
-        )
+        score_scene(Ts[i], meshes, camera, far, seen, rule, out[i])
 
 
 @njit(cache=True)
@@ -223,3 +210,102 @@ def windows(Ts, meshes, camera, height, width):
             x0, y0, columns, rows, _ = window(Ts[i, k], some, fx, fy, cx, cy, height, width, projected)
             out[i, k, 0], out[i, k, 1], out[i, k, 2], out[i, k, 3] = x0, y0, columns, rows
     return out
+
+
+@njit(cache=True, nogil=True)
+def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
+    """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face of the models at the pixels of a grid,
+    whatever camera and poses are given.
+
+    Args:
+        Ts: (m, 4, 4) T_cam_obj of each model.
+        meshes: ``RenderMeshes.arrays``.
+        camera: (fx, fy, cx, cy) [px].
+        shape: (H, W) of the image.
+        far: what is beyond is not drawn [m].
+        rows: (h,) of the pixels of the grid.
+        columns: (w,) of them.
+        depth: (h, w) float32 result, 0 = empty.
+        faces: (h, w) int32 result, counted through all models.
+    """
+    left, top, inv_z, face_of = draw_window(Ts, meshes, camera, *shape)
+    for y in range(len(rows)):
+        v = rows[y] - top
+        if 0 <= v < inv_z.shape[0]:
+            for x in range(len(columns)):
+                u = columns[x] - left
+                if 0 <= u < inv_z.shape[1] and inv_z[v, u] > 0.0:
+                    z = np.float32(1.0) / inv_z[v, u]
+                    if z <= far:
+                        depth[y, x], faces[y, x] = z, face_of[v, u]
+
+
+@njit(cache=True, nogil=True)
+def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps):
+    """Eq. 1 pixel by pixel: fills the fields of ``ScoreMaps``.
+
+    Args:
+        Ts: as in :func:`score_scene`, and so are meshes, camera, seen and rule.
+        meshes: as there.
+        rows: (h,) of the pixels of the grid.
+        columns: (w,) of them.
+        depth: (h, w) z of the models there [m]; 0 = empty.
+        faces: (h, w) the face that is seen there, counted through all models.
+        camera: as there.
+        seen: as there.
+        rule: as there.
+        maps: results: normals (h, w, 3), difference, angle, f_d, f_n, counted and classes (h, w); so far NaN in
+            difference and angle, 0 in the others.
+    """
+    face_normals, face_starts = meshes[2], meshes[6]
+    observed, flags, own, placed, _, _ = seen
+    pixels, tau, alpha = rule
+    normals, difference, angle, f_d, f_n, counted, classes = maps
+    fx, fy, cx, cy = camera
+    for y in range(len(rows)):
+        v = rows[y]
+        for x in range(len(columns)):
+            u = columns[x]
+            z, flag = np.float64(depth[y, x]), flags[v, u]
+            drawn, is_own, is_any = z > 0.0, (flag & OWN) != 0, (flag & OBJECTS) != 0
+            counted[y, x] = (drawn or is_any) if pixels == PUBLISHED else is_own
+            if not drawn:
+                if is_own:
+                    classes[y, x] = MISSED + 1
+                continue
+            f, k = faces[y, x], 0
+            while f >= face_starts[k + 1]:
+                k += 1
+            T, n = Ts[k], face_normals[f]
+            a = T[0, 0] * n[0] + T[0, 1] * n[1] + T[0, 2] * n[2]
+            b = T[1, 0] * n[0] + T[1, 1] * n[1] + T[1, 2] * n[2]
+            c = T[2, 0] * n[0] + T[2, 1] * n[1] + T[2, 2] * n[2]
+            side = -1.0 if a * (u - cx) / fx + b * (v - cy) / fy + c > 0.0 else 1.0
+            normals[y, x, 0], normals[y, x, 1], normals[y, x, 2] = side * a, side * b, side * c
+            d = np.float64(observed[v, u, 3])
+            other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
+            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, is_own, tau)
+            classes[y, x] = kind + 1
+            if pixels == PUBLISHED:
+                fits = is_any
+            elif pixels == OBSERVED:
+                fits = is_own
+            else:
+                fits = kind == EXPLAINED
+                counted[y, x] = fits or kind in (MISSED, PROTRUDING)
+            if d > 0.0:
+                difference[y, x] = d - z
+            # Eq. 1: f_d, and below f_n.
+            depth_fit = max(0.0, 1.0 - abs(d - z) / tau) if fits else 0.0
+            f_d[y, x] = depth_fit
+            dot, has_normal = 0.0, False
+            for i in range(3):
+                seen = np.float64(observed[v, u, i])
+                dot += seen * np.float64(normals[y, x, i])
+                has_normal = has_normal or seen != 0.0
+            dot = min(max(dot, 0.0), 1.0)
+            if has_normal:
+                angle[y, x] = math.acos(dot)
+            if fits:
+                without = pixels != PUBLISHED and not has_normal
+                f_n[y, x] = depth_fit if without else max(0.0, 1.0 - (1.0 - dot) / alpha)
