@@ -16,10 +16,17 @@ import tyro
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from verefine_viz.core.errors import SettingsError, quoted
+from verefine_viz.core.errors import SettingsError, quoted, unknown
 from verefine_viz.core.setting_types import limits
 from verefine_viz.core.settings import Session
 
+HELP_SETTINGS = "--help-settings"
+_HINT = """
+Every setting of a session file is an option too, and wins over the file: --method.name sir --score.tau-m 0.01;
+--preset published sets every choice as the authors' public code has it.
+--help-settings lists them with unit, default and source, --help-settings SECTION those of one section:
+{sections}.
+"""
 NOT_OPTIONS = ("edits", "changes", "waiting")
 """What the page saves: lists of tables, too long to type, and numbers that only wait there."""
 
@@ -50,8 +57,46 @@ def _help(info: FieldInfo) -> str:
 SessionFlags: Any = _flags_of(Session)
 """Dataclass of all options of a session; only those that were written on the command line count."""
 
+SECTIONS: dict[str, Any] = {f.name: f for f in dataclasses.fields(SessionFlags) if isinstance(f.type, type)}
+"""The fields of :data:`SessionFlags` that are groups of settings, by name."""
+
 AnySettings = Annotated[Any, tyro.conf.arg(name="", constructor=SessionFlags), tyro.conf.FlagConversionOff]
 """The type of a command's field that takes all of them."""
+
+
+def show_help(command: type, prog: str, words: Sequence[str]) -> None:
+    """Shows what ``--help`` or ``--help-settings`` asks for and ends; does nothing where neither is among ``words``.
+
+    ``--help`` fits on a screen: the settings, hundreds of lines, are shown by ``--help-settings`` only.
+
+    Raises:
+        SettingsError: there is no section of that name.
+        SystemExit: the help was shown.
+    """
+    if not any(field.name == "settings" for field in dataclasses.fields(command)):
+        return
+    if HELP_SETTINGS in words:
+        sections = [word for word in words[words.index(HELP_SETTINGS) + 1 :][:1] if not word.startswith("-")]
+        shown: Any = _section(sections[0]) if sections else SessionFlags
+        about = f"Settings of a session, as options of {prog}."
+        tyro.cli(shown, prog=prog, args=["--help"], description=about, config=(tyro.conf.FlagConversionOff,))
+    elif "-h" in words or "--help" in words:
+        hint = _HINT.format(sections=", ".join(SECTIONS))
+        tyro.cli(_without_settings(command), prog=prog, args=["--help"], description=f"{command.__doc__}\n{hint}")
+
+
+def _section(name: str) -> Any:
+    if name not in SECTIONS:
+        raise SettingsError(unknown("section of settings", name, SECTIONS))
+    field = SECTIONS[name]
+    return dataclasses.make_dataclass(
+        "Settings", [(name, field.type, dataclasses.field(default_factory=field.default_factory))]
+    )
+
+
+def _without_settings(command: type) -> Any:
+    body = {"__annotations__": {"settings": tyro.conf.Suppress[Any]}, "settings": None, "__doc__": command.__doc__}
+    return dataclasses.dataclass(frozen=True)(type(command.__name__, (command,), body))
 
 
 def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
@@ -78,7 +123,7 @@ def _given(flags: Any, prefix: str, written: set[str]) -> dict[str, Any]:
     return out
 
 
-# How many workers and seeds, and how much memory, a person may ask for.
+# Bounds of options that several commands have.
 
 MOST_PER_CORE = 4
 """More than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
