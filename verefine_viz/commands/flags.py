@@ -28,7 +28,7 @@ Every setting of a session file is an option too, and wins over the file: --meth
 {sections}.
 """
 NOT_OPTIONS = ("edits", "changes", "waiting")
-"""What the page saves: lists of tables, too long to type, and numbers that only wait there."""
+"""What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
 
 
 def _flags_of(model: type[BaseModel]) -> Any:
@@ -49,7 +49,7 @@ def _flags_of(model: type[BaseModel]) -> Any:
 
 
 def _help(info: FieldInfo) -> str:
-    """What ``--help-settings`` says of a field: its text, and the numbers that it takes."""
+    """A field's text, and the numbers that it takes."""
     bounds = limits(info)
     return f"{info.description or ''}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
 
@@ -133,10 +133,7 @@ MOST_MEMORY_GB = 100_000
 
 
 def check_workers(n: int) -> None:
-    """
-    Raises:
-        SettingsError: there are none, or more than this machine can use.
-    """
+    """Raises SettingsError where there are none, or more than this machine can use."""
     if n < 1:
         raise SettingsError(f"--workers is {n}, expected 1 or more")
     cores = os.cpu_count() or 1
@@ -148,10 +145,7 @@ def check_workers(n: int) -> None:
 
 
 def check_seeds(n: int | None) -> None:
-    """
-    Raises:
-        SettingsError: a number is given that is below 1 or above :data:`MOST_SEEDS`.
-    """
+    """Raises SettingsError where a number is given that is below 1 or above :data:`MOST_SEEDS`."""
     if n is not None and n < 1:
         raise SettingsError(f"--seeds is {n}, expected 1 or more")
     if n is not None and n > MOST_SEEDS:
@@ -159,10 +153,7 @@ def check_seeds(n: int | None) -> None:
 
 
 def check_memory(gigabytes: float | None) -> None:
-    """
-    Raises:
-        SettingsError: an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`.
-    """
+    """Raises SettingsError where an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`."""
     if gigabytes is None:
         return
     if not gigabytes > 0:
