@@ -14,7 +14,7 @@ from verefine_viz.core.errors import Cancelled, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.registry import raised_by_refiner
-from verefine_viz.session.kernel_compilation import told_of_compiling
+from verefine_viz.session.kernel_compilation import compiling_reported
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.debugger import Debugger
@@ -145,7 +145,7 @@ class App:
     # The worker thread
 
     def _work(self) -> None:
-        with told_of_compiling(self._telling.compiling):
+        with compiling_reported(self._telling.compiling):
             self._open_and_serve()
 
     def _open_and_serve(self) -> None:
