@@ -232,7 +232,7 @@ def test_without_a_targets_file_the_frames_that_are_looked_at_stand_for_all(
     for kind in ("rgb", "depth"):
         (made.scene / kind / "000001.png").unlink()
     assert "000001; its width is needed" in missing(check_split(made.root, "test"))["evaluate:"]
-    monkeypatch.setattr(dataset_check, "LOOKED", 1)
+    monkeypatch.setattr(dataset_check, "N_OPENED", 1)
     assert missing(check_split(made.root, "test"))["evaluate:"] == ""
 
 

@@ -105,22 +105,14 @@ def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
     Which ones were written is read from the arguments themselves: an option that repeats a default is still explicit,
     and wins over a preset.
     """
-    written = {a.split("=", 1)[0].replace("_", "-") for a in arguments if a.startswith("--")}
-    return _given(flags, "--", written)
-
-
-def _given(flags: Any, prefix: str, written: set[str]) -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for field in dataclasses.fields(flags):
-        value = getattr(flags, field.name)
-        flag = prefix + field.name.replace("_", "-")
-        if dataclasses.is_dataclass(value):
-            inner = _given(value, f"{flag}.", written)
-            if inner:
-                out[field.name] = inner
-        elif flag in written:
-            out[field.name] = value
-    return out
+    settings: dict[str, Any] = {}
+    for word in arguments:
+        if word.startswith("--"):
+            section, _, name = word[2:].partition("=")[0].replace("-", "_").rpartition(".")
+            group = getattr(flags, section, None) if section else flags
+            if hasattr(group, name):
+                (settings.setdefault(section, {}) if section else settings)[name] = getattr(group, name)
+    return settings
 
 
 # Bounds of options that several commands have.
