@@ -34,7 +34,7 @@ from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.paths import NO_ROOM, at_home
+from verefine_viz.core.paths import DISK_FULL, at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.filename is not None:
             return fail(f"{error.filename}: {error.strerror}")
-        if error.errno not in NO_ROOM:
+        if error.errno not in DISK_FULL:
             raise
         _drop_output()
         return fail(f"cannot write the output: {error.strerror}")

@@ -165,7 +165,7 @@ def _check_regular(status: os.stat_result, name: str) -> None:
 
 # Output files are written whole or not at all.
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of the system when a disk, a quota or a file is full."""
 _PART = re.compile(r".+\.(\d+)-\d+\.part")
 """The name of a half-written file: the file's own, then its writer's process and thread."""

@@ -47,7 +47,7 @@ def _ranges(numbers: Iterable[int]) -> list[str]:
     return [text for run in runs for text in ([f"{run[0]}-{run[-1]}"] if len(run) > 3 else map(str, run))]
 
 
-def telling_digits(lead: float) -> int:
+def distinguishing_digits(lead: float) -> int:
     """As many decimals as it takes to see that one of two numbers, or of two sums of two, is larger by ``lead`` ≥ 0.
 
     Two where that shows, or where nothing does; six at most.

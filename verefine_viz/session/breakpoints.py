@@ -13,7 +13,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.evaluation.pose_errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
@@ -104,7 +104,7 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
 def _over(what: str, value: float, limit: float, unit: str, digits: int = 1) -> str:
     """As in: the pose jumped by 30.0 mm, more than 25 mm."""
     if round(value, digits) <= limit:  # Else it would read as if it were not more.
-        digits = telling_digits(value - limit)
+        digits = distinguishing_digits(value - limit)
     return f"{what} {value:.{digits}f}{unit}, more than {limit:g}{unit}"
 
 

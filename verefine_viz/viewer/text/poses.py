@@ -9,7 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.causes import told_apart
 from verefine_viz.diagnosis.score_causes import preferred
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
@@ -192,7 +192,7 @@ def compared(view: Snapshot) -> str:
 def score_digits(scores: Sequence[PoseScore | None]) -> int:
     """Decimals that tell some scores apart; three at least."""
     known = [s.score for s in scores if s is not None]
-    return max(3, telling_digits(max(known) - min(known))) if known else 3
+    return max(3, distinguishing_digits(max(known) - min(known))) if known else 3
 
 
 def _difference(a: EvaluatedPose, b: EvaluatedPose) -> str:
