@@ -2,7 +2,7 @@
 
 import sys
 
-from verefine_viz.cli import view
+from verefine_viz.cli import main
 
 if __name__ == "__main__":
-    sys.exit(view())
+    sys.exit(main(["view", *sys.argv[1:]]))

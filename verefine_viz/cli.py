@@ -10,11 +10,13 @@ import contextlib
 import dataclasses
 import io
 import os
+import re
 import signal
 import stat
 import sys
 import threading
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from types import FrameType
 from typing import Annotated, Any, Protocol, Union
 
@@ -26,18 +28,19 @@ from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
 from verefine_viz.commands.evaluate import Evaluate
-from verefine_viz.commands.help import SETTINGS, show_help
+from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
-from verefine_viz.commands.usage import one_line
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.paths import NO_ROOM, at_home
+from verefine_viz.core.paths import DISK_FULL, at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
 """Exit code for bad usage or input."""
+LONGEST = 300
+"""What is quoted of a refusal of words [characters]."""
 COMMANDS: dict[str, type[Command]] = {
     "view": View,
     "batch": Batch,
@@ -60,25 +63,14 @@ class Command(Protocol):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code."""
+    """Parse and run; an error that the user can mend becomes one line on stderr and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    return run_command(words)
-
-
-def view(arguments: Sequence[str] | None = None) -> int:
-    """``python app.py [SESSION]``, the same as ``verefine-viz view [SESSION]``."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    return run_command(["view", *words])
-
-
-def run_command(words: list[str]) -> int:
-    """Parse and run; an error that a user can mend becomes one line on stderr and exit code 2."""
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
     if "\0" in "".join(words):
         return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
-    words = [_at_home(word) for word in words]
+    words = [_with_home(word) for word in words]
     try:
         with stopped_by_signals():
             code = parse(words).run(words[1:])
@@ -89,10 +81,10 @@ def run_command(words: list[str]) -> int:
     except RuntimeError as error:
         if str(error).startswith("Symlink loop"):  # Python 3.13 raises none.
             return fail(f"{error}: links that lead to each other lead nowhere")
-        # Numba's, where the package belongs to somebody else and there is no home to write to.
+        # Numba's, where the package belongs to another user and there is no home to write to.
         if "no locator available" not in str(error):
             raise
-        return fail("compiled code can be kept nowhere; set NUMBA_CACHE_DIR to a folder that can be written to")
+        return fail("compiled code cannot be cached anywhere; set NUMBA_CACHE_DIR to a folder that can be written to")
     except BrokenPipeError:
         # The reader of our output (head, less) has gone.
         _drop_output()
@@ -100,7 +92,7 @@ def run_command(words: list[str]) -> int:
     except OSError as error:
         if error.filename is not None:
             return fail(f"{error.filename}: {error.strerror}")
-        if error.errno not in NO_ROOM:
+        if error.errno not in DISK_FULL:
             raise
         _drop_output()
         return fail(f"cannot write the output: {error.strerror}")
@@ -154,7 +146,7 @@ def _leave_closed_terminal() -> None:
     os.close(nowhere)
 
 
-def _at_home(word: str) -> str:
+def _with_home(word: str) -> str:
     """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
     return f"{option}{equals}{at_home(value)}" if value == "~" or value.startswith("~/") else word
@@ -172,29 +164,45 @@ def parse(words: list[str]) -> Command:
         SettingsError: they make none.
         SystemExit: help was asked for, and shown.
     """
-    said = io.StringIO()
+    refusal = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said):
+        with contextlib.redirect_stderr(refusal):
             return _parsed(words)
     except SystemExit as end:
         if end.code != USAGE:
             raise
-        if words and words[0] not in COMMANDS and not words[0].startswith("-"):
-            raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help") from None
-        program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
-        command = COMMANDS.get(words[0]) if words else None
-        raise SettingsError(one_line(said.getvalue(), program, command, words)) from None
+    if words and words[0] not in COMMANDS and not words[0].startswith("-"):
+        raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help")
+    message = _sentences(refusal.getvalue())
+    program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
+    typed = {word.removeprefix("--").partition(".")[0] for word in words}
+    section = next((name for name in SECTIONS if name in typed and f"--{name}." in message), None)
+    raise SettingsError(f"{message}; see {program} {f'{HELP_SETTINGS} {section}' if section else '--help'}")
+
+
+def _sentences(box: str) -> str:
+    """What tyro refuses words with, without the frame around it and the help texts of the options that it names."""
+    rows = [row.strip("│╰╯─ ") for row in re.sub(r"\x1b\[[\d;]*m", "", box).splitlines()[1:]]
+    paragraphs = [[*rows] for is_text, rows in groupby(rows, lambda row: bool(row.strip("-"))) if is_text]
+    message, *others = paragraphs
+    sentences = [" ".join(message)[:LONGEST].removesuffix(".")]
+    for head, *about in others:
+        options = [row for row in about if row.startswith("--")]
+        if options:
+            sentences.append(f"{head.replace('Argument helptext:', 'expected')} {' or '.join(options)}")
+    return "; ".join(text[:1].lower() + text[1:] for text in sentences)
 
 
 def _parsed(words: list[str]) -> Command:
     """The command; only its own options are built: that is what keeps --help instant."""
     if words and words[0] in COMMANDS:
-        show_help(COMMANDS[words[0]], f"{PROGRAM} {words[0]}", words[1:])
-        command: Any = tyro.cli(COMMANDS[words[0]], prog=f"{PROGRAM} {words[0]}", args=words[1:])
+        kind, program = COMMANDS[words[0]], f"{PROGRAM} {words[0]}"
+        show_help(kind, program, words[1:])
+        command: Any = tyro.cli(kind, prog=program, args=words[1:])
         return command
-    if SETTINGS in words:
+    if HELP_SETTINGS in words:
         # They are the same for all commands that run a session.
-        show_help(COMMANDS["view"], f"{PROGRAM} view", words)
+        show_help(View, f"{PROGRAM} view", words)
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
     one_of: Any = Union[tuple(names)]  # noqa: UP007
     return tyro.cli(one_of, prog=PROGRAM, args=words, description=verefine_viz.__doc__)

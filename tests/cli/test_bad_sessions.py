@@ -31,12 +31,12 @@ SESSION_FILES: dict[str, Case] = {
     "empty": (lambda d: d.file("s.toml", "\n"), "s.toml is empty, expected at least a [scene]"),
     "results files that no source reads": (
         lambda d: d.bop(hypotheses='files = ["r.csv"]'),
-        'session.toml: hypotheses.files is set, but hypotheses.source is "perturb" and does not look at it; '
+        'session.toml: hypotheses.files is set, but hypotheses.source is "perturb" and does not read it; '
         'set hypotheses.source = "results", or leave hypotheses.files out',
     ),
     "a data set that no source reads": (
         lambda d: d.file("s.toml", '[scene]\ndataset = "data"\n'),
-        's.toml: scene.dataset is set, but scene.source is "demo" and does not look at it; set scene.source = "bop"',
+        's.toml: scene.dataset is set, but scene.source is "demo" and does not read it; set scene.source = "bop"',
     ),
     "a section that is a number": (lambda d: d.file("s.toml", "method = 3\n"), "method = 3"),
     "zero budget": (lambda d: d.file("s.toml", "[method]\niterations = 0\n"), "greater than or equal to 1"),

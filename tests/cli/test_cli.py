@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -116,13 +117,23 @@ def test_batch_takes_several_sessions() -> None:
             ["veiw"],
             f"unknown command 'veiw'; did you mean 'view'? available: {', '.join(cli.COMMANDS)}; see verefine-viz",
         ),
-        (["view", "--scor.tau-m", "1"], "unrecognized options: --scor.tau-m"),
+        (
+            ["view", "--scor.tau-m", "1"],
+            "unrecognized options: --scor.tau-m, 1; perhaps you meant: --score.tau-m FLOAT",
+        ),
         (
             ["view", "--recording.kep", "all"],
-            "unrecognized options: --recording.kep, all; perhaps you meant --recording.keep or ",
+            "unrecognized options: --recording.kep, all; perhaps you meant: --recording.keep {all,failures,none} or ",
         ),
-        (["view", "--port", "abc"], "--port is 'abc', expected an integer"),
-        (["batch", "a.toml", "--out", "o", "--seeds=abc", "--retry-failed"], "--seeds is 'abc', expected an integer"),
+        (
+            ["view", "--port", "abc"],
+            "error parsing --port: invalid literal for int() with base 10: 'abc'; expected --port INT",
+        ),
+        (
+            ["batch", "a.toml", "--out", "o", "--seeds=abc", "--retry-failed"],
+            "error parsing --seeds: no type matching {None}|INT could be instantiated from ['abc']; "
+            "expected --seeds {None}|INT",
+        ),
         (
             ["view", "--score.renderer", "vulkan"],
             "invalid choice 'vulkan' for argument '--score.renderer'. Expected one of ('auto', 'gl', 'cpu')",
@@ -130,7 +141,8 @@ def test_batch_takes_several_sessions() -> None:
         (["batch", "a.toml"], "missing from verefine-viz batch: --out PATH"),
         (
             ["batch", "a.toml", "--nosuch"],
-            "missing from verefine-viz batch: --out PATH; unrecognized options: --nosuch",
+            "missing from verefine-viz batch: --out PATH Folder for results.csv, frames.csv, recordings/, session.toml "
+            "and run.json. (required); unrecognized options: --nosuch",
         ),
         (["replay"], "missing from verefine-viz replay: RUN.rrd"),
         (["doctor", "now"], "unrecognized options: now"),
@@ -142,31 +154,34 @@ def test_words_that_make_no_command(words: list[str], expected: str, capsys: pyt
     assert output == ""
     program = " ".join(["verefine-viz", *(word for word in words[:1] if word in cli.COMMANDS)])
     assert error.startswith(f"verefine-viz: {expected}")
-    assert error.endswith(f"; see {program} --help\n")
+    assert re.search(f"; see {program} --help(-settings (score|recording))?\n$", error)
     assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("words", "takes"),
     [
-        (["--score.tau-m", "ten"], "--score.tau-m is 'ten', expected a number"),
-        (["--scene.gravity", "down"], "--scene.gravity is 'down', expected plane, world or 3 numbers"),
-        (["--scene.gravity", "1", "-2"], "--scene.gravity is '1 -2', expected plane, world or 3 numbers"),
-        (["--scene.objects", "1", "mug"], "--scene.objects is '1 mug', expected integers, separated by blanks"),
-        (["--breakpoints.jump_mm=far"], "--breakpoints.jump-mm is 'far', expected a number"),
-        (["--dependency.cut", "1"], "--dependency.cut is '1', expected groups of 2 integers, separated by blanks"),
+        (["--score.tau-m", "ten"], "FLOAT"),
+        (["--scene.gravity", "down"], "{plane,world}|{FLOAT FLOAT FLOAT}"),
+        (["--scene.gravity", "1", "-2"], "{plane,world}|{FLOAT FLOAT FLOAT}"),
+        (["--scene.objects", "1", "mug"], "[INT [INT ...]]"),
+        (["--breakpoints.jump_mm=far"], "{None}|FLOAT"),
+        (["--dependency.cut", "1"], "[INT INT [INT INT ...]]"),
         (
             ["--hypotheses.estimate", "50/1", "x", "ppf", "--scene.seed", "1"],
-            "--hypotheses.estimate is '50/1 x ppf', expected groups of a word and an integer and ppf or pcs, "
-            "separated by blanks",
+            "[STR INT {ppf,pcs} [STR INT {ppf,pcs} ...]]",
         ),
     ],
 )
-def test_settings_that_cannot_be_read(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_settings_that_cannot_be_read(words: list[str], takes: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["view", "a.toml", *words]) == 2
-    section = words[0][2:].partition(".")[0]
-    said = f"verefine-viz: {expected}; see verefine-viz view --help-settings {section}\n"
-    assert capsys.readouterr().err == said
+    option, *values = " ".join(words).replace("=", " ").split(" --")[0].replace("_", "-").split()
+    section = option[2:].partition(".")[0]
+    error = capsys.readouterr().err
+    assert error.startswith(f"verefine-viz: error parsing {option}: ")
+    assert all(f"'{value}'" in error for value in values)
+    assert error.endswith(f"; expected {option} {takes}; see verefine-viz view --help-settings {section}\n")
+    assert error.count("\n") == 1
 
 
 @pytest.mark.usefixtures("processes")

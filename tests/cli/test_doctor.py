@@ -25,7 +25,7 @@ from verefine_viz.rendering.gl_verifier import GlVerifier
 )
 def test_this_machine_computes_what_is_expected(check: Callable[[], Check]) -> None:
     row = checks.run(check)
-    assert row.ok, row.found
+    assert row.ok, row.result
     assert row.needed
 
 
@@ -51,8 +51,8 @@ def test_a_renderer_whose_scores_are_a_little_off_fails(wrong: Any, monkeypatch:
     monkeypatch.setattr(wrong, "score", off)
     row = checks.run(checks.score_self_check)
     assert not row.ok
-    assert f"{'CPU' if wrong is CpuVerifier else 'OpenGL'} 1.0000 and 0.7142" in row.found
-    assert "expected 1.0000 and 0.7071" in row.found
+    assert f"{'CPU' if wrong is CpuVerifier else 'OpenGL'} 1.0000 and 0.7142" in row.result
+    assert "expected 1.0000 and 0.7071" in row.result
 
 
 def rows(monkeypatch: pytest.MonkeyPatch, *made: Check) -> int:
@@ -77,7 +77,7 @@ def test_a_check_that_raises_is_a_failed_row() -> None:
 
     row = checks.run(gpu_lottery)
     assert not row.ok
-    assert (row.name, row.found) == ("gpu lottery", "OSError: libGL.so.1: cannot open shared object file")
+    assert (row.name, row.result) == ("gpu lottery", "OSError: libGL.so.1: cannot open shared object file")
 
 
 def test_a_folder_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.two_runs import SESSION, record
-from verefine_viz.cli import view
+from verefine_viz.cli import main
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -65,7 +65,7 @@ def test_the_page_is_served_until_ctrl_c_or_a_signal_to_end(number: signal.Signa
 def test_what_does_not_exist_is_said_in_one_line_and_no_address_is_given(
     words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert view([*words, "--port", "0", "--no-open-browser"]) == 2
+    assert main(["view", *words, "--port", "0", "--no-open-browser"]) == 2
     output, errors = capsys.readouterr()
     assert output == ""
     assert said in errors
@@ -76,7 +76,7 @@ def test_recordings_of_two_frames_are_refused_before_an_address_is_given(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, elsewhere = record(tmp_path / "one.rrd", SESSION), record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
-    assert view([str(one), str(elsewhere), "--port", "0", "--no-open-browser"]) == 2
+    assert main(["view", str(one), str(elsewhere), "--port", "0", "--no-open-browser"]) == 2
     output, errors = capsys.readouterr()
     assert output == ""
     assert "elsewhere.rrd shows frame 0/1 of mug, seed 0, A shows frame 0/2 of mug, seed 0" in errors

@@ -79,7 +79,7 @@ def test_masks_tell_a_wrong_principal_point_from_depth_that_is_not_registered(
     found = {f.name: f for f in check_split(with_camera(tmp_path / "clutter", moved(k, px)), "test").findings}
     assert found["sizes"].advice.startswith(named)
     assert "displaced" not in found["registration"].advice
-    assert not found["each frame"].is_looked_at
+    assert not found["each frame"].is_checked
 
 
 @pytest.mark.parametrize(("k", "px", "named"), [(0, 80, "fx"), (4, -80, "fy")])
@@ -120,7 +120,7 @@ def test_sizes_are_compared_with_the_masks_that_are_there(tmp_path: Path, kinds:
         if kind not in kinds:
             shutil.rmtree(root / "test" / "000000" / kind)
     named = [f for f in check_split(root, "test").findings if f.name == "sizes"]
-    assert [f.found.split(" than ")[0] for f in named] == ["objects appear 18% larger"] * (kinds != ())
+    assert [f.result.split(" than ")[0] for f in named] == ["objects appear 18% larger"] * (kinds != ())
 
 
 def test_true_poses_in_metres_are_found(made: Made) -> None:

@@ -18,10 +18,9 @@ from PIL import Image
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from verefine_viz.commands import dataset_check
-from verefine_viz.commands.dataset_catalogue import CATALOGUE
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Parts, splits_of, what_can_be_run
-from verefine_viz.commands.datasets import Datasets
+from verefine_viz.commands.datasets import CATALOGUE, Datasets
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.scenes.bop import BopDataset
 
@@ -68,7 +67,7 @@ def test_frames_without_colour_are_a_note(made: Made, without: Sequence[int], sa
     for k in without:
         (made.scene / "rgb" / f"{k:06d}.png").unlink()
     (found,) = [f for f in check_split(made.root, "test").findings if f.name == "depth and colour"]
-    assert f"no rgb or gray image in {said}: drawn without colour" in found.found
+    assert f"no rgb or gray image in {said}: drawn without colour" in found.result
     assert advice(made) == {}
     assert Datasets("check", str(made.root)).run([]) == 0
 
@@ -101,7 +100,7 @@ def test_a_part_of_the_frames_of_the_targets_is_a_note_and_none_of_them_a_fault(
         (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
 
     wanted(1, 5, 6)
-    found = {f.name: f.found for f in check_split(made.root, "test").findings}
+    found = {f.name: f.result for f in check_split(made.root, "test").findings}
     assert found["targets"] == "1 of its 3 frames are here; the others, such as 7/5, are left out"
     assert advice(made) == {}
     assert missing(check_split(made.root, "test"))["evaluate:"].startswith("2 of the 3 images of test_targets_bop19")
@@ -117,11 +116,11 @@ def test_without_models_the_rest_is_not_looked_at_and_not_called_missing(
     (made.root / "models").rename(made.root / "_models")
     parts = check_split(made.root, "test")
     models, rest = parts.findings
-    assert "has no object models" in models.found
-    assert rest.found == "not looked at, because there are no models yet"
-    assert {lacking for _, lacking in what_can_be_run(parts)} == {"models; nothing else was looked at"}
+    assert "has no object models" in models.result
+    assert rest.result == "not checked, because there are no models yet"
+    assert {lacking for _, lacking in what_can_be_run(parts)} == {"models; nothing else was checked"}
     assert Datasets("check", str(made.root)).run([]) == 1
-    (row,) = [line for line in capsys.readouterr().out.splitlines() if "not looked at, because" in line]
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "not checked, because" in line]
     assert "ok" not in row.replace("looked", "")
 
 
@@ -129,9 +128,9 @@ def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(
     (made.scene / "scene_camera.json").unlink()
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
-    assert found["frames"].found == "0 in 1 scene"
-    assert found["all the rest"].found == "not looked at, because there are no frames yet"
-    assert not found["all the rest"].is_looked_at
+    assert found["frames"].result == "0 in 1 scene"
+    assert found["all the rest"].result == "not checked, because there are no frames yet"
+    assert not found["all the rest"].is_checked
     assert "depth and colour" not in found
     for _, lacking in what_can_be_run(parts):
         assert lacking.startswith("frames: ")
@@ -142,8 +141,8 @@ def test_without_ground_truth_the_checks_that_need_it_are_named(made: Made) -> N
     (made.scene / "scene_gt.json").unlink()
     found = {f.name: f for f in check_split(made.root, "test").findings}
     for name in ("sizes", "registration", "each frame"):
-        assert found[name].found == "not checked, needs ground truth"
-        assert not found[name].is_looked_at
+        assert found[name].result == "not checked, needs ground truth"
+        assert not found[name].is_checked
 
 
 def test_damaged_parts_are_findings_and_no_errors(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
@@ -158,7 +157,7 @@ def test_damaged_ground_truth_is_called_damaged_and_not_missing(made: Made, name
     (made.scene / name).write_text("{")
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
-    assert found["ground truth"].found == "damaged"
+    assert found["ground truth"].result == "damaged"
     assert f"{made.scene / name} is not JSON" in found["ground truth"].advice
     lacking = [lacks for what, lacks in what_can_be_run(parts) if not what.startswith("gravity")]
     assert all(f"ground truth that can be read ({made.scene / name} is not JSON" in lacks for lacks in lacking)
@@ -169,9 +168,9 @@ def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -
     (made.scene / "scene_gt.json").write_text("")
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
-    assert found["ground truth"].found == "in 2 of 4 frames looked at"
+    assert found["ground truth"].result == "in 2 of 4 frames checked"
     assert "000007/scene_gt.json is not JSON" in found["ground truth"].advice
-    assert found["registration"].is_looked_at
+    assert found["registration"].is_checked
     assert missing(parts)["study:"] == ""
 
 
@@ -184,9 +183,9 @@ def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
     (made.root / "models" / "models_info.json").write_text("[]")
     parts = check_split(made.root, "test")
     models, rest = parts.findings
-    assert models.found == "damaged"
+    assert models.result == "damaged"
     assert "models_info.json holds a JSON list, expected an object" in models.advice
-    assert rest.found == "not looked at, because the models cannot be read"
+    assert rest.result == "not checked, because the models cannot be read"
     assert all("models_info.json holds a JSON list" in lacks for _, lacks in what_can_be_run(parts))
 
 
@@ -213,7 +212,7 @@ def test_camera_poses_are_counted(made: Made) -> None:
     made.edit("scene_camera.json", only_the_first)
     (gravity,) = [what for what, lacks in what_can_be_run(check_split(made.root, "test")) if "gravity" in what]
     assert gravity.endswith("(scene.gravity world), for 1 of 2 frames")
-    (poses,) = [f.found for f in check_split(made.root, "test").findings if f.name == "camera poses"]
+    (poses,) = [f.result for f in check_split(made.root, "test").findings if f.name == "camera poses"]
     assert poses == "known for 1 of 2 frames; in the others scene.gravity world takes the table's normal"
     # It is so, and nothing is wrong with it.
     assert advice(made) == {}
@@ -233,7 +232,7 @@ def test_without_a_targets_file_the_frames_that_are_looked_at_stand_for_all(
     for kind in ("rgb", "depth"):
         (made.scene / kind / "000001.png").unlink()
     assert "000001; its width is needed" in missing(check_split(made.root, "test"))["evaluate:"]
-    monkeypatch.setattr(dataset_check, "LOOKED", 1)
+    monkeypatch.setattr(dataset_check, "N_OPENED", 1)
     assert missing(check_split(made.root, "test"))["evaluate:"] == ""
 
 

@@ -52,13 +52,13 @@ def test_right_frames_are_silent(made: Made, clutter: Path) -> None:
     for root in (made.root, clutter):
         found = each_frame(root)
         assert found.advice == ""
-        assert "of the depth in the objects' masks lies on their models in their true poses" in found.found
+        assert "of the depth in the objects' masks lies on their models in their true poses" in found.result
 
 
 def test_instances_of_one_frame_in_another_order_are_named(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
     made.edit("scene_gt.json", lambda content: content["3"].reverse())
     found = each_frame(made.root)
-    assert found.found.startswith("in the worst of 5 frames looked at, 7/3, ")
+    assert found.result.startswith("in the worst of 5 frames checked, 7/3, ")
     assert found.advice.startswith("7/3: only ")
     assert "mask 2 shows the object of entry 0 of scene_gt.json: put the entries in the order" in found.advice
     assert "7/1" not in found.advice
@@ -123,7 +123,7 @@ def test_what_is_off_in_all_frames_together_is_said_once(made: Made) -> None:
             entry["depth_scale"] *= 10
 
     made.edit("scene_camera.json", scaled)
-    assert not each_frame(made.root).is_looked_at
+    assert not each_frame(made.root).is_checked
 
 
 def test_real_frames_are_silent_but_for_the_one_that_is_wrong(shared_data: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
-from verefine_viz.cli import view
+from verefine_viz.cli import main
 from verefine_viz.session.files import resolve
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.state.batch_gallery import Gallery
@@ -40,7 +40,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 def test_of_one_run_the_worst_frame_comes_first(tmp_path: Path, served: dict[str, Any]) -> None:
     batch_run(tmp_path / "rir", "rir", (5.0, 40.0, 1.0))
-    assert view([str(tmp_path / "rir")]) == 0
+    assert main(["view", str(tmp_path / "rir")]) == 0
     assert served["session"].scene.frames == ("0/1", "0/0", "0/2")
     assert served["session_path"] is None
     assert isinstance(served["batch"], Gallery)
@@ -52,7 +52,7 @@ def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_gi
 ) -> None:
     batch_run(tmp_path / "rir", "rir", (5.0, 40.0))
     batch_run(tmp_path / "sir", "sir", (70.0, 2.0))
-    assert view([str(tmp_path), "--method.exploration", "0.2"]) == 0
+    assert main(["view", str(tmp_path), "--method.exploration", "0.2"]) == 0
     assert served["session"].method.name == "sir"
     assert served["session"].method.exploration == 0.2
     assert served["session"].scene.frames == ("0/0", "0/1")
@@ -65,7 +65,7 @@ def test_runs_that_are_left_out_are_told(
     batch_run(tmp_path / "rir", "rir", (5.0, 40.0))
     (tmp_path / "old").mkdir()
     batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
-    assert view([str(tmp_path)]) == 0
+    assert main(["view", str(tmp_path)]) == 0
     assert served["batch"].has_several_runs is False
     assert f"to look at them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
 
@@ -73,11 +73,11 @@ def test_runs_that_are_left_out_are_told(
 def test_a_folder_without_a_run_is_refused_in_one_line(
     tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert view([str(tmp_path)]) == 2
+    assert main(["view", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "no folder of a batch" in said
     assert said.count("\n") == 1
     batch_run(tmp_path / "empty", "rir", ())
-    assert view([str(tmp_path)]) == 2
+    assert main(["view", str(tmp_path)]) == 2
     assert "holds no finished frame" in capsys.readouterr().err
     assert served == {}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import check_input, open_input, read_input
+from verefine_viz.core.paths import open_input, read_input
 
 
 def test_a_regular_file_is_read_whole_also_through_a_link(tmp_path: Path) -> None:
@@ -19,7 +19,6 @@ def test_a_regular_file_is_read_whole_also_through_a_link(tmp_path: Path) -> Non
     assert read_input(file) == read_input(link) == b"content"
     with open_input(link) as opened:
         assert opened.read(3) == b"con"
-    check_input(link)
 
 
 def _pipe(path: Path) -> None:
@@ -53,7 +52,7 @@ def _loop(path: Path) -> None:
 def test_what_is_no_file_is_named_with_its_label(tmp_path: Path, make, message: str) -> None:
     path = tmp_path / "it"
     make(path)
-    for read in (open_input, read_input, check_input):
+    for read in (open_input, read_input):
         with pytest.raises(InputError) as error:
             read(path, "session file")
         assert str(error.value) == f"session file {path} {message}"

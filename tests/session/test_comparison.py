@@ -144,7 +144,7 @@ def test_the_first_difference_is_the_one_that_looking_at_everything_finds(one: s
 
 
 @settings(max_examples=40)
-@given(st.integers(0, 11), st.sampled_from(["pose", "score", "arm", "kept"]), st.data())
+@given(st.integers(0, 11), st.sampled_from(["pose", "score", "arm", "accepted"]), st.data())
 def test_one_thing_changed_anywhere_is_found_there(k: int, what: str, data: st.DataObject) -> None:
     a = trace("rir", 2)
     record = a.iterations[k]
@@ -160,7 +160,7 @@ def test_one_thing_changed_anywhere_is_found_there(k: int, what: str, data: st.D
     changed = replace(record, stages=stages)
     if what == "arm":
         changed = replace(changed, arm=record.arm + 1)
-    if what == "kept":
+    if what == "accepted":
         changed = replace(changed, accepted="mixed")
     b = replace(a, iterations=(*a.iterations[:k], changed, *a.iterations[k + 1 :]))
     found = between(a, b)

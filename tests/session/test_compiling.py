@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from numba import config, njit
 
-from verefine_viz.session.kernel_compilation import told_of_compiling
+from verefine_viz.session.kernel_compilation import compiling_reported
 
 KERNEL = """
 from numba import njit
@@ -48,7 +48,7 @@ def test_told_once_after_installing_only(tmp_path: Path, monkeypatch: pytest.Mon
     starts = []
     for _ in range(2):
         told = Told()
-        with told_of_compiling(told):
+        with compiling_reported(told):
             kernel = started_with(path)
             assert told.times == 0, "nothing was called yet"
             assert kernel.twice(2) == kernel.twice(2) == 4
@@ -61,10 +61,10 @@ def test_each_hears_of_its_own_thread_and_only_inside() -> None:
     here, there = Told(), Told()
 
     def elsewhere() -> None:
-        with told_of_compiling(there):
+        with compiling_reported(there):
             inner()
 
-    with told_of_compiling(here):
+    with compiling_reported(here):
         thread = threading.Thread(target=elsewhere)
         thread.start()
         thread.join()

@@ -58,25 +58,23 @@ def test_an_edit_that_is_meant_for_the_frame_and_cannot_be_made_is_refused(
 def test_one_for_every_frame_that_has_the_hypothesis_is_noted_where_it_is_missing() -> None:
     moves = [edit(hypothesis=7), edit(instance=5), edit(), edit(hypothesis=7, after=2)]
     assert check_edits(moves, FRAME, is_only_frame=False) == (
-        "the session moves hypothesis 8 of instance 0 by hand, which this frame does not have",
-        "the session moves hypothesis 1 of instance 5 by hand, which this frame does not have",
+        "the session edits the pose of hypothesis 8 of instance 0, which this frame does not have",
+        "the session edits the pose of hypothesis 1 of instance 5, which this frame does not have",
     )
 
 
 def test_one_of_an_object_that_is_left_out_or_not_asked_for_lets_the_others_go_on() -> None:
     without = replace(FRAME, left_out=(LeftOut(5, 1, "mug", "no model", has_truth=False),))
     moved = edit(instance=5, frame=FRAME.frame)
-    assert check_edits([moved], without, False) == ("instance 5 is not moved by hand: it is left out",)
-    said = ("instance 5 is not moved by hand: it is none of the objects to solve",)
+    assert check_edits([moved], without, False) == ("the edited pose of instance 5 is not used: it is left out",)
+    said = ("the edited pose of instance 5 is not used: it is none of the objects to solve",)
     assert check_edits([moved], FRAME, False, has_all_objects=False) == said
     assert edits_of([moved], without) == ()
 
 
 def test_edits_of_frames_that_the_session_does_not_have_are_named() -> None:
     moves = [edit(frame="0/7"), edit(frame="0/1"), edit(frame="x"), edit()]
-    assert edits_elsewhere(moves, ["0/1"]) == (
-        "poses are moved by hand in frames 0/7, x, which are not among those to solve",
-    )
+    assert edits_elsewhere(moves, ["0/1"]) == ("poses are edited in frames 0/7, x, which are not among those to solve",)
     assert edits_elsewhere(moves, ["0/1", "0/7", "x"]) == ()
 
 
@@ -84,7 +82,7 @@ def test_what_lies_behind_the_end_of_the_run_is_named_once() -> None:
     late = Change(after_iteration=10**9, settings={"method": {"exploration": 0.2}})
     moves = [edit(after=999), edit(hypothesis=1, after=999), edit(after=25)]
     assert never_reached(moves, [late], 25) == (
-        "the run has 25 iterations: no pose is moved by hand after iteration 999",
+        "the run has 25 iterations: no pose is edited after iteration 999",
         "the run has 25 iterations: no setting changes after iteration 1000000000",
     )
 
@@ -103,7 +101,7 @@ def test_a_built_in_frame_says_all_of_it_headless() -> None:
         }
     )
     toolbox = Toolbox(session)
-    assert toolbox.notes == ("poses are moved by hand in frame 0/5, which is not among those to solve",)
+    assert toolbox.notes == ("poses are edited in frame 0/5, which is not among those to solve",)
     problem = toolbox.problem("0/0")
     cut = "dependency.cut: unknown instance 99; available: 0; it is ignored"
     assert cut in problem.notes
@@ -111,7 +109,7 @@ def test_a_built_in_frame_says_all_of_it_headless() -> None:
     run.finish()
     assert [note for note in frame_result(run, session).notes if note.startswith(("dependency", "the run has"))] == [
         cut,
-        "the run has 1 iterations: no pose is moved by hand after iteration 999",
+        "the run has 1 iterations: no pose is edited after iteration 999",
         "the run has 1 iterations: no setting changes after iteration 1000000000",
     ]
     with pytest.raises(InputError, match="edits: unknown instance 99; available: 0"):

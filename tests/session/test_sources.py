@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
             r'hypotheses.files is set, but hypotheses.source is "perturb" .*; set hypotheses.source = "results"',
         ),
         ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
-        ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or say'),
+        ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or write'),
         ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
         ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
     ],

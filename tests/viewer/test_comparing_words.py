@@ -152,9 +152,9 @@ def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None
     first = Difference(0, 0, "start", "starts hypothesis 1 of box 3.0 mm and 1.0° away")
     begun = parting(replace(v, differences=replace(v.differences, deed=first)))
     assert begun.startswith("A (rir) and B (sir) begin differently: B starts hypothesis 1 of box 3.0 mm and 1.0° away.")
-    once = Difference(1, 0, "kept", "keeps the refined pose of box instead of the simulated one", 1, 2)
+    once = Difference(1, 0, "accepted", "accepts the refined pose of box instead of the simulated one", 1, 2)
     parted = parting(replace(v, differences=replace(v.differences, deed=once)))
-    assert "part at once: in iteration 1 (B's 2) B keeps the refined pose" in parted
+    assert "part at once: in iteration 1 (B's 2) B accepts the refined pose" in parted
 
 
 def test_the_frame_score_is_the_same_number_in_the_list_and_in_the_comparison() -> None:

@@ -60,14 +60,14 @@ def test_edits_and_changes_behind_the_end_of_the_run_are_noted() -> None:
     change = Change(after_iteration=10**9, settings={"method": {"exploration": 0.2}})
     d = Debugger(session(late).model_copy(update={"changes": (change,)}), None, FakeTools)
     assert d.view().notes == (
-        "the run has 6 iterations: no pose is moved by hand after iteration 999",
+        "the run has 6 iterations: no pose is edited after iteration 999",
         "the run has 6 iterations: no setting changes after iteration 1000000000",
     )
     longer = Change(after_iteration=2, settings={"method": {"iterations": 5}})
     d = Debugger(session(late).model_copy(update={"changes": (longer,)}), None, FakeTools)
     assert d.view().notes == (), "a change on the way may make it longer"
     d.carry_out([c.RunUntil()])
-    assert d.view().notes == ("the run has 15 iterations: no pose is moved by hand after iteration 999",)
+    assert d.view().notes == ("the run has 15 iterations: no pose is edited after iteration 999",)
 
 
 def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(exporter: Exporter, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, frame_name
 from verefine_viz.batch.summary import frame_result, left_out_row
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.paths import NO_ROOM, atomic
+from verefine_viz.core.paths import DISK_FULL, atomic
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
@@ -76,7 +76,7 @@ def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Fra
     # On a full disk the frame fails all the same, just without its traceback.
     with suppress(InputError), atomic(log) as part:
         part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-    if isinstance(error, OSError) and error.errno in NO_ROOM and error.filename is None:
+    if isinstance(error, OSError) and error.errno in DISK_FULL and error.filename is None:
         disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
         return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
     where = f" (see errors/{log.name})" if log.is_file() else ""

@@ -27,13 +27,13 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
 
     from verefine_viz.batch.tasks import task_named
     from verefine_viz.core.progress_token import ProgressToken
-    from verefine_viz.session.kernel_compilation import COMPILING, told_of_compiling
+    from verefine_viz.session.kernel_compilation import COMPILING, compiling_reported
     from verefine_viz.session.toolbox import Toolbox
 
     progress = ProgressToken(report_once=channel.send)
     toolbox, run = Toolbox(session, progress), task_named(task)
     try:
-        with told_of_compiling(lambda: channel.send(COMPILING)):
+        with compiling_reported(lambda: channel.send(COMPILING)):
             while True:
                 given = channel.recv()
                 if isinstance(given, str):

@@ -39,7 +39,7 @@ class Batch:
     """Try frames again that failed before, in which a model or mask could not be read, or whose recording is gone;
     without it they stay as they are."""
     diagnose: bool = True
-    """Say why an answer is wrong where ground truth is known (columns cause and evidence); its re-runs take time, for
+    """Diagnose wrong answers where ground truth is known (columns cause and evidence); its re-runs take time, for
     wrong answers only."""
     cluster: str = ""
     """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers,
@@ -48,7 +48,7 @@ class Batch:
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.sessions:
-            raise SettingsError("no session file given; say verefine-viz batch SESSION.toml --out FOLDER")
+            raise SettingsError("no session file given; use verefine-viz batch SESSION.toml --out FOLDER")
         if self.cluster in ("", "local"):
             check_workers(self.workers)
         check_memory(self.worker_memory_gb)

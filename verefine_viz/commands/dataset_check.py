@@ -1,4 +1,4 @@
-"""What ``verefine-viz datasets check`` looks at: which parts of a BOP folder are there, whether they fit together."""
+"""What ``verefine-viz datasets check`` does: which parts of a BOP folder are there, and whether they fit together."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import get_args
 
 import numpy as np
 
+from verefine_viz.commands.dataset_ground_truth import check_truths, each_frame, object_sizes, registration
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
-from verefine_viz.commands.dataset_truth_check import check_truths, each_frame, object_sizes
-from verefine_viz.commands.registration_check import registration
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.evaluation.bop_model import EvalModels
@@ -21,74 +20,48 @@ from verefine_viz.scenes.bop import NO_COLOR, BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
-# Whether depth and colour of a split can be read, and are plausible.
-
-
-def check_images(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
-    """Adds what is there and what is wrong; frames without colour are named, and nothing is wrong with them."""
-    trouble: list[str] = []
-    medians_m: list[float] = []
-    colourless: list[str] = []
-    for ids in sampled:
-        try:
-            image = dataset.image(*ids)
-        except VerefineError as error:
-            trouble.append(str(error))
-            continue
-        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
-        trouble += [f"image {frame_name(ids)}: {note}" for note in image.notes if note != NO_COLOR]
-        colourless += [frame_name(ids)] * (image.rgb is None)
-    parts.depth = bool(medians_m)
-    looked = f"{len(medians_m)} of {len(sampled)} frames looked at"
-    found = f"median {np.median(medians_m):.2f} m in {looked}" if medians_m else f"none could be read in {looked}"
-    if colourless:
-        which = "all of them" if len(colourless) == len(medians_m) else first_of(colourless, MOST_NAMED)
-        found += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
-    parts.add("depth and colour", found, "; ".join(dict.fromkeys(trouble)))
-
-
-LOOKED = 40
+N_OPENED = 40
 """Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""
-DRAWN = 6
+N_DRAWN = 6
 """Frames in which objects are drawn as well, spread evenly: about a second each."""
 
 
 def check_split(folder: Path, split: str) -> Parts:
-    """Looks at one split of a data set. What is missing or wrong is a finding, not an error."""
+    """Checks one split of a data set. What is missing or wrong is a finding, not an error."""
     parts = Parts()
     try:
         dataset = BopDataset(folder, split)
     except VerefineError as error:
         if any(folder.glob("models*/obj_*")):
             parts.add("models", "damaged", str(error))
-            parts.leave("all the rest", "not looked at, because the models cannot be read")
-            parts.before_all = f"models that can be read ({error}); nothing else was looked at"
+            parts.skip("all the rest", "not checked, because the models cannot be read")
+            parts.before_all = f"models that can be read ({error}); nothing else was checked"
         else:
             parts.add("models", str(error), "fetch the archive with the models and unpack it here")
-            parts.leave("all the rest", "not looked at, because there are no models yet")
-            parts.before_all = "models; nothing else was looked at"
+            parts.skip("all the rest", "not checked, because there are no models yet")
+            parts.before_all = "models; nothing else was checked"
         return parts
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
     if not frames:
-        parts.leave("all the rest", "not looked at, because there are no frames yet")
+        parts.skip("all the rest", "not checked, because there are no frames yet")
         return parts
     _check_camera_poses(dataset, parts)
-    looked = _spread(frames, LOOKED)
-    check_images(dataset, looked, parts)
-    _check_masks(dataset, looked, parts)
-    _check_scoring(dataset, looked, parts)
+    opened = _spread(frames, N_OPENED)
+    _check_images(dataset, opened, parts)
+    _check_masks(dataset, opened, parts)
+    _check_scoring(dataset, opened, parts)
     if parts.ground_truth and parts.depth and parts.models:
-        drawn = _spread(frames, DRAWN)
+        drawn = _spread(frames, N_DRAWN)
         is_in_place = _check_sizes(dataset, drawn, parts)
-        for found, advice in registration(dataset, drawn, is_in_place):
-            parts.add("registration", found, advice)
-        _check_each_frame(dataset, looked, parts)
+        for result, advice in registration(dataset, drawn, is_in_place):
+            parts.add("registration", result, advice)
+        _check_each_frame(dataset, opened, parts)
     else:
         needed = {"models": parts.models, "depth": parts.depth, "ground truth": parts.ground_truth}
         lacking = " and ".join(what for what, there in needed.items() if not there)
         for name in ("sizes", "registration", "each frame"):
-            parts.leave(name, f"not checked, needs {lacking}")
+            parts.skip(name, f"not checked, needs {lacking}")
     return parts
 
 
@@ -131,12 +104,12 @@ def _without_diameter(dataset: BopDataset) -> list[str]:
 
 def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     frames: list[tuple[int, int]] = []
-    why = "no scene_camera.json lists any; nothing else was looked at"
+    why = "no scene_camera.json lists any; nothing else was checked"
     for scene_id in dataset.scene_ids:
         try:
-            mine = dataset.image_ids(scene_id)
-            frames += [(scene_id, im_id) for im_id in mine]
-            if not mine:
+            image_ids = dataset.image_ids(scene_id)
+            frames += [(scene_id, im_id) for im_id in image_ids]
+            if not image_ids:
                 parts.add(f"scene {scene_id}", "no frames", "its scene_camera.json lists none")
         except VerefineError as error:
             parts.add(f"scene {scene_id}", "cannot be used", str(error))
@@ -168,48 +141,53 @@ def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]
 
 def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
     for scene_id in dataset.scene_ids:
-        with suppress(VerefineError):  # Said already.
+        with suppress(VerefineError):  # Reported already.
             entries = dataset.of_images(scene_id, "scene_camera.json")
             parts.frames += len(entries)
             parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
     if parts.with_camera_pose:
-        found = f"known for {parts.with_camera_pose} of {parts.frames} frames"
+        result = f"known for {parts.with_camera_pose} of {parts.frames} frames"
         few = parts.with_camera_pose < parts.frames
-        parts.add("camera poses", found + "; in the others scene.gravity world takes the table's normal" * few)
+        parts.add("camera poses", result + "; in the others scene.gravity world takes the table's normal" * few)
 
 
 def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> bool:
-    """Whether masks lie where true poses say, as far as they tell."""
-    kinds: list[MaskFolder] = [kind for kind in ("mask_visib", "mask") if kind in parts.masks]
-    if not kinds:
+    """Whether masks lie where the ground truth has the objects; True where that is unknown."""
+    kind = _mask_folder(parts)
+    if kind is None:
         return True
-    verdict = object_sizes(dataset, sampled, kinds[0])
+    verdict = object_sizes(dataset, sampled, kind)
     parts.add("sizes", verdict.found, verdict.advice)
     return verdict.cause in (None, "depth", "masks")
 
 
-def _check_each_frame(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts: Parts) -> None:
+def _mask_folder(parts: Parts) -> MaskFolder | None:
+    kinds: list[MaskFolder] = ["mask_visib", "mask"]
+    return next((kind for kind in kinds if kind in parts.masks), None)
+
+
+def _check_each_frame(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts: Parts) -> None:
     """Frame by frame, where nothing that is off in all frames together explains what is off in each."""
-    kinds: list[MaskFolder] = [kind for kind in ("mask_visib", "mask") if kind in parts.masks]
+    kind = _mask_folder(parts)
     if any(row.advice for row in parts.findings if row.name in ("sizes", "registration")):
-        parts.leave("each frame", "not looked at, because the frames are off together")
-    elif kinds:
-        judged = each_frame(dataset, looked, kinds[0])
-        if judged is not None:
-            parts.add("each frame", *judged)
+        parts.skip("each frame", "not checked, because the frames are off together")
+    elif kind is not None:
+        finding = each_frame(dataset, opened, kind)
+        if finding is not None:
+            parts.add("each frame", *finding)
 
 
-def _check_scoring(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts: Parts) -> None:
-    """Whether BOP scores find what they need besides images; what they would refuse is said in their words.
+def _check_scoring(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts: Parts) -> None:
+    """Whether BOP scores find what they need besides images; what they would refuse is reported in their words.
 
-    Without a targets file they ask for all frames of the split, of which those that are ``looked`` at stand for all.
+    Without a targets file they ask for all frames of the split, of which those that are ``opened`` stand for all.
     """
-    if not parts.ground_truth:  # Said already.
+    if not parts.ground_truth:  # Reported already.
         return
     try:
         models, truth = EvalModels(dataset.folder), BopTruth(dataset)
-        path, with_truth = targets_path(dataset.folder, dataset.split), set(truth.images())
-        targets = read_targets(path) if path else visible_targets(truth, [ids for ids in looked if ids in with_truth])
+        path, annotated = targets_path(dataset.folder, dataset.split), set(truth.images())
+        targets = read_targets(path) if path else visible_targets(truth, [ids for ids in opened if ids in annotated])
         for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):
             models.diameter_mm(obj_id)
         missing = [image for image in targets.counts if not dataset.has(*image)]
@@ -222,10 +200,33 @@ def _check_scoring(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts
         parts.scoring = str(error)
 
 
+def _check_images(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
+    """Frames without colour are named, and nothing is wrong with them."""
+    faults: list[str] = []
+    medians_m: list[float] = []
+    colourless: list[str] = []
+    for ids in sampled:
+        try:
+            image = dataset.image(*ids)
+        except VerefineError as error:
+            faults.append(str(error))
+            continue
+        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
+        faults += [f"image {frame_name(ids)}: {note}" for note in image.notes if note != NO_COLOR]
+        colourless += [frame_name(ids)] * (image.rgb is None)
+    parts.depth = bool(medians_m)
+    opened = f"{len(medians_m)} of {len(sampled)} frames checked"
+    result = f"median {np.median(medians_m):.2f} m in {opened}" if medians_m else f"none could be read in {opened}"
+    if colourless:
+        which = "all of them" if len(colourless) == len(medians_m) else first_of(colourless, MOST_NAMED)
+        result += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
+    parts.add("depth and colour", result, "; ".join(dict.fromkeys(faults)))
+
+
 def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
     scenes: list[Path] = []
     for scene_id in dataset.scene_ids:
-        with suppress(VerefineError):  # Said already.
+        with suppress(VerefineError):  # Reported already.
             scenes.append(dataset.scene_folder(scene_id))
     kinds: list[MaskFolder] = [
         kind for kind in get_args(MaskFolder) if scenes and all((s / kind).is_dir() for s in scenes)
@@ -235,7 +236,7 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     none = "" if parts.masks else f"masks are needed: {_without_masks(scenes)}, or a detections JSON"
     unreadable, small = list[str](), list[str]()
     for ids in sampled:
-        _look_at_masks(dataset, ids, kinds, unreadable, small)
+        _check_masks_of_frame(dataset, ids, kinds, unreadable, small)
     faults = [first_of(list(dict.fromkeys(unreadable)), MOST_FAULTS, "; ")] * bool(unreadable)
     if small:
         faults.append(
@@ -247,17 +248,17 @@ def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
 
 
 def _without_masks(scenes: Sequence[Path]) -> str:
-    """What lacks; folders of masks count where every scene has one."""
+    """What is missing; folders of masks count where every scene has one."""
     lacking = [scene.name for scene in scenes if not any((scene / kind).is_dir() for kind in get_args(MaskFolder))]
     if not lacking or len(lacking) == len(scenes):
         return "a folder mask_visib/ per scene"
     return f"a folder mask_visib/ in every scene, also in {first_of(lacking, MOST_FAULTS)}"
 
 
-def _look_at_masks(
+def _check_masks_of_frame(
     dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder], unreadable: list[str], small: list[str]
 ) -> None:
-    """Adds what is wrong with the masks of a frame's annotated instances; what else is wrong with it is said already.
+    """Adds what is wrong with the masks of a frame's annotated instances; other faults of it are reported already.
 
     A mask may be empty or nearly so where the object is known to be hidden.
     """

@@ -15,14 +15,14 @@ MOST_FAULTS = 3
 
 @dataclass
 class Finding:
-    """One row: what was looked at, what was found, and what to do about it."""
+    """One row: what was checked, with which result, and what to do about it."""
 
     name: str
-    found: str
+    result: str
     advice: str = ""
     """Empty where nothing needs to be done."""
-    is_looked_at: bool = True
-    """False where something else stands before it; ``found`` says what."""
+    is_checked: bool = True
+    """False where something else has to be mended first; ``result`` says what."""
 
 
 @dataclass
@@ -30,15 +30,15 @@ class Parts:
     """What a split has; decides what can be run on it."""
 
     before_all: str = ""
-    """What is missing without which nothing else could be looked at, and why; empty = nothing."""
+    """What is missing without which nothing else could be checked, and why; empty = nothing."""
     models: bool = False
     depth: bool = False
     masks: tuple[str, ...] = ()
     """Of mask_visib, mask, and detections files."""
     detections: bool = False
-    """Whether some of the masks are detections, which say themselves which object they are of."""
+    """Whether some of the masks are detections, which name their object."""
     ground_truth: bool = False
-    damaged_truth: str = ""
+    damaged_ground_truth: str = ""
     """What is wrong with the ground truth where none of it can be used; empty where there is none, or some is good."""
     scoring: str = ""
     """What BOP scores lack besides ground truth and depth; empty = nothing."""
@@ -47,13 +47,12 @@ class Parts:
     """Frames whose camera pose is known, and with it which way is up."""
     findings: list[Finding] = field(default_factory=list)
 
-    def add(self, name: str, found: str, advice: str = "") -> None:
-        """Adds a row."""
-        self.findings.append(Finding(name, found, advice))
+    def add(self, name: str, result: str, advice: str = "") -> None:
+        self.findings.append(Finding(name, result, advice))
 
-    def leave(self, name: str, why: str) -> None:
-        """Adds a row of what was not looked at."""
-        self.findings.append(Finding(name, why, is_looked_at=False))
+    def skip(self, name: str, why: str) -> None:
+        """Adds a row of what was not checked."""
+        self.findings.append(Finding(name, why, is_checked=False))
 
     @property
     def names_objects(self) -> bool:
@@ -69,19 +68,22 @@ def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
 def _by_part(parts: Parts) -> list[tuple[str, str]]:
     scored = [word for word, there in (("models", parts.models), ("depth", parts.depth)) if not there]
     basics = [*scored, *([] if parts.masks else ["masks"])]
-    damaged = f"ground truth that can be read ({parts.damaged_truth})" if parts.damaged_truth else ""
-    truth = [] if parts.ground_truth else [damaged or "scene_gt.json"]
+    damaged = f"ground truth that can be read ({parts.damaged_ground_truth})" if parts.damaged_ground_truth else ""
+    ground_truth = [] if parts.ground_truth else [damaged or "scene_gt.json"]
     unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"
     named = [unnamed] if parts.masks and not parts.names_objects else []
     some = 0 < parts.with_camera_pose < parts.frames
     how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
     return [
-        ("view and batch from ground truth, disturbed (hypotheses.source perturb)", ", ".join([*basics, *truth])),
+        (
+            "view and batch from ground truth, disturbed (hypotheses.source perturb)",
+            ", ".join([*basics, *ground_truth]),
+        ),
         ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join([*basics, *named])),
-        ("study: errors against ground truth", ", ".join([*basics, *truth])),
+        ("study: errors against ground truth", ", ".join([*basics, *ground_truth])),
         (
             "evaluate: BOP scores of a results file",
-            ", ".join([*scored, *truth, *([parts.scoring] * (parts.scoring != ""))]),
+            ", ".join([*scored, *ground_truth, *([parts.scoring] * (parts.scoring != ""))]),
         ),
         (
             f"gravity from the camera's pose, if the data set's z is up (scene.gravity world){how_many}",
@@ -90,7 +92,7 @@ def _by_part(parts: Parts) -> list[tuple[str, str]]:
     ]
 
 
-# Which splits a data set's folder holds, and what somebody meant who named another folder.
+# Which splits a data set's folder holds, and what was probably meant where another folder is named.
 
 
 def splits_of(folder: Path) -> tuple[str, ...]:
@@ -102,10 +104,10 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     if not folder.is_dir():
         why = "is a file" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {why}; give the folder that holds models/ and the splits (test/, …)")
-    found = _splits(folder)
-    if not found:
+    splits = _splits(folder)
+    if not splits:
         raise InputError(f"{folder} holds no split with scenes; {_meant(folder)}")
-    return tuple(found)
+    return tuple(splits)
 
 
 def _splits(folder: Path) -> list[str]:
@@ -113,7 +115,6 @@ def _splits(folder: Path) -> list[str]:
 
 
 def _meant(folder: Path) -> str:
-    """Which folder a person may have meant who named one without splits."""
     if any(_scene_folders(folder)):
         return f"it is a split itself: name the data set's folder, {folder.resolve().parent}"
     inside = [d for d in sorted(folder.iterdir()) if d.is_dir() and _splits(d)]

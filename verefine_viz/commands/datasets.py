@@ -9,12 +9,62 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
+from verefine_viz.core.paths import check_folder
+
+HUB = "https://huggingface.co/datasets/bop-benchmark"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A data set of the paper: what to fetch, and from where."""
+
+    name: str
+    title: str
+    used_for: str
+    archives: tuple[str, ...] = ()
+    """Archives on the BOP hub; the first holds the data set's folder, the others unpack into it."""
+    instructions: str = ""
+    """How to get it where it is not on the hub."""
+    note: str = ""
+
+
+CATALOGUE = (
+    Entry(
+        "lm",
+        "LINEMOD",
+        "13 objects (3 and 7 are left out), one annotated object per frame",
+        ("lm_base.zip", "lm_models.zip", "lm_test_all.zip"),
+        note="the paper solves 2219 of the frames; choose yours with scene.frames",
+    ),
+    Entry(
+        "lmo",
+        "LINEMOD-Occluded",
+        "the clutter of LINEMOD: 8 objects of scene 2, all annotated",
+        ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip"),
+    ),
+    Entry(
+        "ycbv",
+        "YCB-Video",
+        "21 objects, 12 test scenes, 900 frames in the benchmark's subset",
+        ("ycbv_base.zip", "ycbv_models.zip", "ycbv_test_bop19.zip"),
+        note="models 0.5 GB, test_bop19 0.7 GB; poses for the original YCB-Video models need the offsets of "
+        "dataset_info.md",
+    ),
+    Entry(
+        "xapc",
+        "Extended APC",
+        "objects in groups of three that touch or carry each other",
+        instructions="not in BOP layout on the hub: fetch frames and models from "
+        "github.com/cmitash/PhysimGlobalPose and arrange them as xapc/models/obj_000001.ply (mm) and "
+        "xapc/test/000001/{rgb,depth,mask_visib}/, scene_camera.json, scene_gt.json",
+    ),
+)
 
 
 @dataclass(frozen=True)
 class Datasets:
-    """List the paper's data sets (datasets), look at a folder (datasets check DIR), or fetch (datasets fetch NAME)."""
+    """List the paper's data sets (datasets), check a folder (datasets check DIR), or fetch (datasets fetch NAME)."""
 
     action: Annotated[Literal["list", "check", "fetch"], tyro.conf.Positional] = "list"
     """list: what there is and how to get it. check: which parts a folder has, what can be run, what is wrong; the
@@ -29,7 +79,7 @@ class Datasets:
         if self.action == "list":
             return _list(self.folder)
         if not self.what:
-            needed = "the folder to look at" if self.action == "check" else "the name of a data set"
+            needed = "the folder to check" if self.action == "check" else "the name of a data set"
             raise SettingsError(f"datasets {self.action} needs {needed}")
         return _check(Path(self.what)) if self.action == "check" else _fetch(self.what, self.folder)
 
@@ -38,25 +88,68 @@ def _list(folder: Path) -> int:
     from rich.console import Console
     from rich.markup import escape
 
-    from verefine_viz.commands.dataset_catalogue import CATALOGUE, how_to_fetch
-
     console = Console(highlight=False, soft_wrap=True)
-    for known in CATALOGUE:
-        console.print(f"[bold]{known.name}[/]  {escape(known.title)}: {escape(known.used_for)}")
-        for line in (*how_to_fetch(known, folder), *([known.note] if known.note else [])):
+    for entry in CATALOGUE:
+        console.print(f"[bold]{entry.name}[/]  {escape(entry.title)}: {escape(entry.used_for)}")
+        for line in (*_how_to_fetch(entry, folder), *([entry.note] if entry.note else [])):
             console.print(f"      {escape(line)}")
-    console.print("verefine-viz datasets fetch NAME downloads; datasets check DIR looks at what is there.")
+    console.print("verefine-viz datasets fetch NAME downloads; datasets check DIR checks what is there.")
     return 0
 
 
 def _fetch(name: str, folder: Path) -> int:
-    from verefine_viz.commands.dataset_catalogue import entry, fetch, how_to_fetch
-
-    known = entry(name)
-    for path in fetch(known, folder):
+    entry = next((entry for entry in CATALOGUE if entry.name == name), None)
+    if entry is None:
+        raise SettingsError(unknown("data set", name, [entry.name for entry in CATALOGUE]))
+    for path in _download(entry, folder):
         print(path)
-    print(how_to_fetch(known, folder)[-1])
+    print(_how_to_fetch(entry, folder)[-1])
     return 0
+
+
+def _how_to_fetch(entry: Entry, folder: Path) -> list[str]:
+    """What to do without huggingface_hub, a line each."""
+    if not entry.archives:
+        return [entry.instructions]
+    first, *others = entry.archives
+    into = folder / entry.name
+    return [
+        *(f"fetch {HUB}/{entry.name}/resolve/main/{archive}" for archive in entry.archives),
+        f"unpack {first} in {folder} (it makes {into}), and {', '.join(others)} in {into}",
+    ]
+
+
+def _download(entry: Entry, folder: Path) -> list[Path]:
+    """Downloads the archives of a data set next to its folder; those that are there already are skipped.
+
+    Raises:
+        UnavailableError: huggingface_hub is not installed, the hub cannot be reached, or it does not have the data set.
+        InputError: nothing can be written there.
+    """
+    by_hand = "; ".join(_how_to_fetch(entry, folder))
+    if not entry.archives:
+        raise UnavailableError(f"{entry.name} cannot be downloaded: {entry.instructions}")
+    check_folder(folder, "--folder")
+    try:
+        from huggingface_hub import HfApi, hf_hub_download
+    except ModuleNotFoundError as error:
+        if error.name != "huggingface_hub":
+            raise
+        raise UnavailableError(
+            f"downloading needs huggingface_hub: pip install 'verefine-viz[datasets]'; or by hand: {by_hand}"
+        ) from None
+    repository = f"bop-benchmark/{entry.name}"
+    try:
+        # Asked once before, because a download would try again and again for a minute.
+        HfApi().dataset_info(repository, timeout=10)
+        return [
+            Path(hf_hub_download(repository, archive, repo_type="dataset", local_dir=folder))
+            for archive in entry.archives
+        ]
+    except Exception as error:
+        # The hub's client lets through what its HTTP library raises, and that has changed between versions.
+        why = " ".join(str(error).split())[:120] or type(error).__name__
+        raise UnavailableError(f"{repository} cannot be fetched from the hub ({why}); by hand: {by_hand}") from None
 
 
 def _check(folder: Path) -> int:
@@ -69,26 +162,26 @@ def _check(folder: Path) -> int:
     from verefine_viz.commands.dataset_parts import splits_of, what_can_be_run
 
     console = Console(highlight=False)
-    looks: list[str] = []
+    faulty: list[str] = []
     for split in splits_of(folder):
-        with console.status(f"looking at {escape(split)}"):
+        with console.status(f"checking {escape(split)}"):
             parts = check_split(folder, split)
         table = Table(title=escape(f"{folder.name} {split}"))
-        for column in ("part", "", "found"):
-            table.add_column(column, no_wrap=column != "found")
+        for column in ("part", "", "result"):
+            table.add_column(column, no_wrap=column != "result")
         for row in parts.findings:
-            mark = "[yellow]look[/]" if row.advice else "[green]ok[/]" if row.is_looked_at else "–"
-            table.add_row(escape(row.name), mark, escape(row.found + (f"\n→ {row.advice}" if row.advice else "")))
-            looks += [row.name] * bool(row.advice)
+            mark = "[yellow]look[/]" if row.advice else "[green]ok[/]" if row.is_checked else "–"
+            table.add_row(escape(row.name), mark, escape(row.result + (f"\n→ {row.advice}" if row.advice else "")))
+            faulty += [row.name] * bool(row.advice)
         console.print(table)
         for what, missing in what_can_be_run(parts):
             console.print(
                 escape(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing))),
                 soft_wrap=True,
             )
-    if not looks:
+    if not faulty:
         console.print("No part needs a look: exit code 0.")
         return 0
-    how_many = "1 part needs" if len(looks) == 1 else f"{len(looks)} parts need"
-    console.print(escape(f"{how_many} a look, hence exit code 1: {', '.join(looks)}."), soft_wrap=True)
+    how_many = "1 part needs" if len(faulty) == 1 else f"{len(faulty)} parts need"
+    console.print(escape(f"{how_many} a look, hence exit code 1: {', '.join(faulty)}."), soft_wrap=True)
     return 1

@@ -21,13 +21,13 @@ class Doctor:
         table = Table(title="verefine-viz doctor", show_lines=False)
         table.add_column("what", no_wrap=True)
         table.add_column("", no_wrap=True)
-        table.add_column("found")
-        with console.status("looking around"):
+        table.add_column("result")
+        with console.status("checking"):
             rows = [checks.run(check) for check in checks.all_checks()]
         for row in rows:
             mark = "[green]ok[/]" if row.ok else "[red]fails[/]" if row.needed else "[yellow]missing[/]"
             advice = "" if row.ok or not row.advice else f"\n→ {row.advice}"
-            table.add_row(escape(row.name), mark, escape(row.found + advice))
+            table.add_row(escape(row.name), mark, escape(row.result + advice))
         console.print(table)
         failed = [row.name for row in rows if row.needed and not row.ok]
         console.print(f"does not work: {', '.join(failed)}" if failed else "all that is needed is there")

@@ -1,4 +1,4 @@
-"""What ``doctor`` looks at: one function per row of its table."""
+"""What ``doctor`` checks: one function per row of its table."""
 
 from __future__ import annotations
 
@@ -23,16 +23,7 @@ from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Instance, Placed, Target
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings
 
-# The browser that looks at the page without a person.
-
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-
-
-def find_chromium() -> str | None:
-    """Its program; None where it is not installed."""
-    return next(filter(None, map(shutil.which, NAMES)), None)
-
-
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 BOX_M = np.array([0.10, 0.08, 0.06])
 BOX_DISTANCE_M = 0.5
 FALL_MM = 13.28
@@ -45,10 +36,10 @@ SCORES = np.array([1.0, 0.5 * (0.5 + 1) * (33 * 27) / (35 * 27)])
 
 @dataclass(frozen=True)
 class Check:
-    """One row: what was looked at, what was found, and what to do about it."""
+    """One row: what was checked, with which result, and what to do about it."""
 
     name: str
-    found: str
+    result: str
     ok: bool = True
     needed: bool = True
     """False: something works less well without it, but everything else does."""
@@ -57,8 +48,8 @@ class Check:
 
 def all_checks() -> list[Callable[[], Check]]:
     """The rows in the order in which they are shown."""
-    looks = [python, packages, opengl, bullet, chromium, rerun_viewer, cache_folder, working_folder]
-    return [*looks, renderer_self_check, score_self_check, simulator_self_check]
+    installed = [python, packages, opengl, bullet, chromium, rerun_viewer, cache_folder, working_folder]
+    return [*installed, renderer_self_check, score_self_check, simulator_self_check]
 
 
 def run(check: Callable[[], Check]) -> Check:
@@ -81,8 +72,8 @@ def python() -> Check:
 def packages() -> Check:
     """Versions of what decides about results."""
     versions = package_versions()
-    missing = [name for name, found in versions.items() if found == "missing"]
-    text = ", ".join(f"{name} {found}" for name, found in versions.items())
+    missing = [name for name, version in versions.items() if version == "missing"]
+    text = ", ".join(f"{name} {version}" for name, version in versions.items())
     return Check("packages", text, not missing, advice=f"pip install {' '.join(missing)}" if missing else "")
 
 
@@ -106,13 +97,18 @@ def bullet() -> Check:
     return Check("Bullet", f"pybullet {package_versions()['pybullet']} opens a world")
 
 
+def find_chromium() -> str | None:
+    """The program of the browser; None where it is not installed."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
+
+
 def chromium() -> Check:
     """The browser of the browser tests."""
-    found = find_chromium()
-    if found is None:
+    program = find_chromium()
+    if program is None:
         advice = "only the browser tests need it: apt-get install chromium"
         return Check("Chromium", "not found", ok=False, needed=False, advice=advice)
-    return Check("Chromium", _first_line([found, "--version"]) or found, needed=False)
+    return Check("Chromium", _first_line([program, "--version"]) or program, needed=False)
 
 
 def rerun_viewer() -> Check:
@@ -130,7 +126,7 @@ def rerun_viewer() -> Check:
 
 
 def cache_folder() -> Check:
-    """Where colliders and simplified meshes are kept."""
+    """Where colliders and simplified meshes are cached."""
     folder = platformdirs.user_cache_path("verefine-viz")
     folder.mkdir(parents=True, exist_ok=True)
     return _writable("cache folder", folder)
@@ -154,7 +150,7 @@ def renderer_self_check() -> Check:
 
 
 def score_self_check() -> Check:
-    """Both renderers score the pose that was observed, and one half of τ behind it, as worked out by hand."""
+    """Both renderers score the pose that was observed, and one half of τ behind it, as worked out on paper."""
     from verefine_viz.rendering.cpu_verifier import CpuVerifier
     from verefine_viz.rendering.gl_context import gl_info
     from verefine_viz.rendering.gl_verifier import GlVerifier
@@ -168,10 +164,10 @@ def score_self_check() -> Check:
         gl = GlVerifier(settings)
         scores["OpenGL"] = gl.score(target, poses).score
         gl.close()
-    ok = all(np.abs(found - SCORES).max() < 1e-3 for found in scores.values())
-    found = "; ".join(f"{name} {right:.4f} and {behind:.4f}" for name, (right, behind) in scores.items())
+    ok = all(np.abs(pair - SCORES).max() < 1e-3 for pair in scores.values())
+    values = "; ".join(f"{name} {right:.4f} and {behind:.4f}" for name, (right, behind) in scores.items())
     expected = f"expected {SCORES[0]:.4f} and {SCORES[1]:.4f}"
-    text = f"observed pose and one 10 mm behind: {found}; {expected}{_took(started)}"
+    text = f"observed pose and one 10 mm behind: {values}; {expected}{_took(started)}"
     return Check("score self-check", text, ok, advice=_REPORT)
 
 

@@ -1,4 +1,4 @@
-"""What ``verefine-viz estimate`` does: run a session's estimator over its frames and write what it finds."""
+"""What ``verefine-viz estimate`` does: run a session's estimator over its frames and write its poses."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.session.files import load_session
 
-WITHOUT = ("left_out", "no_answer")
-"""How an object without a pose is marked."""
-SHOWN = 10
+WITHOUT_POSE = ("left_out", "no_answer")
+"""Status of an object without a pose; what can be mended comes first."""
+MOST_SHOWN = 10
 """Objects without a pose that are named; the others are counted."""
 
 
@@ -33,8 +33,8 @@ def write_pools(
 ) -> int:
     """Estimates every frame of the session at ``path`` into the results file ``out``; the exit code.
 
-    Frames that fail and objects whose files cannot be read are listed and make it 1; the others are written. Where
-    nothing was found in any frame there is nothing to write. Beside ``out`` lies a journal while something is missing,
+    Frames that fail and objects whose files cannot be read are listed and make it 1; the others are written. Without a
+    hypothesis in any frame there is nothing to write. Beside ``out`` lies a journal while something is missing,
     so that the next start goes on.
 
     Raises:
@@ -44,31 +44,26 @@ def write_pools(
     if session.hypotheses.source not in ESTIMATORS:
         raise SettingsError(
             f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "
-            "say --hypotheses.source ppf"
+            "use --hypotheses.source ppf"
         )
     check_file(out, "pool.csv")
     check_outside(out, session)
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
-    with shown_progress(out.name, Console(stderr=True)) as tell:
-        outcome = run_batch(session, journal, Place(n_workers), tell, retry_failed, "estimate")
+    with shown_progress(out.name, Console(stderr=True)) as report:
+        outcome = run_batch(session, journal, Place(n_workers), report, retry_failed, "estimate")
     rows = read_frames_csv(journal / "frames.csv")
-    n_found = sum(row.n_hypotheses for row in rows)
-    if n_found:
+    n_hypotheses = sum(row.n_hypotheses for row in rows)
+    if n_hypotheses:
         with atomic(out) as part:
             shutil.copyfile(journal / "results.csv", part)
-    # What can be mended comes first: only the first ones are named.
-    lacking = sorted((row for row in rows if row.status in WITHOUT), key=lambda row: WITHOUT.index(row.status))
-    _print_summary(outcome, n_found, [_without(row) for row in lacking], out)
+    lacking = sorted(
+        (row for row in rows if row.status in WITHOUT_POSE), key=lambda row: WITHOUT_POSE.index(row.status)
+    )
+    _print_summary(outcome, n_hypotheses, lacking, out)
     if outcome.is_whole:
         shutil.rmtree(journal)
-    return 0 if outcome.is_whole and n_found else 1
-
-
-def _without(row: ObjectRow) -> str:
-    number = "" if row.instance_id is None else f" (#{row.instance_id})"
-    why = f", {row.message}" if row.status == "left_out" else ""
-    return f"{row.frame}: no hypothesis for {row.name}{number}{why}"
+    return 0 if outcome.is_whole and n_hypotheses else 1
 
 
 def _only_estimating(session: Session) -> Session:
@@ -77,17 +72,19 @@ def _only_estimating(session: Session) -> Session:
     return session.model_copy(update={"physics": physics, "dependency": DependencySettings()})
 
 
-def _print_summary(outcome: Outcome, n_found: int, without: list[str], out: Path) -> None:
+def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[ObjectRow], out: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""
-    counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_found} hypotheses"
-    where = f"Results in {out}" if n_found else f"Nothing was found, so {out} was not written"
+    counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_hypotheses} hypotheses"
+    where = f"Results in {out}" if n_hypotheses else f"No pose was found, so {out} was not written"
     console.print(escape(f"{counts}; {outcome.seconds:.1f} s. {where}"))
-    for line in without[:SHOWN]:
-        console.print(escape(f"frame {line}"))
-    if len(without) > SHOWN:
-        console.print(f"… and {len(without) - SHOWN} more objects without a hypothesis")
+    for row in lacking[:MOST_SHOWN]:
+        number = "" if row.instance_id is None else f" (#{row.instance_id})"
+        why = f", {row.message}" if row.status == "left_out" else ""
+        console.print(escape(f"frame {row.frame}: no hypothesis for {row.name}{number}{why}"))
+    if len(lacking) > MOST_SHOWN:
+        console.print(f"… and {len(lacking) - MOST_SHOWN} more objects without a hypothesis")
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     if outcome.n_failed:

@@ -20,7 +20,7 @@ class Evaluate:
 
     results: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RESULTS.csv [RESULTS.csv ...]")]
     """Results files in BOP format, such as a batch's results.csv; each becomes a row of the table. One about a part of
-    the targets only is scored over this part as well (which frames and objects a batch was to solve, its folder says);
+    the targets only is scored over this part as well (the folder of a batch names the frames and objects to solve);
     one about none of the targets is refused."""
     dataset: Path
     """Folder of the data set, with models_eval/ (or models/), and the split."""
@@ -30,8 +30,8 @@ class Evaluate:
     """Targets file, or its name in the data set's folder; by default test_targets_bop19.json, else …_bop24.json;
     without either, all instances that are at least 10 % visible are asked for."""
     task: Literal["auto", "localization", "detection"] = "auto"
-    """localization: BOP'19 to '23, average recall. detection: BOP'24, average precision. auto: as the targets file
-    says."""
+    """localization: BOP'19 to '23, average recall. detection: BOP'24, average precision. auto: by the targets
+    file."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print JSON instead of a table: all recalls, per object, over own images, counts, seconds."""
     per_object: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -41,9 +41,9 @@ class Evaluate:
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.results:
-            raise SettingsError("no results file given; say verefine-viz evaluate RESULTS.csv --dataset FOLDER")
+            raise SettingsError("no results file given; use verefine-viz evaluate RESULTS.csv --dataset FOLDER")
         check_workers(self.workers)
-        from verefine_viz.commands.score_tables import print_scores
+        from verefine_viz.commands.score_output import print_scores
 
         task = None if self.task == "auto" else self.task
         print_scores(

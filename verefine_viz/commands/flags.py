@@ -16,12 +16,19 @@ import tyro
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from verefine_viz.core.errors import SettingsError, quoted
+from verefine_viz.core.errors import SettingsError, quoted, unknown
 from verefine_viz.core.setting_types import limits
 from verefine_viz.core.settings import Session
 
+HELP_SETTINGS = "--help-settings"
+_HINT = """
+Every setting of a session file is an option too, and wins over the file: --method.name sir --score.tau-m 0.01;
+--preset published sets every choice as the authors' public code has it.
+--help-settings lists them with unit, default and source, --help-settings SECTION those of one section:
+{sections}.
+"""
 NOT_OPTIONS = ("edits", "changes", "waiting")
-"""What the page saves: lists of tables, too long to type, and numbers that only wait there."""
+"""What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
 
 
 def _flags_of(model: type[BaseModel]) -> Any:
@@ -42,7 +49,7 @@ def _flags_of(model: type[BaseModel]) -> Any:
 
 
 def _help(info: FieldInfo) -> str:
-    """What ``--help-settings`` says of a field: its text, and the numbers that it takes."""
+    """A field's text, and the numbers that it takes."""
     bounds = limits(info)
     return f"{info.description or ''}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
 
@@ -50,8 +57,46 @@ def _help(info: FieldInfo) -> str:
 SessionFlags: Any = _flags_of(Session)
 """Dataclass of all options of a session; only those that were written on the command line count."""
 
+SECTIONS: dict[str, Any] = {f.name: f for f in dataclasses.fields(SessionFlags) if isinstance(f.type, type)}
+"""The fields of :data:`SessionFlags` that are groups of settings, by name."""
+
 AnySettings = Annotated[Any, tyro.conf.arg(name="", constructor=SessionFlags), tyro.conf.FlagConversionOff]
 """The type of a command's field that takes all of them."""
+
+
+def show_help(command: type, prog: str, words: Sequence[str]) -> None:
+    """Shows what ``--help`` or ``--help-settings`` asks for and ends; does nothing where neither is among ``words``.
+
+    ``--help`` fits on a screen: the settings, hundreds of lines, are shown by ``--help-settings`` only.
+
+    Raises:
+        SettingsError: there is no section of that name.
+        SystemExit: the help was shown.
+    """
+    if not any(field.name == "settings" for field in dataclasses.fields(command)):
+        return
+    if HELP_SETTINGS in words:
+        sections = [word for word in words[words.index(HELP_SETTINGS) + 1 :][:1] if not word.startswith("-")]
+        shown: Any = _section(sections[0]) if sections else SessionFlags
+        about = f"Settings of a session, as options of {prog}."
+        tyro.cli(shown, prog=prog, args=["--help"], description=about, config=(tyro.conf.FlagConversionOff,))
+    elif "-h" in words or "--help" in words:
+        hint = _HINT.format(sections=", ".join(SECTIONS))
+        tyro.cli(_without_settings(command), prog=prog, args=["--help"], description=f"{command.__doc__}\n{hint}")
+
+
+def _section(name: str) -> Any:
+    if name not in SECTIONS:
+        raise SettingsError(unknown("section of settings", name, SECTIONS))
+    field = SECTIONS[name]
+    return dataclasses.make_dataclass(
+        "Settings", [(name, field.type, dataclasses.field(default_factory=field.default_factory))]
+    )
+
+
+def _without_settings(command: type) -> Any:
+    body = {"__annotations__": {"settings": tyro.conf.Suppress[Any]}, "settings": None, "__doc__": command.__doc__}
+    return dataclasses.dataclass(frozen=True)(type(command.__name__, (command,), body))
 
 
 def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
@@ -60,25 +105,17 @@ def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
     Which ones were written is read from the arguments themselves: an option that repeats a default is still explicit,
     and wins over a preset.
     """
-    written = {a.split("=", 1)[0].replace("_", "-") for a in arguments if a.startswith("--")}
-    return _given(flags, "--", written)
+    settings: dict[str, Any] = {}
+    for word in arguments:
+        if word.startswith("--"):
+            section, _, name = word[2:].partition("=")[0].replace("-", "_").rpartition(".")
+            group = getattr(flags, section, None) if section else flags
+            if hasattr(group, name):
+                (settings.setdefault(section, {}) if section else settings)[name] = getattr(group, name)
+    return settings
 
 
-def _given(flags: Any, prefix: str, written: set[str]) -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for field in dataclasses.fields(flags):
-        value = getattr(flags, field.name)
-        flag = prefix + field.name.replace("_", "-")
-        if dataclasses.is_dataclass(value):
-            inner = _given(value, f"{flag}.", written)
-            if inner:
-                out[field.name] = inner
-        elif flag in written:
-            out[field.name] = value
-    return out
-
-
-# How many workers and seeds, and how much memory, a person may ask for.
+# Bounds of options that several commands have.
 
 MOST_PER_CORE = 4
 """More than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
@@ -88,10 +125,7 @@ MOST_MEMORY_GB = 100_000
 
 
 def check_workers(n: int) -> None:
-    """
-    Raises:
-        SettingsError: there are none, or more than this machine can use.
-    """
+    """Raises SettingsError where there are none, or more than this machine can use."""
     if n < 1:
         raise SettingsError(f"--workers is {n}, expected 1 or more")
     cores = os.cpu_count() or 1
@@ -103,10 +137,7 @@ def check_workers(n: int) -> None:
 
 
 def check_seeds(n: int | None) -> None:
-    """
-    Raises:
-        SettingsError: a number is given that is below 1 or above :data:`MOST_SEEDS`.
-    """
+    """Raises SettingsError where a number is given that is below 1 or above :data:`MOST_SEEDS`."""
     if n is not None and n < 1:
         raise SettingsError(f"--seeds is {n}, expected 1 or more")
     if n is not None and n > MOST_SEEDS:
@@ -114,10 +145,7 @@ def check_seeds(n: int | None) -> None:
 
 
 def check_memory(gigabytes: float | None) -> None:
-    """
-    Raises:
-        SettingsError: an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`.
-    """
+    """Raises SettingsError where an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`."""
     if gigabytes is None:
         return
     if not gigabytes > 0:

@@ -21,10 +21,10 @@ class Replay:
     """Open a recording in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN.rrd [RUN.rrd ...]")]
-    """What view or batch wrote: one recording to look at, any number with --verify."""
+    """What view or batch wrote: one recording to view, any number with --verify."""
     verify: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Run the recorded session again and report the first iteration that differs, if any (exit code 1; 3: it does not
-    differ, but was stopped before its end). One that cannot be compared is told, and the others go on (2)."""
+    differ, but was stopped before its end). One that cannot be compared is reported, and the others go on (2)."""
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.recordings:
@@ -42,20 +42,17 @@ class Replay:
 
 
 def _check_file(recording: Path) -> None:
-    """
-    Raises:
-        InputError: it is a folder; those of batches say where their recordings are.
-    """
+    """Raises InputError where it is a folder; that of a batch is answered with where its recordings are."""
     if recording.is_dir():
         from verefine_viz.batch.index import named_runs
 
-        found = named_runs(recording, "recordings")
-        hint = f"; those of a batch lie in {found}" if found else ""
+        runs = named_runs(recording, "recordings")
+        hint = f"; those of a batch lie in {runs}" if runs else ""
         raise InputError(f"{recording} is a folder, expected a recording (.rrd){hint}")
 
 
 def _verify_all(recordings: Sequence[Path]) -> int:
-    """The exit code that says most."""
+    """The exit code of the worst."""
     if len(recordings) == 1:
         return _verify(recordings[0])
     codes = set[int]()
@@ -70,10 +67,10 @@ def _verify_all(recordings: Sequence[Path]) -> int:
 
 def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
-    from verefine_viz.commands.own_refiner import check_refiners
     from verefine_viz.recording.reader import Recorded
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.session.engine import Run
+    from verefine_viz.session.toolbox import check_refiners
 
     def again(recorded: Recorded) -> Run:
         check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")

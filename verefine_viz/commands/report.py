@@ -1,4 +1,4 @@
-"""``verefine-viz report``: one batch, two or many as a page to read, keep and send."""
+"""``verefine-viz report``: one batch, two or many as one HTML file."""
 
 from __future__ import annotations
 

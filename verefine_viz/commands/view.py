@@ -26,7 +26,7 @@ class View:
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR|A.rrd]")] = None
     """A session file (.toml), the folder of batch runs, or a recording (.rrd); none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[B.rrd]")] = None
-    """A recording of the same frame, to stand beside the first as B (A/B panel)."""
+    """A recording of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
     """Address to listen on. The page has no login: keep it on loopback and reach it from elsewhere by ssh -L."""
     port: int = 8080
@@ -41,13 +41,13 @@ class View:
     def run(self, arguments: Sequence[str]) -> int:
         overrides = given(self.settings, arguments)
         recordings = _recordings(self.session, self.other, overrides)
+        recording, _ = recordings
         batch: Gallery | None = None
-        if is_recording(self.session):
-            assert self.session is not None
-            session = _recorded_session(self.session, self.other)
+        if recording is not None:
+            session = _recorded_session(recording, self.other)
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
-            from verefine_viz.commands.own_refiner import check_refiners
+            from verefine_viz.session.toolbox import check_refiners
             from verefine_viz.viewer.state.batch_gallery import read_gallery
 
             if note := find_runs(self.session).note:
@@ -64,27 +64,24 @@ class View:
 
         serve(
             session,
-            session_path=None if batch or is_recording(self.session) else self.session,
+            session_path=None if batch or recording else self.session,
             recordings=recordings,
             batch=batch,
             host=self.host,
             port=self.port,
             allowed_origins=self.allow_origin,
-            open_browser=self.open_browser and has_desktop(),
+            open_browser=self.open_browser and _has_desktop(),
         )
         return 0
 
 
-def is_recording(path: Path | None) -> bool:
+def _is_recording(path: Path | None) -> bool:
     """Whether a path is that of a recording, finished or not."""
     return path is not None and path.name.removesuffix(".part").endswith(".rrd")
 
 
 def _check_kind(path: Path | None) -> None:
-    """
-    Raises:
-        InputError: it is of a kind that cannot be opened, or is not there.
-    """
+    """Raises InputError where the path is of a kind that cannot be opened, or does not exist."""
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
         hint = "; poses in a CSV are named by a session: [hypotheses] files" if path.suffix == ".csv" else ""
@@ -98,22 +95,22 @@ def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) ->
     Raises:
         InputError: B is no recording, A is none to which it could belong, or settings are given for one.
     """
-    if b is not None and not is_recording(b):
+    if b is not None and not _is_recording(b):
         raise InputError(f"{b} is no recording; expected a second file (.rrd) of the same frame, or none{_hint(a, b)}")
-    if is_recording(a) and overrides:
+    if _is_recording(a) and overrides:
         raise InputError(f"{a} is a recording, whose settings are fixed; leave out the options, or open its session")
-    return a if is_recording(a) else None, b
+    return a if _is_recording(a) else None, b
 
 
 def _hint(a: Path | None, b: Path) -> str:
-    """What somebody wants who named folders of runs."""
+    """What was probably wanted where folders of runs are named."""
     if not b.is_dir():
         return ""
     from verefine_viz.batch.index import is_batch_folder, named_runs
 
     parents = [path for path in (a, b) if path is not None and not is_batch_folder(path)]
     below = "".join(f"; runs in {path}: {runs}" for path in parents if (runs := named_runs(path)))
-    return f". Two runs are compared by verefine-viz report RUN_A RUN_B, several looked at by view FOLDER{below}"
+    return f". Two runs are compared by verefine-viz report RUN_A RUN_B, several are shown by view FOLDER{below}"
 
 
 def _recorded_session(path: Path, other: Path | None) -> Session:
@@ -128,13 +125,13 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     from verefine_viz.viewer.handlers.comparison_handlers import check_same_frame
 
     recorded = read_recording(path)
-    if other is not None:  # Before anyone is sent to a page that cannot open.
+    if other is not None:  # Before the user is sent to a page that cannot open.
         check_same_frame(read_recording(other), recorded.session, recorded.frame)
     scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
     method = MethodSettings(name="refine", refiner="identity")
     return recorded.session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
 
 
-def has_desktop() -> bool:
+def _has_desktop() -> bool:
     """Whether a browser window can be opened here (a text browser would take over the terminal)."""
     return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -52,9 +52,6 @@ class TricpSettings(Settings):
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
 
-# What can be set of the estimators, which propose initial poses from depth and model alone.
-
-
 class PpfSettings(Settings):
     """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
 
@@ -65,7 +62,7 @@ class PpfSettings(Settings):
     angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
     """Bin of the three angles [deg]."""
     bin_limit: LargeCount = 1000
-    """Most model pairs kept in a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
+    """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5
     """Every n-th scene point is a reference."""
     turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
@@ -102,7 +99,7 @@ class PcsSettings(Settings):
     bases: LargeCount = 100
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
     quads: LargeCount = 1000
-    """Most quads of a base that are looked at, a random choice."""
+    """Most quads of a base that are tried, a random choice."""
     keep_share: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
     """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
     cluster is often none of the good poses."""
@@ -110,9 +107,6 @@ class PcsSettings(Settings):
     """Most bins, the best ones, that go into the clusters."""
     seed: Seed = 0
     """Seeds bases, quads and clusters."""
-
-
-# What can be set of the tree search over a whole scene.
 
 
 class MctsSettings(Settings):
@@ -130,9 +124,6 @@ class MctsSettings(Settings):
     """Trim of its trimmed ICP."""
     physics: Literal["published", "session"] = "published"
     """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
-
-
-# What can be set of the order in which the objects of a scene are solved.
 
 
 class DependencySettings(Settings):
@@ -160,14 +151,12 @@ class DependencySettings(Settings):
     """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 
 
-# Settings of breakpoints.
-
 MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
-"""The largest number of each breakpoint that has one; what happens never exceeds it."""
+"""The largest threshold of each breakpoint that has one; no iteration exceeds it."""
 
 
 class ThresholdSettings(Settings):
-    """Breakpoints with a number; unset = never."""
+    """Breakpoints with a threshold; unset = never."""
 
     score_falls_by: Annotated[float, Field(ge=0, le=MOST["score_falls_by"])] | None = None
     """The accepted score is lower than the arm's previous one by more than this [score]."""
@@ -183,9 +172,9 @@ class BreakpointSettings(ThresholdSettings):
     """When a running method should stop and wait; unset = never."""
 
     simulated_rejected: bool = False
-    """The refined pose was kept instead of the simulated one, by however little: the usual case."""
+    """The refined pose was accepted instead of the simulated one, by however little: the usual case."""
     refined_rejected: bool = False
-    """The simulated pose was kept instead of the refined one."""
+    """The simulated pose was accepted instead of the refined one."""
     arm_switched: bool = False
     """The bandit chose another hypothesis than before."""
     unstable: bool = False
@@ -195,4 +184,4 @@ class BreakpointSettings(ThresholdSettings):
     empty_render: bool = False
     """A pose rendered to nothing, or its score was not a number."""
     waiting: ThresholdSettings = ThresholdSettings()
-    """Numbers of breakpoints that are off, for when they are switched on: the page keeps them."""
+    """Thresholds of breakpoints that are off, for when they are switched on: the page saves them."""

@@ -1,4 +1,4 @@
-"""Read-only, shape-checked arrays: what every frozen record keeps."""
+"""Read-only, shape-checked arrays: what every frozen record holds."""
 
 from __future__ import annotations
 
@@ -30,13 +30,9 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
         array = np.asarray(value, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name} is not an array of {np.dtype(dtype).name}: {error}") from None
-    if array.shape == shape:
-        matches = True
-    else:
-        matches = array.ndim == len(shape) and all(
-            want is None or want == got for want, got in zip(shape, array.shape, strict=True)
-        )
-    if not matches:
+    if array.shape != shape and (
+        array.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True))
+    ):
         letters = iter("nmkl")
         wanted = "×".join(next(letters) if n is None else str(n) for n in shape)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
@@ -53,7 +49,7 @@ def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Float:
         ShapeError: the shape differs, or an element is NaN or infinite.
     """
     array = frozen(value, name, shape)
-    # The squared length is finite unless an element is not, or is huge: one quick look for what is checked most often.
+    # The squared length is finite unless an element is not, or is huge: one quick test for what is checked most often.
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ShapeError(f"{name} holds NaN or infinity, expected finite numbers")
     return array

@@ -11,7 +11,7 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 
 FOCAL_PX = (1.0, 1e6)
-"""Least and largest focal length [px]: beyond lie mistakes, and pixels that no integer counts."""
+"""Least and largest focal length [px]: beyond lie mistakes, and pixels that no integer can number."""
 FARTHEST_PX = 1e6
 """Largest distance of the principal point from the image's corner, along each axis, and largest skew [px]."""
 
@@ -71,11 +71,7 @@ class Camera:
 
 
 def check_intrinsics(K: Float) -> None:
-    """Nothing, if a camera can have the matrix (3, 3) [px].
-
-    Raises:
-        ShapeError: a focal length, the principal point or the skew is out of bounds.
-    """
+    """Raises ShapeError where a focal length, the principal point or the skew of a matrix (3, 3) [px] is impossible."""
     low, high = FOCAL_PX
     if not (low <= K[0, 0] <= high and low <= K[1, 1] <= high):
         raise ShapeError(

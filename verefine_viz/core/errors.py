@@ -1,4 +1,4 @@
-"""Errors a user can meet. Each message says what was wrong, what was expected, and how to fix it, in one line."""
+"""Errors that a user can meet. Each message names what was wrong, what was expected, and how to fix it, in one line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class VerefineError(Exception):
 
 
 class InputError(VerefineError):
-    """A file or folder is missing, damaged, or says something impossible."""
+    """A file or folder is missing, damaged, or holds something impossible."""
 
 
 class SettingsError(VerefineError):
@@ -38,9 +38,9 @@ class UnavailableError(VerefineError):
 
 
 class Cancelled(BaseException):
-    """Nobody waits any more for what is being done; see :class:`core.progress.ProgressToken`.
+    """The result is not wanted any more; see :class:`core.progress_token.ProgressToken`.
 
-    Not an ``Exception``: what leaves out an object that is broken, or tries something else, must let this pass.
+    Not an ``Exception``: code that skips a broken object, or tries something else, must let this pass.
     """
 
 
@@ -76,11 +76,11 @@ def first_fault(error: ValidationError) -> str:
     """What is wrong first with a record of a file: ``objects.0.score = 'x': input should be a valid number``."""
     detail = error.errors()[0]
     field = ".".join(map(str, detail["loc"]))
-    said = detail["msg"].removeprefix("Value error, ")
-    said = said[:1].lower() + said[1:]
     if detail["type"] == "missing":
         return f"{field} is missing"
-    return f"{field} = {quoted(detail['input'])}: {said}" if field else said
+    message = detail["msg"].removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    return f"{field} = {quoted(detail['input'])}: {message}" if field else message
 
 
 def in_one_line(text: str) -> str:

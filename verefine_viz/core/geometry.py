@@ -67,7 +67,7 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
     deviation, determinant, last_row = _deviations(T)
     exact = deviation <= ORTHONORMAL_TOLERANCE and last_row <= ORTHONORMAL_TOLERANCE and determinant > 0
     if exact and math.isfinite(float(T.sum())):
-        return T  # kept bit for bit, so that checking a pose twice never changes it
+        return T  # The same bits, so that checking a pose twice never changes it.
     finite(T, name, (4, 4))
     if deviation > RIGID_TOLERANCE or determinant <= 0:
         raise ShapeError(f"{name} is not rigid: det(R) = {determinant:.3f}, expected a rotation matrix with det +1")
@@ -80,18 +80,14 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
 
 
 def check_reach(t_m: Float, name: str) -> None:
-    """Nothing, if a position (3,) [m] is at most ``FARTHEST_M`` away.
-
-    Raises:
-        ShapeError: it is further away, or not finite.
-    """
+    """Raises ShapeError where a position (3,) [m] is further away than ``FARTHEST_M``, or not finite."""
     away_m = math.hypot(*t_m.tolist())
     if not away_m <= FARTHEST_M:
         raise ShapeError(f"{name} is {away_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
 
 
 def _is_orthonormal(T: Float) -> bool:
-    """Whether T is rigid beyond doubt, at one look: every pose of every record passes here, most of them several times.
+    """Whether T is rigid beyond doubt: every pose of every record passes here, most of them several times.
 
     In plain floats, as numpy takes ten times as long on 3×3; each comparison is false for NaN.
     """

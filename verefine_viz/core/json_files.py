@@ -39,7 +39,7 @@ def read_json(path: Path, kind: type[dict] | type[list]) -> Any:
 
 
 def parse_json(raw: bytes, name: str) -> Any:
-    """What the bytes of a JSON file say, also of a gzipped one; ``name`` is the file's, for messages.
+    """The content of a JSON file, also of a gzipped one, given its bytes; ``name`` is the file's, for messages.
 
     Raises:
         InputError: they are not JSON, nested deeper than ``MOST_NESTED``, or an object has a key twice.
@@ -189,7 +189,7 @@ def position_of(entry: Any, key: str, where: str) -> Float:
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object; of a key that is there twice Python would take the last without a word."""
+    """A JSON object; of a key that is there twice Python would silently take the last."""
     entry = dict(pairs)
     if len(entry) < len(pairs):
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]

@@ -1,4 +1,4 @@
-"""What one frame of the sensor says, together with what is derived from it once."""
+"""One frame of the sensor, with what is derived from it once."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Observation:
     rgb: NDArray[np.uint8] | None
     """(H, W, 3), or None where the data set has no colour."""
     object_mask: Mask
-    """(H, W) union of the masks of all instances in the frame, also of those nobody asked for."""
+    """(H, W) union of the masks of all instances in the frame, also of those that are not to be solved."""
     support: Support | None
     """None: no plane was found and physics is off; ``support_note`` says why."""
     support_note: str = ""

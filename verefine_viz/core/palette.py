@@ -44,7 +44,7 @@ ARM_COLORS: tuple[RGB, ...] = (
     (130, 82, 55),
     (60, 140, 150),
 )
-"""Arm j is drawn in ``ARM_COLORS[j % 10]``: softer than the colours that mean something, and told apart without red and
+"""Arm j is drawn in ``ARM_COLORS[j % 10]``: softer than the colours that mean something, and distinct without red and
 green."""
 
 OBJECT_COLORS: tuple[RGB, ...] = (
@@ -106,7 +106,7 @@ class Scale:
     """Evenly spaced colours."""
 
     def shades(self, values: NDArray[np.floating]) -> NDArray[np.uint8]:
-        """Places (…) in the palette of values (…); NaN and infinity are 0."""
+        """Palette indices (…) of values (…); NaN and infinity are 0."""
         known = np.isfinite(values)
         share = 254 * (np.where(known, values, self.low) - self.low) / (self.high - self.low)
         return np.where(known, 1 + np.clip(np.rint(share), 0, 254), 0).astype(np.uint8)
@@ -126,7 +126,7 @@ class Scale:
 
     @property
     def ticks(self) -> tuple[str, str, str]:
-        """What to write at the left, middle and right of the bar."""
+        """Labels at the left, middle and right of the bar."""
         middle = (self.low + self.high) / 2
         return f"{self.low:g}", f"{middle:g}", f"{self.high:g} {self.unit}".strip()
 
@@ -167,6 +167,6 @@ def class_image(classes: NDArray[np.uint8]) -> Image:
     return rgb(classes, CLASS_PALETTE)
 
 
-def rgb(places: NDArray[np.uint8], palette: bytes) -> Image:
-    """RGB (…, 3) of places (…) in a palette."""
-    return np.frombuffer(palette, np.uint8).reshape(256, 3)[places]
+def rgb(indices: NDArray[np.uint8], palette: bytes) -> Image:
+    """RGB (…, 3) of indices (…) into a palette."""
+    return np.frombuffer(palette, np.uint8).reshape(256, 3)[indices]

@@ -17,15 +17,15 @@ from typing import BinaryIO
 from verefine_viz.core.errors import InputError, quoted
 
 LEVELS_BELOW = 3
-"""How far below a folder, named by mistake, what was meant is looked for."""
-_ABOUT_PLACES = (
+"""How far below a folder, named by mistake, what was meant is searched for."""
+_ABOUT_PATHS = (
     errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
 )  # fmt: skip
-"""What the system says about a place, not about what is written there."""
+"""Errors of the system about a path, not about what is written there."""
 
 
 def at_home(text: str) -> Path:
-    """The path that a person typed: "~" is the home folder; "~name" stays as it is where nobody is called so."""
+    """The path that the user typed: "~" is the home folder; "~name" stays as it is where there is no such user."""
     try:
         return Path(text).expanduser()
     except RuntimeError:
@@ -34,9 +34,9 @@ def at_home(text: str) -> Path:
 
 def why_not(path: Path, error: OSError) -> str:
     """What is wrong with which part of a path that could not be made or written: "/a/b is a file, not a folder"."""
-    said = error.strerror or str(error)
-    if error.errno not in _ABOUT_PLACES:
-        return said
+    message = error.strerror or str(error)
+    if error.errno not in _ABOUT_PATHS:
+        return message
     there = _there(path)
     if there.is_symlink() and not there.exists():
         return f"{there} is a link to {there.readlink()}, which does not exist"
@@ -48,7 +48,7 @@ def why_not(path: Path, error: OSError) -> str:
     shown = Path.cwd() if there == Path() else there
     if error.errno in (errno.EACCES, errno.EPERM):
         return f"no permission to write {'in ' if is_folder else ''}{shown}"
-    return f"{shown} is read-only" if error.errno == errno.EROFS else f"nothing can be made in {shown} ({said})"
+    return f"{shown} is read-only" if error.errno == errno.EROFS else f"nothing can be made in {shown} ({message})"
 
 
 def check_folder(path: Path, option: str = "--out") -> None:
@@ -81,7 +81,7 @@ def check_file(path: Path, example: str, option: str = "--out") -> None:
 
 
 def is_special(path: Path) -> bool:
-    """Whether something lies there whose place a file must not take: a device, a pipe, a socket."""
+    """Whether there is something that a file must not replace: a device, a pipe, a socket."""
     try:
         return path.exists() and not (path.is_file() or path.is_dir())
     except OSError:
@@ -100,12 +100,11 @@ def _try(folder: Path, what: str, option: str) -> None:
 
 
 def _there(path: Path) -> Path:
-    """The longest part of a path that exists, also if it is a link to nothing."""
-    # Without an error where nobody may look.
-    return next((place for place in (path, *path.parents) if os.path.lexists(place)), path)
+    """The longest part of a path that exists, also if it is a link to nothing; no error where permission is missing."""
+    return next((part for part in (path, *path.parents) if os.path.lexists(part)), path)
 
 
-# Opens input files: a pipe, a device, a loop of links or a NUL in a name is one clear line and no hang.
+# Input files: a pipe, a device, a loop of links or a NUL in a name is one clear line and no hang.
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -158,32 +157,23 @@ def read_input(path: Path, label: str = "") -> bytes:
             raise InputError(f"{label} {path} cannot be read: {error.strerror}".lstrip()) from None
 
 
-def check_input(path: Path, label: str = "") -> None:
-    """Nothing, if ``path`` can be opened by a library that takes a path; as :func:`open_input`.
-
-    Raises:
-        InputError: it is missing, cannot be read, or is no regular file.
-    """
-    open_input(path, label).close()
-
-
 def _check_regular(status: os.stat_result, name: str) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = next((kind for is_kind, kind in _KINDS if is_kind(status.st_mode)), "something else")
         raise InputError(f"{name} is {kind}, expected a file")
 
 
-# Files are written whole or not at all.
+# Output files are written whole or not at all.
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says when a disk, a quota or a file is full."""
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of the system when a disk, a quota or a file is full."""
 _PART = re.compile(r".+\.(\d+)-\d+\.part")
 """The name of a half-written file: the file's own, then its writer's process and thread."""
 
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A path to write to, beside ``path``; it takes the place of ``path`` when the block ends without an error.
+    """A path to write to, beside ``path``; it replaces ``path`` when the block ends without an error.
 
     Raises:
         InputError: the file cannot be written; nothing half-written stays.
@@ -232,8 +222,7 @@ def _is_running(pid: int) -> bool:
 # Lock files: held by one process at a time, released by the system when that process ends, however it ends.
 #
 # A lock file may be one that holds something (a journal). It is opened without being emptied, and never through a
-# link:
-# what a link leads to belongs to somebody else.
+# link, which may lead to a file of something else.
 
 
 def try_lock(file: Path) -> BinaryIO | None:
@@ -243,7 +232,7 @@ def try_lock(file: Path) -> BinaryIO | None:
         file: is made if it is not there; its folder is there.
 
     Returns:
-        The file, open for reading and writing; closing it lets go of the lock.
+        The file, open for reading and writing; closing it releases the lock.
 
     Raises:
         InputError: it is a link, no regular file, or cannot be written.

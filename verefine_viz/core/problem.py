@@ -1,4 +1,6 @@
-"""Which objects of a frame depend on which, and the order in which they are therefore solved. docs/methods.md 2."""
+"""What a method is asked to solve: a frame, its instances with their hypotheses, and how they depend on each other
+(docs/methods.md 2).
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,11 @@ EdgeState = Literal["used", "ambiguous", "cut"]
 
 @dataclass(frozen=True)
 class Edge:
-    """Two instances that have to do with each other, and how one can tell."""
+    """Two instances that interact, with the evidence."""
 
     kind: EdgeKind
-    """contact: they may touch. occlusion: ``first`` hides part of ``second``. support: ``first`` carries ``second``."""
+    """contact: they may touch. occlusion: ``first`` hides part of ``second``. support: ``first`` supports
+    ``second``."""
     first: int
     """instance_id; the lower of the two for contact."""
     second: int
@@ -31,7 +34,7 @@ class Edge:
     evidence: str
     """With numbers and units: "5 mm apart", "64 % of its footprint, 2 mm above"."""
     state: EdgeState = "used"
-    """ambiguous: part of a cycle and its weakest edge, so left out of the order. cut: left out by a person."""
+    """ambiguous: part of a cycle and its weakest edge, so left out of the order. cut: left out by the user."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,12 @@ class DependencyGraph:
     edges: tuple[Edge, ...]
     clusters: tuple[tuple[int, ...], ...]
     """Groups of instances that may interact, front to back; each in the order to solve it: a supporter comes before
-    what it carries. Every instance of the problem appears once."""
+    what rests on it. Every instance of the problem appears once."""
     support_lists: tuple[tuple[int, ...], ...]
-    """Each a base object and what it carries, in the order of ``clusters``."""
+    """Each a base object and what rests on it, in the order of ``clusters``."""
     source: Literal["recommended", "published", "given"]
     notes: tuple[str, ...] = ()
-    """What a person should know: cycles, ids in a given order that are not in the frame, …"""
+    """For the user: cycles, ids in a given order that are not in the frame, …"""
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -58,16 +61,13 @@ class DependencyGraph:
         return next(k for k, cluster in enumerate(self.clusters) if instance_id in cluster)
 
     def only(self, instance_ids: Collection[int]) -> DependencyGraph:
-        """The same without the other instances; a cluster may fall to fewer, but is not split."""
+        """The same without the other instances; a cluster may get smaller, but is not split."""
         clusters = tuple(tuple(i for i in cluster if i in instance_ids) for cluster in self.clusters)
-        lists = tuple(tuple(i for i in carried if i in instance_ids) for carried in self.support_lists)
+        lists = tuple(tuple(i for i in supported if i in instance_ids) for supported in self.support_lists)
         edges = tuple(e for e in self.edges if e.first in instance_ids and e.second in instance_ids)
         return replace(
             self, edges=edges, clusters=tuple(filter(None, clusters)), support_lists=tuple(filter(None, lists))
         )
-
-
-# What a method is asked to solve: a frame, the instances in it, and their first hypotheses.
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Hypothesis:
     confidence: float
     """The estimator's own score; only its order matters."""
     source: str
-    """Where it comes from, for people: "cosypose", "perturbed 30° 30 mm #3", …"""
+    """Where it comes from, as shown to the user: "cosypose", "perturbed 30° 30 mm #3", …"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
@@ -119,12 +119,12 @@ class LeftOut:
     obj_id: int
     name: str
     why: str
-    """What is missing, for people."""
+    """What is missing, as shown to the user."""
     has_truth: bool
-    """Whether its true pose is known."""
+    """Whether its ground-truth pose is known."""
     visib_fract: float | None = None
     is_unreadable: bool = False
-    """A file of it is missing or damaged, which somebody can mend; else the data are like that."""
+    """A file of it is missing or damaged, which can be mended; else the data are like that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,15 +162,15 @@ class Problem:
     """By obj_id."""
     instances: tuple[Instance, ...]
     title: str = ""
-    """For people: data set or demo scene."""
+    """As shown to the user: data set or demo scene."""
     notes: tuple[str, ...] = ()
-    """Things about the data a person should know: units guessed, masks missing, …"""
+    """About the data, for the user: units guessed, masks missing, …"""
     doubts: tuple[str, ...] = ()
-    """What of the data does not fit together, with what to check; empty also where nobody looked."""
+    """What of the data does not fit together, with what to check; empty also where it was not checked."""
     left_out: tuple[LeftOut, ...] = ()
-    """Objects that are in the frame but cannot be solved; who counts answers counts them as missed."""
+    """Objects that are in the frame but cannot be solved; they count as missed."""
     dependencies: DependencyGraph | None = None
-    """None: not looked at; every instance is then a cluster of its own, in the order of ``instances``."""
+    """None: not analysed; every instance is then a cluster of its own, in the order of ``instances``."""
 
     @cached_property
     def targets(self) -> tuple[Target, ...]:
@@ -193,7 +193,7 @@ class Problem:
         for target in self.targets:
             if target.instance.instance_id == instance_id:
                 return target
-        raise InputError(f"{unknown('instance', instance_id, [i.instance_id for i in self.instances])}")
+        raise InputError(unknown("instance", instance_id, [i.instance_id for i in self.instances]))
 
     @property
     def frame(self) -> str:
@@ -210,6 +210,6 @@ class Problem:
         for wanted in instance_ids:
             if wanted not in available:
                 raise InputError(f"{unknown('instance', wanted, available)} (frame {self.frame})")
-        kept = tuple(i for i in self.instances if i.instance_id in instance_ids)
+        instances = tuple(i for i in self.instances if i.instance_id in instance_ids)
         dependencies = self.dependencies.only(instance_ids) if self.dependencies else None
-        return replace(self, instances=kept, dependencies=dependencies)
+        return replace(self, instances=instances, dependencies=dependencies)

@@ -25,7 +25,7 @@ class ProgressToken:
     """False once the work is cancelled."""
     report_once: Callable[[str], None] = lambda doing: None
     """Gets only what may take a minute, happens once and is cached on disk: all that a batch of hundreds of frames
-    needs to hear."""
+    shows."""
 
     def checkpoint(self, doing: str = "", share: float | None = None) -> None:
         """Reports what is done next, or how much of it is done, where either is given.

@@ -34,7 +34,7 @@ class Simulator(Protocol):
 
 
 class Verifier(Protocol):
-    """Judges poses by rendering them (Eq. 1)."""
+    """Scores poses by rendering them (Eq. 1)."""
 
     @property
     def settings(self) -> ScoreSettings:
@@ -46,9 +46,9 @@ class Verifier(Protocol):
         ...
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
-        """Starts what :meth:`score` does while the caller goes on; the answer is had by calling what is returned.
+        """Starts what :meth:`score` does while the caller goes on; calling what is returned waits for the scores.
 
-        None where it can only be done when it is asked for, or there is no second processor to do it.
+        None where it cannot be done beside the caller: by OpenGL, or without a second processor.
         """
         ...
 
@@ -65,7 +65,7 @@ class Verifier(Protocol):
         one depth buffer; ``placed`` objects may hide parts. With one target the same as :meth:`score`.
 
         ``whole_frame`` lets the ``published`` pixels count every object of the frame (authors' code, as :meth:`score`
-        does) instead of the masks of the targets; the other kinds of pixels look at the targets' masks in any case.
+        does) instead of the masks of the targets; the other kinds of pixels use the targets' masks in any case.
         """
         ...
 
@@ -95,15 +95,15 @@ class Estimator(Protocol):
     """Finds initial poses of an object from its segment of the frame."""
 
     def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
-        """At most ``n`` hypotheses, best first; none where the segment is too small to say anything.
+        """At most ``n`` hypotheses, best first; none where the segment is too small for any.
 
         Args:
-            target: the instance; its own hypotheses are not looked at.
+            target: the instance; its own hypotheses are not used.
             n: how many are wanted.
-            progress: is checked before anything that may take seconds, and on the way.
+            progress: has checkpoints before anything that may take seconds, and during it.
 
         Raises:
-            Cancelled: nobody waits for them any more.
+            Cancelled: they are not wanted any more.
         """
         ...
 
@@ -146,7 +146,7 @@ class Method(Protocol[S]):
         ...
 
     def edit(self, state: S, instance_id: int, arm: int, T_cam_obj: Float) -> S:
-        """The same state with the arm's current pose replaced by one that a person chose.
+        """The same state with the arm's current pose replaced by an edited one.
 
         That arm is worked on next, or as soon as the method's order allows; without budget it is only scored.
         """
@@ -154,14 +154,14 @@ class Method(Protocol[S]):
 
     @property
     def verifier(self) -> Verifier:
-        """What it judges poses with."""
+        """What it scores poses with."""
         ...
 
     def rescored(self, state: S) -> S:
-        """The same state with every pose in it judged by :attr:`verifier`: another one had scored them.
+        """The same state with every pose in it re-scored by :attr:`verifier`: another one had scored them.
 
         Raises:
-            InputError: what the method goes by cannot be judged again.
+            InputError: what the method goes by cannot be re-scored.
         """
         ...
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -12,8 +13,6 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, finite, frozen
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.scores import PoseScore
-
-# What a simulation of one object leaves behind: its poses, what it touched, and whether it stands.
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,30 +43,20 @@ class Contacts:
 
         Made without another check, as their columns are parts of columns that are checked already.
         """
-        points, normals, depths_m = self.points_cam, self.normals_cam, self.depths_m
-        forces_n, others = self.forces_n, self.others
         parts: list[Contacts] = []
-        a = 0
-        for b in ends:
+        for first, end in pairwise((0, *ends)):
             part = object.__new__(Contacts)
-            part.__dict__.update(
-                points_cam=points[a:b],
-                normals_cam=normals[a:b],
-                depths_m=depths_m[a:b],
-                forces_n=forces_n[a:b],
-                others=others[a:b],
-            )
+            part.__dict__.update({name: column[first:end] for name, column in self.__dict__.items()})
             parts.append(part)
-            a = b
         return tuple(parts)
 
 
 @dataclass(frozen=True)
 class Tipping:
-    """That a simulated object does not stand: it touches something, and nothing carries its centre of mass."""
+    """That a simulated object does not stand: it touches something, and its centre of mass is not supported."""
 
     overhang_m: float
-    """Distance of the centre of mass to what carries the object, seen along gravity [m]."""
+    """Distance of the centre of mass to what supports the object, seen along gravity [m]."""
     step: int
     """1, 2, …: at the end of which step. The last one, or the first that touched where it fell over until the end."""
 
@@ -81,7 +70,7 @@ class SimulatedPath:
     contacts: tuple[Contacts, ...]
     """One per step, S of them: contacts at the end of the step."""
     tipping: Tipping | None = None
-    """None: it stands, falls freely, or sinks in too deep to tell."""
+    """None: it stands, falls freely, or sinks in too deep to decide."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "Ts_cam_obj", finite(self.Ts_cam_obj, "simulated path", (None, 4, 4)))
@@ -121,7 +110,7 @@ class Stage:
     name: StageName
     T_cam_obj: Float
     score: PoseScore | None = None
-    """None where the method has no reason to judge it (the mixed pose only starts the refiner)."""
+    """None where the method has no reason to score it (the mixed pose only starts the refiner)."""
     ms: float = field(default=0.0, metadata=TIMING)
     """Time it took to compute the pose [ms]."""
 
@@ -129,7 +118,7 @@ class Stage:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"{self.name} pose"))
 
     def judged(self, score: PoseScore | None) -> Stage:
-        """The same with its score; made without another look at the pose."""
+        """The same with its score; made without checking the pose again."""
         stage = object.__new__(Stage)
         stage.__dict__.update(self.__dict__, score=score)
         return stage
@@ -173,7 +162,7 @@ class Best:
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """Something about an iteration that is worth a mark on the timeline."""
+    """Something about an iteration that gets a mark on the timeline."""
 
     kind: EventKind
     text: str
@@ -290,7 +279,6 @@ class Iteration:
 
     @property
     def accepted_stage(self) -> Stage:
-        """The stage that was kept."""
         stage = self.stage(self.accepted)
         assert stage is not None, f"no {self.accepted} pose was made"
         return stage

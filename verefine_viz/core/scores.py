@@ -60,7 +60,7 @@ class Scores:
     counts: NDArray[np.int64]
     """(N, 5) in the order of ``PIXEL_CLASSES``."""
     undefined: NDArray[np.bool_] | None = None
-    """(N,) which scores were not a number (NaN, infinite) and are 0 instead; None where all were. Found out here."""
+    """(N,) which scores were not a number (NaN, infinite) and are 0 instead; None where all were. Set here."""
 
     def __post_init__(self) -> None:
         score, defined = self.score, np.isfinite(self.score)
@@ -103,7 +103,7 @@ class PixelGrid:
 
 @dataclass(frozen=True, eq=False)
 class ScoreMaps:
-    """The score of one pose, pixel by pixel; made only when somebody looks.
+    """The score of one pose, pixel by pixel; made only when it is shown or recorded.
 
     (H, W) is the size of the image, or of the :class:`PixelGrid` that was asked for. Over a whole image the mean of
     ``f_d`` and of ``f_n`` over ``counted`` are the score's parts.

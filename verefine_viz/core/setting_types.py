@@ -1,4 +1,4 @@
-"""What settings are made of: their base, and the kinds of values that they have, read as people write them."""
+"""What settings are made of: their base, and the kinds of values that they have, as users write them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 
 class Settings(BaseModel):
-    """Base of all settings: immutable, unknown names refused, docstrings kept."""
+    """Base of all settings: immutable, unknown names refused, docstrings become descriptions."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
@@ -40,7 +40,7 @@ LARGEST = 1e6
 
 
 def _gravity(value: Any) -> Any:
-    """The words and vectors that tell where "up" is: a field of two kinds would say what is wrong with both."""
+    """The words and vectors that define "up", checked together: pydantic would report what is wrong with both kinds."""
     if value in ("plane", "world"):
         return value
     if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(_is_finite, value)):
@@ -88,11 +88,11 @@ def limits(field: FieldInfo) -> str:
     for kind in get_args(field.annotation):  # Of a number or None the bounds are those of the number.
         metadata += [bound for info in getattr(kind, "__metadata__", ()) for bound in getattr(info, "metadata", ())]
     names = ("ge", "gt", "le", "lt")
-    found = {name: getattr(bound, name) for bound in metadata for name in names if hasattr(bound, name)}
-    if not {"le", "lt"} & found.keys():
+    bounds = {name: getattr(bound, name) for bound in metadata for name in names if hasattr(bound, name)}
+    if not {"le", "lt"} & bounds.keys():
         return ""
-    if "ge" in found and "le" in found:
-        return f"from {found['ge']:g} to {found['le']:.10g}"
-    first = f"at least {found['ge']:g}" if "ge" in found else f"above {found['gt']:g}"
-    last = f"at most {found['le']:.10g}" if "le" in found else f"below {found['lt']:g}"
+    if "ge" in bounds and "le" in bounds:
+        return f"from {bounds['ge']:g} to {bounds['le']:.10g}"
+    first = f"at least {bounds['ge']:g}" if "ge" in bounds else f"above {bounds['gt']:g}"
+    last = f"at most {bounds['le']:.10g}" if "le" in bounds else f"below {bounds['lt']:g}"
     return f"{first} and {last}"

@@ -1,8 +1,8 @@
-"""Every number that can be set, once: name, unit, default, and the paper's or the code's reading of it.
+"""Every setting, once: name, unit, default, and the paper's or the code's reading of it.
 
-A session file (TOML) is a :class:`Session`; what only some runs need has a file of its own (refiners, estimators, the
-tree search, the order of objects, breakpoints). The field docstrings are what ``--help`` shows. Where the paper can be
-read in two ways the choice is a field; ``presets.PUBLISHED`` is what the authors' public code does.
+A session file (TOML) is a :class:`Session`; what only some runs need is in ``algorithm_settings`` (refiners,
+estimators, the tree search, the order of objects, breakpoints). ``--help-settings`` shows the docstrings of the fields.
+Where the paper can be read in two ways the choice is a field; :data:`PUBLISHED` is what the authors' public code does.
 """
 
 from __future__ import annotations
@@ -88,15 +88,15 @@ class MethodSettings(Settings):
     seed: Seed = 0
     """For methods that draw numbers."""
     sim_candidate: Literal["full", "rotation_only"] = "full"
-    """SIR: which simulated pose is scored and may be kept: the simulator's whole pose (authors' code) or its rotation
-    with the translation kept, as it enters the refiner."""
+    """SIR: which simulated pose is scored and may be accepted: the simulator's whole pose (authors' code), or its
+    rotation with the current translation, as it enters the refiner."""
     accept: Literal["latest", "never_worse"] = "latest"
     """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
     only if it did not fall."""
     discount: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.99
     """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["current_pass", "best_known"] = "current_pass"
-    """vf_depth: which poses the scene score that rewards the arms judges: those of this pass (authors' code), or the
+    """vf_depth: of which poses the scene score is that rewards the arms: those of this pass (authors' code), or the
     best of each object so far (the paper's text)."""
     scene_answer: Literal["incumbent", "per_object"] = "incumbent"
     """vf_depth: the combination of poses whose scene score was the highest ever seen, or for each object its own best
@@ -105,9 +105,9 @@ class MethodSettings(Settings):
     """vf_depth: what an arm's first play is worth: the score of the scene with its initial pose and the other objects'
     best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code)."""
     scene_pixels: Literal["cluster", "frame"] = "cluster"
-    """vf_depth: whose masks a scene score looks at: those of the cluster, or of all objects (authors' code)."""
+    """vf_depth: whose masks a scene score uses: those of the cluster, or of all objects (authors' code)."""
     occluders: Literal["placed", "none"] = "placed"
-    """vf_breadth, vf_depth: whether objects placed before are rendered as what may hide the one being judged; the
+    """vf_breadth, vf_depth: whether objects placed before are rendered as what may hide the one being scored; the
     authors' code does not."""
     carry_clusters: bool = True
     """vf_breadth, vf_depth: earlier clusters stay in simulation and rendering for later ones; the authors' code forgets
@@ -175,10 +175,10 @@ class RecordingSettings(Settings):
 
 
 class Edit(Settings):
-    """A pose that a person moved by hand."""
+    """An edited pose."""
 
     after_iteration: Index
-    """The iteration after which it was moved; 0 = before the first."""
+    """The iteration after which it was edited; 0 = before the first."""
     instance: Index
     """instance_id."""
     hypothesis: Index
@@ -186,11 +186,11 @@ class Edit(Settings):
     T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
     """The new pose, row by row [m]."""
     frame: str = ""
-    """The frame in which it was moved, as "scene/image"; "" = every frame that has the hypothesis."""
+    """The frame in which it was edited, as "scene/image"; "" = every frame that has the hypothesis."""
 
 
 class Change(Settings):
-    """Settings that a person changed in the middle of a run."""
+    """Settings that were changed in the middle of a run."""
 
     after_iteration: Index
     """The iteration after which they hold; 0 = before the first."""
@@ -219,12 +219,10 @@ class Session(Settings):
     breakpoints: BreakpointSettings = BreakpointSettings()
     recording: RecordingSettings = RecordingSettings()
     edits: tuple[Edit, ...] = ()
-    """Poses moved by hand, so that a saved session repeats them."""
+    """Edited poses, so that a saved session repeats them."""
     changes: tuple[Change, ...] = ()
-    """Settings changed on the way, so that a saved session repeats them."""
+    """Settings changed during the run, so that a saved session repeats them."""
 
-
-# Settings that go together.
 
 PUBLISHED: dict[str, dict[str, Any]] = {
     "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},

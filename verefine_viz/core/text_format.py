@@ -29,7 +29,7 @@ def listed(names: Iterable[object]) -> str:
 def first_of(names: Sequence[object], most: int, between: str = ", ") -> str:
     """The first ``most`` names, and how many more there are, as in: ``a, b and 3 more``; "" of none.
 
-    Sentences are set apart by ``between = "; "``, the last one too.
+    Sentences are separated by ``between = "; "``, the last one too.
     """
     shown = between.join(str(name) for name in names[:most])
     n_more = len(names) - most
@@ -47,10 +47,7 @@ def _ranges(numbers: Iterable[int]) -> list[str]:
     return [text for run in runs for text in ([f"{run[0]}-{run[-1]}"] if len(run) > 3 else map(str, run))]
 
 
-# How many decimals a sentence needs, so that what it compares can be told apart.
-
-
-def telling_digits(lead: float) -> int:
+def distinguishing_digits(lead: float) -> int:
     """As many decimals as it takes to see that one of two numbers, or of two sums of two, is larger by ``lead`` ≥ 0.
 
     Two where that shows, or where nothing does; six at most.

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from verefine_viz.core.records import Choice
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.methods.arms import ObjectState
 
 Numbers = list[float]
@@ -85,6 +85,6 @@ def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
         return f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}, the only one"
     rival = max((k for k in range(len(ucb)) if k != j), key=ucb.__getitem__)
     sign = "=" if ucb[rival] == ucb[j] else ">"
-    digits = telling_digits(ucb[j] - ucb[rival])
+    digits = distinguishing_digits(ucb[j] - ucb[rival])
     own, other = (f"hypothesis {k + 1}: {mean[k]:.{digits}f} + {exploration[k]:.{digits}f}" for k in (j, rival))
     return f"{own} {sign} {other}"

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Event, Iteration, SimulatedPath, Stage, Tipping
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.single_object import Draft
 
@@ -87,7 +87,7 @@ def _worse_by_physics(iteration: Iteration) -> list[Event]:
 
 def _accepted(accepted: Stage, simulated: Stage, refined: Stage) -> Event:
     known = {s.name: s.score.score for s in (simulated, refined) if s.score is not None}
-    digits = max(3, telling_digits(max(known.values()) - min(known.values()))) if known else 3
+    digits = max(3, distinguishing_digits(max(known.values()) - min(known.values()))) if known else 3
     scores = ", ".join(f"{name} {score:.{digits}f}" for name, score in known.items())
     if accepted.name == "refined":
         return Event("kept_refined", f"Refined pose accepted ({scores}).")

@@ -1,4 +1,4 @@
-"""When a running method should stop and wait for the person."""
+"""When a running method should stop and wait for the user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.evaluation.pose_errors import add_s_mm
 
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
@@ -24,21 +24,21 @@ _WAITING = "waiting."
 
 
 def number_of(settings: BreakpointSettings, name: str) -> float | None:
-    """The number of a breakpoint, on or off; None where it never had one."""
+    """The threshold of a breakpoint, on or off; None where it never had one."""
     value = getattr(settings, name)
     return getattr(settings.waiting, name) if value is None else value
 
 
 def is_number(name: str, value: float) -> bool:
-    """Whether ``value`` can be the number of a breakpoint."""
+    """Whether ``value`` can be the threshold of a breakpoint."""
     return 0 <= value <= MOST[name]
 
 
 def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]]) -> BreakpointSettings:
     """``settings`` with some fields replaced.
 
-    A threshold of None switches its breakpoint off, and its number waits to be used again; ``waiting.jump_mm`` is the
-    number of a breakpoint that is off.
+    A threshold of None switches its breakpoint off, and the number is saved for later; ``waiting.jump_mm`` is the
+    threshold of a breakpoint that is off.
 
     Raises:
         SettingsError: there is no such breakpoint, or its value is none.
@@ -70,43 +70,42 @@ def _refusal(name: str, value: Any) -> str:
 
 def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -> tuple[str, ...]:
     """Why the run should stop after ``iteration``, a sentence each; empty = go on."""
-    current, kept = iteration.stages[0], iteration.accepted_stage
+    current, accepted = iteration.stages[0], iteration.accepted_stage
     kinds = {event.kind: event.text for event in iteration.events}
-    found: list[str] = []
-    fall = _score(current) - _score(kept)
+    reasons: list[str] = []
+    fall = _score(current) - _score(accepted)
     if settings.score_falls_by is not None and fall > settings.score_falls_by:
-        found.append(_over("the score fell by", fall, settings.score_falls_by, "", 3))
+        reasons.append(_over("the score fell by", fall, settings.score_falls_by, "", 3))
     if settings.simulated_rejected and "kept_refined" in kinds:
-        found.append(f"simulated pose rejected: {kinds['kept_refined']}")
+        reasons.append(f"simulated pose rejected: {kinds['kept_refined']}")
     if settings.refined_rejected and "kept_simulated" in kinds:
-        found.append(kinds["kept_simulated"])
-    jump_mm = 1e3 * float(np.linalg.norm(kept.T_cam_obj[:3, 3] - current.T_cam_obj[:3, 3]))
+        reasons.append(kinds["kept_simulated"])
+    jump_mm = 1e3 * float(np.linalg.norm(accepted.T_cam_obj[:3, 3] - current.T_cam_obj[:3, 3]))
     if settings.jump_mm is not None and jump_mm > settings.jump_mm:
-        found.append(_over("the pose jumped by", jump_mm, settings.jump_mm, " mm"))
-    jump_deg = float(np.rad2deg(angle_between(current.T_cam_obj[:3, :3], kept.T_cam_obj[:3, :3])))
+        reasons.append(_over("the pose jumped by", jump_mm, settings.jump_mm, " mm"))
+    jump_deg = float(np.rad2deg(angle_between(current.T_cam_obj[:3, :3], accepted.T_cam_obj[:3, :3])))
     if settings.jump_deg is not None and jump_deg > settings.jump_deg:
-        found.append(_over("the pose turned by", jump_deg, settings.jump_deg, "°"))
-    asked = {
+        reasons.append(_over("the pose turned by", jump_deg, settings.jump_deg, "°"))
+    by_event = {
         "arm_switched": settings.arm_switched,
         "unstable": settings.unstable,
         "physics_worse": settings.physics_worse,
         "empty_render": settings.empty_render,
         "nan_score": settings.empty_render,
     }
-    found += [kinds[kind] for kind, wanted in asked.items() if wanted and kind in kinds]
+    reasons += [kinds[kind] for kind, is_on in by_event.items() if is_on and kind in kinds]
     if settings.error_grows_by_mm is not None:
         growth = _error_growth_mm(problem, iteration)
         if growth is not None and growth > settings.error_grows_by_mm:
-            said = "the error against ground truth grew by"
-            found.append(_over(said, growth, settings.error_grows_by_mm, " mm"))
-    return tuple(found)
+            reasons.append(_over("the error against ground truth grew by", growth, settings.error_grows_by_mm, " mm"))
+    return tuple(reasons)
 
 
-def _over(said: str, value: float, limit: float, unit: str, digits: int = 1) -> str:
+def _over(what: str, value: float, limit: float, unit: str, digits: int = 1) -> str:
     """As in: the pose jumped by 30.0 mm, more than 25 mm."""
     if round(value, digits) <= limit:  # Else it would read as if it were not more.
-        digits = telling_digits(value - limit)
-    return f"{said} {value:.{digits}f}{unit}, more than {limit:g}{unit}"
+        digits = distinguishing_digits(value - limit)
+    return f"{what} {value:.{digits}f}{unit}, more than {limit:g}{unit}"
 
 
 def _score(stage: Stage) -> float:

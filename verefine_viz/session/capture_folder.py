@@ -1,4 +1,4 @@
-"""The folder of frames that a pipeline kept: BOP layout, detections, results files, and a session over all of it."""
+"""The folder of ``keep_frame``: BOP layout, detections, results files, and a session over all of it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ from verefine_viz.scenes.meshes import Mesh, ply_bytes, size_entry
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 from verefine_viz.session.files import CAPTURE_HEAD, SCENE_ID, scene_folder
 
-# A frame that a pipeline kept, and what it looks like in BOP's files.
+SESSION, DETECTIONS, NAMES, LOCK = "session.toml", "detections.json", "obj_names.json", ".lock"
+RESULTS = "*_kept-test.csv"
+DEPTH_STEPS_MM = (0.1, 1.0)
+"""Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +56,12 @@ class CapturedFrame:
     """(3,) where things fall, of any length."""
 
 
-def ply_of(mesh: Mesh) -> bytes:
-    """A mesh as it lies in ``models``."""
+def _ply(mesh: Mesh) -> bytes:
     return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors)
 
 
-def info_entry(one: CapturedObject) -> dict[str, Any]:
-    """What ``models_info.json`` says of an object."""
+def _info_entry(one: CapturedObject) -> dict[str, Any]:
+    """Of an object in ``models_info.json``."""
     entry = size_entry(one.mesh.vertices_m, one.mesh.diameter_m)
     if one.symmetry_axis is not None:
         low, high = one.mesh.vertices_m.min(axis=0), one.mesh.vertices_m.max(axis=0)
@@ -68,14 +70,14 @@ def info_entry(one: CapturedObject) -> dict[str, Any]:
     return entry
 
 
-def truth_entry(T_cam_obj_gt: Float, obj_id: int) -> dict[str, Any]:
-    """What ``scene_gt.json`` says of an object whose true pose (4, 4) [m] is known."""
+def _ground_truth_entry(T_cam_obj_gt: Float, obj_id: int) -> dict[str, Any]:
+    """Of an object in ``scene_gt.json``."""
     t_mm = (T_cam_obj_gt[:3, 3] * 1e3).tolist()
     return {"cam_R_m2c": T_cam_obj_gt[:3, :3].ravel().tolist(), "cam_t_m2c": t_mm, "obj_id": obj_id}
 
 
-def camera_entry(frame: CapturedFrame, step_mm: float) -> dict[str, Any]:
-    """What ``scene_camera.json`` says of a frame whose depth image counts in steps of ``step_mm`` [mm]."""
+def _camera_entry(frame: CapturedFrame, step_mm: float) -> dict[str, Any]:
+    """Of a frame in ``scene_camera.json`` whose depth image counts in steps of ``step_mm`` [mm]."""
     entry: dict[str, Any] = {"cam_K": frame.K.ravel().tolist(), "depth_scale": step_mm}
     if frame.down_cam is not None:
         entry["cam_R_w2c"] = _R_cam_world(frame.down_cam).ravel().tolist()
@@ -83,17 +85,11 @@ def camera_entry(frame: CapturedFrame, step_mm: float) -> dict[str, Any]:
 
 
 def _R_cam_world(down_cam: Float) -> Float:
-    """(3, 3) for a world whose z is up; where its x points is of no matter."""
+    """(3, 3) for a world whose z is up; where its x points does not matter."""
     up = -down_cam / np.linalg.norm(down_cam)
     side = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     side /= np.linalg.norm(side)
     return np.column_stack([side, np.cross(up, side), up])
-
-
-SESSION, DETECTIONS, NAMES, LOCK = "session.toml", "detections.json", "obj_names.json", ".lock"
-RESULTS = "*_kept-test.csv"
-DEPTH_STEPS_MM = (0.1, 1.0)
-"""Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
 
 
 class CaptureFolder:
@@ -109,10 +105,10 @@ class CaptureFolder:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._scene = scene_folder(folder)
-        self._cameras, self._truths = self._scene / "scene_camera.json", self._scene / "scene_gt.json"
+        self._cameras, self._gt_entries = self._scene / "scene_camera.json", self._scene / "scene_gt.json"
         if folder.exists() and not self._is_ours():
             raise InputError(f"{folder} holds something else; choose a new folder, or one that frames were kept in")
-        self._names: dict[str, str] = _known(folder / NAMES, {})
+        self._names: dict[str, str] = _json_or({}, folder / NAMES)
 
     def add(self, frame: CapturedFrame) -> str:
         """Adds a frame and returns its name.
@@ -122,13 +118,13 @@ class CaptureFolder:
                 then not there.
         """
         self._new_models(frame.objects)  # refuses before anything is written
-        with self._alone():
+        with self._locked():
             self._begin()
-            self._names = _known(self._folder / NAMES, {})
+            self._names = _json_or({}, self._folder / NAMES)
             return self._add(frame, self._new_models(frame.objects))
 
     def _add(self, frame: CapturedFrame, new: Mapping[int, CapturedObject]) -> str:
-        cameras = _known(self._cameras, {})
+        cameras = _json_or({}, self._cameras)
         number = 1 + max(map(int, cameras), default=0)
         self._clear(number)
         self._write_models(new)
@@ -139,10 +135,10 @@ class CaptureFolder:
                 write_image(self._image(kind, number), image)
         self._write_detections(number, frame.objects)
         self._write_poses(number, frame.objects)
-        self._write_truth(number, frame.objects)
-        cameras[str(number)] = camera_entry(frame, step_mm)
+        self._write_ground_truth(number, frame.objects)
+        cameras[str(number)] = _camera_entry(frame, step_mm)
         self._write_session(cameras)
-        # Names and the camera are last: models are taken when their names are there, and so is the frame.
+        # Names and the camera are last: without the names models do not count, without the camera the frame does not.
         write_json(self._folder / NAMES, self._names)
         write_json(self._cameras, cameras)
         return f"{SCENE_ID}/{number}"
@@ -157,8 +153,8 @@ class CaptureFolder:
         )
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Waits until no other program adds to the folder, which is made; one that is killed lets go of it."""
+    def _locked(self) -> Iterator[None]:
+        """Waits until no other program adds to the folder, which is made; one that is killed releases it."""
         path = self._folder / LOCK
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -176,13 +172,13 @@ class CaptureFolder:
     def _clear(self, number: int) -> None:
         """Removes what a program that was killed in the middle of a frame has left of it."""
         ours = (f"{name}.*.part" for name in (SESSION, DETECTIONS, NAMES, RESULTS))
-        for place in (*ours, "models/*.part", f"test/{SCENE_ID:06d}/**/*.part"):
-            for part in self._folder.glob(place):
+        for pattern in (*ours, "models/*.part", f"test/{SCENE_ID:06d}/**/*.part"):
+            for part in self._folder.glob(pattern):
                 part.unlink()
         for kind in ("depth", "rgb"):
             self._image(kind, number).unlink(missing_ok=True)
-        # Detections are written before poses and truth, and cleared after them: without, there are none of the others.
-        detections = _known(self._folder / DETECTIONS, [])
+        # Detections are written before poses and ground truth, and cleared after them: without, there are no others.
+        detections = _json_or([], self._folder / DETECTIONS)
         others = [entry for entry in detections if entry["image_id"] != number]
         if len(others) == len(detections):
             return
@@ -192,11 +188,11 @@ class CaptureFolder:
                 write_results(path, rows)
             else:
                 path.unlink()
-        truths = _known(self._truths, {})
+        truths = _json_or({}, self._gt_entries)
         if truths.pop(str(number), None) is not None:
-            write_json(self._truths, truths)
+            write_json(self._gt_entries, truths)
             if not truths:  # As in a folder that never had any.
-                self._truths.unlink()
+                self._gt_entries.unlink()
         write_json(self._folder / DETECTIONS, others)
 
     def _results(self) -> list[Path]:
@@ -219,18 +215,18 @@ class CaptureFolder:
                 new[len(self._names) + 1] = one
                 self._names[str(len(self._names) + 1)] = one.name
             obj_id = self._id(one.name)
-            there = ply_of(new[obj_id].mesh) if obj_id in new else self._model_path(obj_id).read_bytes()
-            if there != ply_of(one.mesh):
+            before = _ply(new[obj_id].mesh) if obj_id in new else self._model_path(obj_id).read_bytes()
+            if before != _ply(one.mesh):
                 raise InputError(f"{one.name} is another mesh than before in {self._folder}; give it another name")
         return new
 
     def _write_models(self, new: Mapping[int, CapturedObject]) -> None:
         for obj_id, one in new.items():
             with atomic(self._model_path(obj_id)) as part:
-                part.write_bytes(ply_of(one.mesh))
+                part.write_bytes(_ply(one.mesh))
         if new:
             info = self._folder / "models" / "models_info.json"
-            write_json(info, _known(info, {}) | {str(obj_id): info_entry(one) for obj_id, one in new.items()})
+            write_json(info, _json_or({}, info) | {str(obj_id): _info_entry(one) for obj_id, one in new.items()})
 
     def _write_detections(self, number: int, objects: Sequence[CapturedObject]) -> None:
         ids = {"scene_id": SCENE_ID, "image_id": number}
@@ -239,7 +235,7 @@ class CaptureFolder:
             for one in objects
         ]
         path = self._folder / DETECTIONS
-        write_json(path, _known(path, []) + entries)
+        write_json(path, _json_or([], path) + entries)
 
     def _write_poses(self, number: int, objects: Sequence[CapturedObject]) -> None:
         for estimator in sorted({name for one in objects for name, poses in one.poses.items() if poses}):
@@ -250,20 +246,22 @@ class CaptureFolder:
                     rows.append(ResultRow(SCENE_ID, number, self._id(one.name), 1 / (1 + k), T_cam_obj))
             write_results(path, rows)
 
-    def _write_truth(self, number: int, objects: Sequence[CapturedObject]) -> None:
+    def _write_ground_truth(self, number: int, objects: Sequence[CapturedObject]) -> None:
         known = [(one.T_cam_obj_gt, self._id(one.name)) for one in objects]
-        entries = [truth_entry(T_cam_obj_gt, obj_id) for T_cam_obj_gt, obj_id in known if T_cam_obj_gt is not None]
+        entries = [
+            _ground_truth_entry(T_cam_obj_gt, obj_id) for T_cam_obj_gt, obj_id in known if T_cam_obj_gt is not None
+        ]
         if entries:
-            write_json(self._truths, _known(self._truths, {}) | {str(number): entries})
+            write_json(self._gt_entries, _json_or({}, self._gt_entries) | {str(number): entries})
 
     def _write_session(self, cameras: Mapping[str, Any]) -> None:
         files = self._results()
         # Every pose of an object is to be tried, whatever the number of estimators.
-        often = Counter((row.im_id, row.obj_id) for path in files for row in read_results(path))
+        n_poses = Counter((row.im_id, row.obj_id) for path in files for row in read_results(path))
         hypotheses: dict[str, Any] = {"source": "ppf"}
         if files:
             names = [path.name for path in files]
-            hypotheses = {"source": "results", "files": names, "max_per_object": max(often.values())}
+            hypotheses = {"source": "results", "files": names, "max_per_object": max(n_poses.values())}
         scene = {
             "source": "bop",
             "dataset": ".",
@@ -275,5 +273,5 @@ class CaptureFolder:
             part.write_text(CAPTURE_HEAD + tomli_w.dumps(session), encoding="utf-8")
 
 
-def _known(path: Path, empty: Any) -> Any:
+def _json_or(empty: Any, path: Path) -> Any:
     return read_json(path, type(empty)) if path.is_file() else empty

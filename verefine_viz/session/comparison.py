@@ -1,4 +1,4 @@
-"""Two runs of one frame against each other: aligned iterations, and where they part."""
+"""Two runs of one frame against each other: aligned iterations, and the first differences."""
 
 from __future__ import annotations
 
@@ -42,10 +42,7 @@ class Trace:
     @cached_property
     def own(self) -> Mapping[int, tuple[Iteration, ...]]:
         """The iterations of each instance, by instance_id."""
-        found: dict[int, list[Iteration]] = {i: [] for i in self.instance_ids}
-        for iteration in self.iterations:
-            found.setdefault(iteration.instance_id, []).append(iteration)
-        return {i: tuple(own) for i, own in found.items()}
+        return {i: tuple(it for it in self.iterations if it.instance_id == i) for i in self.instance_ids}
 
 
 def trace_of(run: Run) -> Trace:
@@ -80,10 +77,8 @@ def rollout_calls(iteration: Iteration) -> int:
 #
 # Runs differ in length and in the order in which they take the objects, so iteration 17 of one says nothing about
 # iteration 17 of the other. What can be compared is an object after the same effort: the refiner calls spent on it. A
-# timeline is a walk through such moments. Along it each object goes forward in both runs, in the order of the first
-# run;
-# what only the second has is put in as early as its own order allows. Where both runs have the same structure, moment
-# k
+# timeline is a walk through such moments. Along it each object goes forward in both runs, in the order of the first;
+# what only the second has is put in as early as its own order allows. Where both runs have the same structure, moment k
 # is iteration k of both.
 
 Key = tuple[int, int, int]
@@ -122,17 +117,13 @@ class Timeline:
     def _places(self) -> dict[Key, int]:
         return {m.key: k for k, m in enumerate(self.moments, 1)}
 
-    @cached_property
-    def _of_a(self) -> dict[int, int]:
-        return {m.a: k for k, m in enumerate(self.moments, 1) if m.a is not None}
-
     def place(self, key: Key | None) -> int | None:
         """Where that moment is, from 1; None = there is no such moment."""
         return self._places.get(key) if key is not None else None
 
     def of_a(self, index: int) -> int:
         """Where A's iteration ``index`` is; 0 before the first."""
-        return self._of_a.get(index, 0)
+        return next((k for k, m in enumerate(self.moments, 1) if m.a == index), 0)
 
     def a_at(self, place: int) -> int:
         """The latest iteration that A has made at that place; 0 = none."""
@@ -192,11 +183,10 @@ def aligned(a: Trace, b: Trace) -> Timeline:
     return Timeline(tuple(moments))
 
 
-# Two runs of one frame against each other: where they part.
-#
-# Pure: two traces in, sentences out. "A" and "B" are the two runs; every sentence tells what B does otherwise.
+# Where two runs differ: two traces in, sentences out. "A" and "B" are the two runs; every sentence is about what B does
+# otherwise.
 
-Kind = Literal["start", "missing", "hypothesis", "placed", "stages", "pose", "kept", "score", "answer"]
+Kind = Literal["start", "missing", "hypothesis", "placed", "stages", "pose", "accepted", "score", "answer"]
 
 
 @dataclass(frozen=True)
@@ -216,18 +206,17 @@ class Difference:
 
 @dataclass(frozen=True)
 class Differences:
-    """Where two runs part."""
+    """The first differences of two runs."""
 
     deed: Difference | None
-    """First thing that is done otherwise: other object, hypothesis, pose, or kept stage."""
+    """First thing that is done otherwise: other object, hypothesis, pose, or accepted stage."""
     score: Difference | None
     """First score that differs although the pose is the same."""
 
     @property
     def first(self) -> Difference | None:
-        """Whichever comes first on the timeline."""
-        found = [d for d in (self.deed, self.score) if d is not None]
-        return min(found, key=lambda d: d.place) if found else None
+        """The one that comes first on the timeline."""
+        return min(filter(None, (self.deed, self.score)), key=lambda d: d.place, default=None)
 
 
 def differences(a: Trace, b: Trace, timeline: Timeline) -> Differences:
@@ -236,7 +225,7 @@ def differences(a: Trace, b: Trace, timeline: Timeline) -> Differences:
     A moment that only one of them has so far counts when the other is done with its run.
     """
     deed = score = None
-    for difference in _all(a, b, timeline):
+    for difference in _all_differences(a, b, timeline):
         if difference.kind == "score":
             score = score or difference
         else:
@@ -251,11 +240,11 @@ def first_difference(a: Trace, b: Trace, timeline: Timeline) -> Difference | Non
     return differences(a, b, timeline).first
 
 
-def _all(a: Trace, b: Trace, timeline: Timeline) -> Iterator[Difference]:
+def _all_differences(a: Trace, b: Trace, timeline: Timeline) -> Iterator[Difference]:
     """Every difference, in the order of the timeline."""
     yield from _starts(a, b)
     for place, moment in enumerate(timeline.moments, 1):
-        yield from at_moment(a, b, moment, place)
+        yield from _at_moment(a, b, moment, place)
 
 
 def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
@@ -285,7 +274,7 @@ def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
                 )
 
 
-def at_moment(a: Trace, b: Trace, moment: Moment, place: int) -> Iterator[Difference]:
+def _at_moment(a: Trace, b: Trace, moment: Moment, place: int) -> Iterator[Difference]:
     """What differs in one moment, what is done before what it scores."""
     one = a.iterations[moment.a - 1] if moment.a else None
     other = b.iterations[moment.b - 1] if moment.b else None
@@ -326,7 +315,7 @@ def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, 
         if ours_of is not None and not same_pose(ours_of.T_cam_obj, stage.T_cam_obj):
             yield "pose", f"has its {stage.name} pose of {name} {apart(ours_of.T_cam_obj, stage.T_cam_obj)} away"
     if one.accepted != other.accepted:
-        yield "kept", f"keeps the {other.accepted} pose of {name} instead of the {one.accepted} one"
+        yield "accepted", f"accepts the {other.accepted} pose of {name} instead of the {one.accepted} one"
 
 
 def _scores(one: Iteration, other: Iteration, name: str) -> Iterator[str]:
@@ -356,15 +345,15 @@ def apart(T_a: Float, T_b: Float) -> str:
 
 
 def instead(f_b: float | None, f_a: float | None) -> str:
-    """Two scores, with as many digits as it takes to tell them apart: "0.712 instead of 0.705"."""
+    """Two scores, with as many digits as it takes to distinguish them: "0.712 instead of 0.705"."""
     if f_a is None or f_b is None:
-        return "that A does not judge" if f_a is None else "not at all"
+        return "that A does not score" if f_a is None else "not at all"
     digits = next((d for d in range(3, 16) if f"{f_a:.{d}f}" != f"{f_b:.{d}f}"), 16)
     return f"{f_b:.{digits}f} instead of {f_a:.{digits}f}"
 
 
 def name_of(problem: Problem, instance_id: int) -> str:
-    """An object for people: its model's name, with its number where there are several of them."""
+    """An object as shown to the user: its model's name, with its number where there are several of them."""
     target = problem.target(instance_id)
     twins = sum(i.obj_id == target.instance.obj_id for i in problem.instances)
     return f"{target.model.name} #{instance_id}" if twins > 1 else target.model.name

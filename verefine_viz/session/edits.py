@@ -1,4 +1,4 @@
-"""Which of a session's poses moved by hand belong to a frame, and what is said of those that cannot be made there."""
+"""Which of a session's edited poses belong to a frame, and notes on those that cannot be applied there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from verefine_viz.core.text_format import listed
 
 
 def edits_of(edits: Sequence[Edit], problem: Problem, is_only_frame: bool = False) -> tuple[Edit, ...]:
-    """Those that are made on ``problem``: of its frame, or of no frame by name where it has their hypothesis.
+    """Those that are applied to ``problem``: of its frame, or of no frame by name where it has their hypothesis.
 
     Args:
         edits: of a session.
@@ -40,7 +40,7 @@ def _instance(edit: Edit, problem: Problem) -> Instance | None:
 def check_edits(
     edits: Sequence[Edit], problem: Problem, is_only_frame: bool, has_all_objects: bool = True
 ) -> tuple[str, ...]:
-    """What a person should know about the edits that are not made on ``problem`` although they may be meant for it.
+    """Notes on the edits that are not applied to ``problem`` although they may be meant for it.
 
     Args:
         edits: of a session.
@@ -63,7 +63,7 @@ def check_edits(
             notes[_why_not(edit, problem, has_all_objects)] = None
         elif not _is_of(edit, problem, is_only_frame):
             who = f"hypothesis {edit.hypothesis + 1} of instance {edit.instance}"
-            notes[f"the session moves {who} by hand, which this frame does not have"] = None
+            notes[f"the session edits the pose of {who}, which this frame does not have"] = None
     return tuple(notes)
 
 
@@ -85,36 +85,36 @@ def _check_possible(edit: Edit, problem: Problem) -> None:
 
 
 def _why_not(edit: Edit, problem: Problem, has_all_objects: bool) -> str:
-    """Why nothing is moved though the edit is meant for this frame.
+    """Why the edit is not applied though it is meant for this frame.
 
     Raises:
         InputError: the frame has no such instance.
     """
     if edit.instance in (one.instance_id for one in problem.left_out):
-        return f"instance {edit.instance} is not moved by hand: it is left out"
+        return f"the edited pose of instance {edit.instance} is not used: it is left out"
     if not has_all_objects:
-        return f"instance {edit.instance} is not moved by hand: it is none of the objects to solve"
+        return f"the edited pose of instance {edit.instance} is not used: it is none of the objects to solve"
     there = [i.instance_id for i in problem.instances]
     raise InputError(f"edits: {unknown('instance', edit.instance, there)} (frame {problem.frame})")
 
 
 def edits_elsewhere(edits: Sequence[Edit], frames: Collection[str]) -> tuple[str, ...]:
-    """What a person should know whose session moves poses in frames that it does not have."""
+    """A note where a session edits poses in frames that it does not have."""
     absent = sorted({edit.frame for edit in edits if edit.frame and edit.frame not in frames})
     if not absent:
         return ()
     which = f"frame{'s' if len(absent) > 1 else ''} {listed(absent)}"
-    return (f"poses are moved by hand in {which}, which {'are' if len(absent) > 1 else 'is'} not among those to solve",)
+    return (f"poses are edited in {which}, which {'are' if len(absent) > 1 else 'is'} not among those to solve",)
 
 
 def never_reached(edits: Sequence[Edit], changes: Sequence[Change], n_iterations: int) -> tuple[str, ...]:
-    """What a person should know of edits and changes that lie behind the end of a run of ``n_iterations``."""
+    """Notes on edits and changes that lie behind the end of a run of ``n_iterations``."""
 
     def late(what: Sequence[Edit] | Sequence[Change], is_not: str) -> Iterator[str]:
         for k in sorted({one.after_iteration for one in what if one.after_iteration > n_iterations}):
             yield f"the run has {n_iterations} iterations: {is_not.format(k)}"
 
     return (
-        *late(edits, "no pose is moved by hand after iteration {}"),
+        *late(edits, "no pose is edited after iteration {}"),
         *late(changes, "no setting changes after iteration {}"),
     )

@@ -1,7 +1,7 @@
 """A run: a method on a problem, with its whole history and a cursor in it.
 
 It never draws, logs, sleeps or asks. Watchers see every record and change nothing. Back is a cursor move; a fork is a
-new run that shares the history up to a point.
+new run that shares the history up to an iteration.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from verefine_viz.core.settings import Edit
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is done when: the method, changes of it, and poses moved by hand."""
+    """What is done when: the method, changes of it, and edited poses."""
 
     method: Method[Any]
     changes: Mapping[int, Method[Any]]
@@ -42,7 +42,7 @@ class Plan:
     def after(self, k: int, made: RunState) -> RunState:
         """The state from which iteration ``k + 1`` is made, k ≥ 1, given the one that iteration ``k`` made.
 
-        Scores by different settings must not be weighed against one another: where they change, all are made anew.
+        Scores by different settings must not be weighed against one another: where they change, all are computed again.
 
         Raises:
             InputError: the method that takes over cannot go on with another score.
@@ -59,7 +59,7 @@ class Plan:
         return k in self.changes and self.changes[k].verifier.settings != self.method_at(k - 1).verifier.settings
 
     def _edited(self, state: RunState, k: int, by: Method[Any]) -> RunState:
-        """``state`` after iteration ``k`` with the poses that were moved there."""
+        """``state`` after iteration ``k`` with the poses that were edited there."""
         for edit in self.edits:
             if edit.after_iteration == k:
                 T_cam_obj = np.array(edit.T_cam_obj).reshape(4, 4)
@@ -101,12 +101,12 @@ class Run:
         self._plan = plan
         self._states = list(states)
         self._made = list(made)
-        """What each iteration made, before settings were changed or poses moved."""
+        """What each iteration made, before settings were changed or poses edited."""
         self._iterations = list(iterations)
         self._watchers = tuple(watchers)
         self._finished = False
         self.cursor = len(iterations)
-        """The iteration that is looked at; 0 = before the first."""
+        """The iteration that is shown; 0 = before the first."""
         for watcher in self._watchers:
             watcher.on_start(states[0])
             for state, iteration in zip(states[1:], iterations, strict=True):
@@ -187,7 +187,7 @@ class Run:
         return self._iterations[self.cursor - 1]
 
     def seek(self, k: int) -> Iteration | None:
-        """Looks at iteration ``k`` of the history; 0 = before the first.
+        """Moves the cursor to iteration ``k`` of the history; 0 = before the first.
 
         Raises:
             InputError: that iteration was not made yet.
@@ -217,7 +217,7 @@ class Run:
     ) -> Run:
         """A new run that shares iterations 1 … k and goes on with another method, or from an edited pose.
 
-        Where settings of the score change, everything known is scored anew: hypotheses, their means, the best poses.
+        Where settings of the score change, everything known is re-scored: hypotheses, their means, the best poses.
 
         Args:
             k: the iteration after which the runs part.
@@ -248,7 +248,7 @@ class Run:
         return forked
 
     def close(self) -> None:
-        """Tells the watchers that nothing more will come, if they do not know yet."""
+        """Calls the watchers' ``on_finish``, once."""
         if not self._finished:
             self._finished = True
             for watcher in self._watchers:

@@ -1,4 +1,4 @@
-"""Session files: TOML in and out, presets, and errors that name the field."""
+"""Session files: TOML in and out, presets, and errors that name the field and who wrote it."""
 
 from __future__ import annotations
 
@@ -17,178 +17,33 @@ from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, u
 from verefine_viz.core.paths import at_home, atomic, open_input
 from verefine_viz.core.settings import PUBLISHED, Session
 
-Layer = tuple[str, Mapping[str, Any]]
-"""Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
-
-_READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
-"""The source (of the same section) that looks at a field."""
-_ESTIMATORS = ("ppf", "pcs")
-"""Sections that only an estimator of their name looks at."""
-
-
-def check_sources(session: Session, layers: Sequence[Layer]) -> None:
-    """Looks whether what was written down is read by the chosen sources.
-
-    A source that was written together with a field, or over it, was chosen by somebody who knew; one that nobody wrote,
-    or that was there before the field was, was forgotten.
-
-    Args:
-        session: what the layers add up to.
-        layers: the later wins.
-
-    Raises:
-        SettingsError: a field is set that its section's source does not look at, and the source was not chosen with it;
-            or a results file is named twice.
-    """
-    for (section, field), reader in _READ_BY.items():
-        chosen = getattr(session, section)
-        at = _last(layers, section, field)
-        if getattr(chosen, field) and chosen.source != reader and _last(layers, section, "source") < at:
-            name, source = f"{section}.{field}", f"{section}.source"
-            raise SettingsError(
-                f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not look at it; '
-                f'set {source} = "{reader}", or leave {name} out'
-            )
-    hypotheses = session.hypotheses
-    twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
-    if twice and hypotheses.source == "results":
-        where = layers[_last(layers, "hypotheses", "files")][0]
-        raise SettingsError(f"{where}: hypotheses.files names {twice[0]} twice; name each file once")
-    if _last(layers, "hypotheses", "source") >= 0:
-        return
-    for name in _ESTIMATORS:
-        at = max((k for k, (_, raw) in enumerate(layers) if raw.get(name)), default=-1)
-        if at >= 0 and name not in (kind for *_, kind in hypotheses.estimate):
-            raise SettingsError(
-                f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{hypotheses.source}" and does not look '
-                f'at it; set hypotheses.source = "{name}", or say "{hypotheses.source}" there if that is meant'
-            )
-
-
-def _last(layers: Sequence[Layer], section: str, field: str) -> int:
-    """Number of the last layer in which a field was written, from 0; -1 where none has it."""
-    written = (raw.get(section) for _, raw in layers)
-    return max((k for k, fields in enumerate(written) if isinstance(fields, Mapping) and field in fields), default=-1)
-
-
-# What is wrong with a field of a session, and who wrote it, in one line.
-
-
-def written_in(layers: Sequence[Layer], error: ValidationError) -> str:
-    """The layer that has what is wrong: the last in which the field stands."""
-    location = error.errors()[0]["loc"]
-    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
-
-
-def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
-    """How many steps towards a field the settings have."""
-    for k, part in enumerate(location):
-        if not isinstance(raw, Mapping) or part not in raw:
-            return k
-        raw = raw[part]
-    return len(location)
-
-
-def first_mistake(error: ValidationError) -> str:
-    """The first thing that is wrong, in one line."""
-    detail = error.errors()[0]
-    field = _field(detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        names = _siblings(detail["loc"])
-        return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
-    if detail["type"] == "tuple_type":
-        return f"{field} = {quoted(detail['input'])}: expected a list{_example(detail['loc'], detail['input'])}"
-    if detail["type"] == "model_type":
-        return f"{field} = {quoted(detail['input'])}: expected a section, [{field}]"
-    # A field of several kinds (a word or a vector) fails once for each of them.
-    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
-    if detail["loc"][:2] == ("scene", "objects"):
-        ways = ["expected the id of an object, as 5 for obj_000005.ply"]
-    return f"{field} = {quoted(detail['input'])}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
-
-
-def _field(location: tuple[int | str, ...]) -> str:
-    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
-    return ".".join(str(part) for part in location if not (isinstance(part, str) and _KIND.search(part)))
-
-
-_KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
-"""One of the kinds that a field may be of; pydantic appends it to the field."""
-
-
-def _unit(field: str) -> str:
-    unit = _UNITS.get(field.rpartition("_")[2])
-    return f", in {unit}" if unit else ""
-
-
-_UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
-
-
-def _example(location: tuple[int | str, ...], value: Any) -> str:
-    """The list that somebody meant who wrote its only entry, or nothing."""
-    if value == "":
-        return ", []"
-    model: Any = Session
-    for part in location:
-        model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
-    kind = next(iter(get_args(model)), None)
-    if get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
-    is_only_entry = get_origin(model) is tuple and kind is type(value)
-    return f", {json.dumps([value], ensure_ascii=False)}" if is_only_entry else ""
-
-
-def _siblings(location: tuple[int | str, ...]) -> list[str]:
-    model: Any = Session
-    for part in location[:-1]:
-        model = getattr(model.model_fields.get(part), "annotation", None)
-        if not hasattr(model, "model_fields"):
-            return []
-    return sorted(model.model_fields)
-
-
-# Tells a folder of kept frames in which no frame is whole yet, by its session file.
-
-CAPTURE_HEAD = (
-    "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
-)
-"""How the session file of such a folder begins; until the first frame is nearly whole it holds nothing else."""
-SCENE_ID = 1
-
-
-def scene_folder(folder: Path) -> Path:
-    """Where the frames of a folder are."""
-    return folder / "test" / f"{SCENE_ID:06d}"
-
-
-def check_holds_a_frame(path: Path, text: str, raw: Mapping[str, Any]) -> None:
-    """
-    Args:
-        path: of a session file.
-        text: of the file.
-        raw: what it says.
-
-    Raises:
-        InputError: it is that of a folder in which the first frame was begun and not finished.
-    """
-    if not text.startswith(CAPTURE_HEAD):
-        return
-    scene = scene_folder(path.parent)
-    # The camera is the last file of a frame. A copy of the session elsewhere has no scene beside it.
-    if not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file()):
-        raise InputError(
-            f"{path.parent} holds no whole frame yet: keep_frame is still writing the first one, or its program was "
-            "stopped in the middle; keep a frame there again, which makes it anew, and then open this session"
-        )
-
-
 Raw = Mapping[str, Any]
+Layer = tuple[str, Raw]
+"""Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
 TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
 DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")
 """Sections that can change from one iteration to the next."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
 """Sections that can change when a run begins again on the same frame."""
+_READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
+"""The source (of the same section) that reads a field."""
+_ESTIMATORS = ("ppf", "pcs")
+"""Sections that only an estimator of their name reads."""
+_OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
+"""The parser's message on a text that does not end in its line, or at all."""
+LARGEST_BYTES = 10_000_000
+"""No session file is larger; another file that was named by mistake may fill the memory."""
+DEEPEST = 20
+"""Levels of lists and tables. Those of settings are six; what checks and writes them calls itself for each."""
+_KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
+"""One of the kinds that a field may be of; pydantic appends it to the field."""
+_UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
+CAPTURE_HEAD = (
+    "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
+)
+"""How the session file of a folder of ``keep_frame`` begins; all of it until the first frame is nearly written."""
+SCENE_ID = 1
 
 
 def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
@@ -197,9 +52,9 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
 
     Raises:
-        InputError: the file cannot be read, or is that of a folder of kept frames that holds none yet.
+        InputError: the file cannot be read, or is that of a folder of ``keep_frame`` without a finished frame.
         SettingsError: it is not TOML or empty, a field is unknown or out of range, or data are named that the chosen
-            source does not look at.
+            source does not read.
     """
     typed = (TYPED, _with_absolute_paths(overrides or {}, Path.cwd()))
     if path is None:
@@ -210,94 +65,14 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     return _of_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
 
 
-_OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
-"""What the parser says of a text that does not end in its line, or at all."""
-
-
-LARGEST_BYTES = 10_000_000
-"""No session file is larger; what a person named instead may fill the memory."""
-
-
-def parsed_toml(text: str) -> dict[str, Any]:
-    """What a text in TOML says.
-
-    Raises:
-        ValueError: it is not TOML, or its numbers are too long or its lists too deep.
-    """
-    too_deep = f"it has lists or tables of more than {DEEPEST} levels"
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
-    except RecursionError:
-        raise ValueError(too_deep) from None
-    except ValueError:  # Python reads no integer of more than 4300 digits.
-        raise ValueError("it has a number of thousands of digits") from None
-    if _is_deeper(raw, DEEPEST):
-        raise ValueError(too_deep)
-    return raw
-
-
-DEEPEST = 20
-"""Levels of lists and tables. Those of settings are six; what checks and writes them calls itself for each."""
-
-
-def _is_deeper(value: Any, levels: int) -> bool:
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return levels < 0 or any(_is_deeper(part, levels - 1) for part in inner)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    if os.path.isdir(path):  # noqa: PTH112 (without an error where a name is too long, or holds a NUL)
-        inside = path / "session.toml"
-        hint = f"; did you mean {inside}?" if inside.is_file() else ""
-        raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}")
-    with open_input(path, "session file") as file:
-        content = file.read(LARGEST_BYTES + 1)
-    if len(content) > LARGEST_BYTES:
-        raise InputError(f"session file {path} is larger than {LARGEST_BYTES // 1_000_000} MB, expected a .toml file")
-    try:
-        # Some editors begin a text with a byte order mark, which TOML does not know; some end lines as Windows does.
-        text = content.decode("utf-8-sig").replace("\r\n", "\n")
-        raw = parsed_toml(text)
-    except UnicodeDecodeError:
-        raise InputError(f"session file {path} cannot be read: it is no text, expected a .toml file") from None
-    except ValueError as error:
-        is_open = any(saying in str(error) for saying in _OPEN_QUOTE)
-        hint = "; a quote is opened there or before and not closed" if is_open else ""
-        raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
-    check_holds_a_frame(path, text, raw)
-    return raw
-
-
 def resolve(raw: Raw, origin: str = "session") -> Session:
     """The session of explicit fields ``raw``: the preset fills in what they leave open.
 
     Raises:
-        SettingsError: a field is unknown or out of range, or data are named that the chosen source does not look at;
+        SettingsError: a field is unknown or out of range, or data are named that the chosen source does not read;
             the text names the field and what was expected.
     """
     return _of_layers([(origin, raw)])
-
-
-def _of_layers(layers: Sequence[Layer]) -> Session:
-    """The session that some layers of explicit fields add up to, the later over the earlier."""
-    raw: dict[str, Any] = {}
-    for _, fields in layers:
-        raw = _merged(raw, fields)
-    base = PUBLISHED if raw.get("preset") == "published" else {}
-    try:
-        session = Session.model_validate(_merged(base, raw))
-    except ValidationError as error:
-        raise SettingsError(f"{written_in(layers, error)}: {first_mistake(error)}") from None
-    check_sources(session, layers)
-    for k, change in enumerate(session.changes):
-        try:
-            changed(session, change.settings)
-        except SettingsError as error:
-            origin = next(origin for origin, fields in reversed(layers) if "changes" in fields)
-            raise SettingsError(f"{origin}: changes.{k}: {error}") from None
-    return session
 
 
 def changed(
@@ -316,7 +91,7 @@ def changed(
     try:
         return Session.model_validate(raw).model_copy(update={"changes": session.changes})
     except ValidationError as error:
-        raise SettingsError(f"changed settings: {first_mistake(error)}") from None
+        raise SettingsError(f"changed settings: {_first_mistake(error)}") from None
 
 
 def session_toml(session: Session) -> str:
@@ -332,6 +107,46 @@ def save_session(session: Session, path: Path) -> None:
     """
     with atomic(path) as part:
         part.write_text(session_toml(session), encoding="utf-8")
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """The content of a text in TOML.
+
+    Raises:
+        ValueError: it is not TOML, or its numbers are too long or its lists too deep.
+    """
+    too_deep = f"it has lists or tables of more than {DEEPEST} levels"
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise ValueError(too_deep) from None
+    except ValueError:  # Python reads no integer of more than 4300 digits.
+        raise ValueError("it has a number of thousands of digits") from None
+    if _is_deeper(raw, DEEPEST):
+        raise ValueError(too_deep)
+    return raw
+
+
+def _of_layers(layers: Sequence[Layer]) -> Session:
+    """The session that some layers of explicit fields add up to, the later over the earlier."""
+    raw: dict[str, Any] = {}
+    for _, fields in layers:
+        raw = _merged(raw, fields)
+    base = PUBLISHED if raw.get("preset") == "published" else {}
+    try:
+        session = Session.model_validate(_merged(base, raw))
+    except ValidationError as error:
+        raise SettingsError(f"{_written_in(layers, error)}: {_first_mistake(error)}") from None
+    _check_sources(session, layers)
+    for k, change in enumerate(session.changes):
+        try:
+            changed(session, change.settings)
+        except SettingsError as error:
+            origin = next(origin for origin, fields in reversed(layers) if "changes" in fields)
+            raise SettingsError(f"{origin}: changes.{k}: {error}") from None
+    return session
 
 
 def _merged(base: Raw, top: Raw) -> dict[str, Any]:
@@ -372,3 +187,155 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
     return value
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if os.path.isdir(path):  # noqa: PTH112 (without an error where a name is too long, or holds a NUL)
+        inside = path / "session.toml"
+        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}")
+    with open_input(path, "session file") as file:
+        content = file.read(LARGEST_BYTES + 1)
+    if len(content) > LARGEST_BYTES:
+        raise InputError(f"session file {path} is larger than {LARGEST_BYTES // 1_000_000} MB, expected a .toml file")
+    try:
+        # Some editors begin a text with a byte order mark, which TOML does not know; some end lines as Windows does.
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+        raw = parsed_toml(text)
+    except UnicodeDecodeError:
+        raise InputError(f"session file {path} cannot be read: it is no text, expected a .toml file") from None
+    except ValueError as error:
+        is_open = any(message in str(error) for message in _OPEN_QUOTE)
+        hint = "; a quote is opened there or before and not closed" if is_open else ""
+        raise SettingsError(f"session file {path} is not TOML: {error}{hint}") from None
+    _check_holds_a_frame(path, text, raw)
+    return raw
+
+
+def _is_deeper(value: Any, levels: int) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return levels < 0 or any(_is_deeper(part, levels - 1) for part in inner)
+
+
+def scene_folder(folder: Path) -> Path:
+    """Where the frames of a folder are."""
+    return folder / "test" / f"{SCENE_ID:06d}"
+
+
+def _check_holds_a_frame(path: Path, text: str, raw: Raw) -> None:
+    """Raises InputError where the session file is that of a folder of ``keep_frame`` without a finished frame."""
+    if not text.startswith(CAPTURE_HEAD):
+        return
+    scene = scene_folder(path.parent)
+    # The camera is the last file of a frame. A copy of the session elsewhere has no scene beside it.
+    if not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file()):
+        raise InputError(
+            f"{path.parent} holds no whole frame yet: keep_frame is still writing the first one, or its program was "
+            "stopped in the middle; keep a frame there again, which replaces it, and then open this session"
+        )
+
+
+def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
+    """Checks that the chosen sources read what was written down; of ``layers`` the later wins.
+
+    A source that was written together with a field, or over it, was chosen on purpose; one that was not written, or
+    only below the field, was forgotten.
+
+    Raises:
+        SettingsError: a field is set that its section's source does not read, and the source was not chosen with it;
+            or a results file is named twice.
+    """
+    for (section, field), reader in _READ_BY.items():
+        chosen = getattr(session, section)
+        at = _last(layers, section, field)
+        if getattr(chosen, field) and chosen.source != reader and _last(layers, section, "source") < at:
+            name, source = f"{section}.{field}", f"{section}.source"
+            raise SettingsError(
+                f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not read it; '
+                f'set {source} = "{reader}", or leave {name} out'
+            )
+    hypotheses = session.hypotheses
+    twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
+    if twice and hypotheses.source == "results":
+        where = layers[_last(layers, "hypotheses", "files")][0]
+        raise SettingsError(f"{where}: hypotheses.files names {twice[0]} twice; name each file once")
+    if _last(layers, "hypotheses", "source") >= 0:
+        return
+    for name in _ESTIMATORS:
+        at = max((k for k, (_, raw) in enumerate(layers) if raw.get(name)), default=-1)
+        if at >= 0 and name not in (kind for *_, kind in hypotheses.estimate):
+            raise SettingsError(
+                f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{hypotheses.source}" and does not read '
+                f'it; set hypotheses.source = "{name}", or write "{hypotheses.source}" there if that is meant'
+            )
+
+
+def _last(layers: Sequence[Layer], section: str, field: str) -> int:
+    """Number of the last layer in which a field was written, from 0; -1 where none has it."""
+    written = (raw.get(section) for _, raw in layers)
+    return max((k for k, fields in enumerate(written) if isinstance(fields, Mapping) and field in fields), default=-1)
+
+
+def _written_in(layers: Sequence[Layer], error: ValidationError) -> str:
+    """Where what is wrong was written: the last layer that has the field."""
+    location = error.errors()[0]["loc"]
+    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
+
+
+def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
+    """How many steps towards a field the settings have."""
+    for k, part in enumerate(location):
+        if not isinstance(raw, Mapping) or part not in raw:
+            return k
+        raw = raw[part]
+    return len(location)
+
+
+def _first_mistake(error: ValidationError) -> str:
+    detail = error.errors()[0]
+    field = _field(detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        names = _siblings(detail["loc"])
+        return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
+    if detail["type"] == "tuple_type":
+        return f"{field} = {quoted(detail['input'])}: expected a list{_example(detail['loc'], detail['input'])}"
+    if detail["type"] == "model_type":
+        return f"{field} = {quoted(detail['input'])}: expected a section, [{field}]"
+    # A field of several kinds (a word or a vector) fails once for each of them.
+    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
+    if detail["loc"][:2] == ("scene", "objects"):
+        ways = ["expected the id of an object, as 5 for obj_000005.ply"]
+    return f"{field} = {quoted(detail['input'])}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
+
+
+def _field(location: tuple[int | str, ...]) -> str:
+    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
+    return ".".join(str(part) for part in location if not (isinstance(part, str) and _KIND.search(part)))
+
+
+def _unit(field: str) -> str:
+    unit = _UNITS.get(field.rpartition("_")[2])
+    return f", in {unit}" if unit else ""
+
+
+def _example(location: tuple[int | str, ...], value: Any) -> str:
+    """The list that was meant where its only entry was written, or nothing."""
+    if value == "":
+        return ", []"
+    model: Any = Session
+    for part in location:
+        model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
+    kind = next(iter(get_args(model)), None)
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    is_only_entry = get_origin(model) is tuple and kind is type(value)
+    return f", {json.dumps([value], ensure_ascii=False)}" if is_only_entry else ""
+
+
+def _siblings(location: tuple[int | str, ...]) -> list[str]:
+    model: Any = Session
+    for part in location[:-1]:
+        model = getattr(model.model_fields.get(part), "annotation", None)
+        if not hasattr(model, "model_fields"):
+            return []
+    return sorted(model.model_fields)

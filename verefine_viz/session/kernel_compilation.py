@@ -1,4 +1,4 @@
-"""Notices that kernels are being compiled: a minute or two in all, once after installing, whatever comes first."""
+"""Reports that kernels are being compiled: a minute or two in all, once after installing."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ COMPILING = "Compiling kernels, once after installing; a minute or two in all."
 
 
 @contextmanager
-def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
-    """Inside, ``tell`` is called whenever this thread begins to compile a kernel, also as part of another one.
+def compiling_reported(report: Callable[[], None]) -> Iterator[None]:
+    """Inside, ``report`` is called whenever this thread begins to compile a kernel, also as part of another one.
 
-    Kernels that are read from the disk, where they are kept once they are compiled, are not told of.
+    Kernels that are read from the cache on disk are not reported.
     """
-    with install_listener("numba:compile", _OfThread(threading.get_ident(), tell)):
+    with install_listener("numba:compile", _OfThread(threading.get_ident(), report)):
         yield
 
 
 class _OfThread(Listener):
-    """Listeners hear of all threads."""
+    """Listeners get the events of all threads."""
 
-    def __init__(self, thread: int, tell: Callable[[], None]) -> None:
-        self._thread, self._tell = thread, tell
+    def __init__(self, thread: int, report: Callable[[], None]) -> None:
+        self._thread, self._report = thread, report
 
     def on_start(self, event: Event) -> None:
         if threading.get_ident() == self._thread:
-            self._tell()
+            self._report()
 
     def on_end(self, event: Event) -> None:
         pass

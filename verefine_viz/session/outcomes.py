@@ -1,4 +1,4 @@
-"""Two runs of one frame against each other: who came nearer, and at what cost."""
+"""Two runs of one frame against each other: which came nearer, and at what cost."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Outcome:
 
     @property
     def winner(self) -> Winner | None:
-        """Who has it nearer to ground truth, or scores higher where none is known; None where one has no answer."""
+        """Which is nearer to ground truth, or scores higher where none is known; None where one has no answer."""
         if self.a is None or self.b is None:
             return None
         if self.a.errors is not None and self.b.errors is not None:
@@ -70,7 +70,7 @@ class Effort:
 
 
 def effort_of(trace: Trace) -> Effort:
-    """What a run has cost so far."""
+    """The effort of a run so far."""
     done = trace.iterations
     calls, rollouts = sum(map(refiner_calls, done)), sum(map(rollout_calls, done))
     return Effort(len(done), trace.n_planned, calls, rollouts, sum(i.ms for i in done))
@@ -91,12 +91,12 @@ def outcomes(
         score_of: score of B's answer by the rule of A; None = both score alike, B's own score will do.
     """
 
-    def answer(trace: Trace, own: int, judge: bool) -> Answer | None:
+    def answer(trace: Trace, own: int, re_score: bool) -> Answer | None:
         best = trace.answers[-1].get(own)
         if best is None:
             return None
         target = trace.problem.target(own)
-        score = score_of(target, best) if judge and score_of is not None else best.score.score
+        score = score_of(target, best) if re_score and score_of is not None else best.score.score
         return Answer(best, errors_of(target, best.T_cam_obj), score)
 
     def calls(trace: Trace, own: int) -> int:
@@ -107,8 +107,8 @@ def outcomes(
         Outcome(
             own,
             name_of(a.problem if own in a.instance_ids else b.problem, own),
-            answer(a, own, False),
-            answer(b, own, True),
+            answer(a, own, re_score=False),
+            answer(b, own, re_score=True),
             calls(a, own),
             calls(b, own),
         )

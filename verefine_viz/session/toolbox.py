@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
@@ -16,7 +16,7 @@ from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mct
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.refiners.registry import make_refiner
+from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.verifier import make_verifier
@@ -87,7 +87,7 @@ class Toolbox:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about the choice of frames and objects."""
+        """Notes on the choice of frames and objects."""
         return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
 
     def problem(self, frame: str) -> Problem:
@@ -95,7 +95,7 @@ class Toolbox:
 
         Raises:
             VerefineError: the frame cannot be used, or lacks what the session names in it.
-            Cancelled: nobody waits for it any more.
+            Cancelled: it is not wanted any more.
         """
         problem = self._with_estimates(self._solvable(self.source.problem(frame, self._progress)))
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
@@ -152,8 +152,8 @@ class Toolbox:
         return broken, tuple(notes)
 
     def _with_estimates(self, problem: Problem) -> Problem:
-        """The same with the pools that estimators are asked for, without notes on those before; an instance for which
-        nothing is found is noted.
+        """The same with the pools of the estimators, without notes on those before; an instance whose estimator finds
+        no pose is noted.
 
         Raises:
             InputError: one is asked for an instance that the frame does not have.
@@ -184,9 +184,7 @@ class Toolbox:
         return self._sharing(changed(self.session, settings))
 
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
-        """The same for what can change at the start of a run, which goes its own way: without poses moved by hand and
-        settings changed on the way.
-        """
+        """The same for what can change at the start of a run: without edited poses and settings changed during it."""
         session = changed(self.session, settings, AT_ITS_START)
         return self._sharing(session.model_copy(update={"edits": (), "changes": ()}))
 
@@ -202,19 +200,19 @@ class Toolbox:
     @cached_property
     def _later(self) -> tuple[tuple[int, Toolbox], ...]:
         """(k, what takes over after iteration k), in order."""
-        found: list[tuple[int, Toolbox]] = []
+        later: list[tuple[int, Toolbox]] = []
         toolbox = self
         for change in sorted(self.session.changes, key=lambda c: c.after_iteration):
             toolbox = toolbox.changed(change.settings)
-            found.append((change.after_iteration, toolbox))
-        return tuple(found)
+            later.append((change.after_iteration, toolbox))
+        return tuple(later)
 
     def verifier_of(self, index: int) -> Verifier:
-        """What judges iteration ``index`` = 1, 2, … of a run of this session."""
+        """What scores iteration ``index`` = 1, 2, … of a run of this session."""
         return next((t for k, t in reversed(self._later) if k < index), self).verifier
 
     def prepare(self, problem: Problem) -> None:
-        """Builds what is built once per model and kept on disk, so that no iteration waits for it (seconds each).
+        """Builds what is built once per model and cached on disk, so that no iteration waits for it (seconds each).
 
         Raises:
             ShapeError: a mesh from which no solid can be made.
@@ -233,8 +231,39 @@ class Toolbox:
 
 def _within_reach(problem: Problem) -> Problem:
     """The same without initial poses that are too far away to be any; each instance's are noted."""
-    found = [within_reach(target.instance, target.model) for target in problem.targets]
-    notes = tuple(note for _, said in found for note in said)
+    checked = [within_reach(target.instance, target.model) for target in problem.targets]
+    notes = tuple(note for _, own in checked for note in own)
     if not notes:
         return problem
-    return replace(problem, instances=tuple(instance for instance, _ in found), notes=(*problem.notes, *notes))
+    return replace(problem, instances=tuple(instance for instance, _ in checked), notes=(*problem.notes, *notes))
+
+
+def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
+    """Checks that this program has every refiner with which something was made.
+
+    Args:
+        session: how it was made.
+        what: what was made, as "recording run.rrd".
+        to_do: what was to be done with it now, as "verify".
+        words: the words that do so, as "replay run.rrd --verify".
+
+    Raises:
+        SettingsError: a refiner is not there; the text says through which program to do it.
+    """
+    for name in _refiners_of(session):
+        if name not in REFINERS:
+            raise SettingsError(
+                f"{what} was made with the refiner {name!r}, which this program does not have "
+                f"(it has {', '.join(REFINERS)}); {to_do} it through the program that does, as in the README's "
+                f'"Your own refiner": python PROGRAM.py {words}'
+            )
+
+
+def _refiners_of(session: Session) -> Iterator[str]:
+    """The refiners that a run of the session needs, also after settings that change during the run."""
+    stages = [session]
+    for change in sorted(session.changes, key=lambda change: change.after_iteration):
+        stages.append(changed(stages[-1], change.settings))
+    for stage in stages:
+        if not method_of(stage.method.name).has_tree:  # It has a refiner of its own.
+            yield stage.method.refiner

@@ -11,7 +11,7 @@ from verefine_viz.core.settings import PUBLISHED, Session
 from verefine_viz.session.files import parsed_toml, resolve
 
 SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")
-"""What cannot be changed for a comparison, since both sides look at the same frame, or what says nothing."""
+"""What cannot be changed for a comparison, since both sides show the same frame, or has no effect on it."""
 Changes = Sequence[tuple[str, Any]]
 
 
@@ -19,9 +19,9 @@ def variant(session: Session, changes: Changes) -> Session:
     """``session`` from its start, with some settings replaced.
 
     Args:
-        session: what is varied; poses moved and settings changed on the way are left out.
+        session: what is varied; edited poses and settings changed during the run are left out.
         changes: (("method.name", "sir"), …); ("preset", "published") sets all that the preset sets, or with
-            "recommended" puts it back to the defaults, before the others are looked at.
+            "recommended" puts it back to the defaults, before the others are applied.
 
     Raises:
         SettingsError: an unknown field, a value out of range, or a setting that makes it another frame.
@@ -51,41 +51,41 @@ def _set_preset(raw: dict[str, Any], preset: Any) -> None:
 
 
 def parsed(text: str) -> tuple[tuple[str, Any], ...]:
-    """Changes as a person writes them: "score.tau_m = 0.01; physics.collider = hull".
+    """Changes as the user writes them: "score.tau_m = 0.01; physics.collider = hull".
 
     Raises:
         SettingsError: a part is not a name and a value.
     """
-    found: list[tuple[str, Any]] = []
+    changes: list[tuple[str, Any]] = []
     for part in filter(str.strip, re.split(r"[;\n]", text)):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
+        name, equals, value = map(str.strip, part.partition("="))
         if not equals or not re.fullmatch(r"[\w.]+", name) or not value:
             raise SettingsError(
                 f"{part.strip()!r} is no setting; expected a name and a value, as in score.tau_m = 0.01"
             )
         try:
-            found.append((name, parsed_toml(f"value = {value}")["value"]))
+            changes.append((name, parsed_toml(f"value = {value}")["value"]))
         except ValueError:
-            found.append((name, value))  # A word needs no quotation marks here.
-    return tuple(found)
+            changes.append((name, value))  # A word needs no quotation marks here.
+    return tuple(changes)
 
 
 def settings_between(a: Session, b: Session) -> tuple[tuple[str, Any, Any], ...]:
     """What differs: (dotted name, value of A, value of B), in the order of a session file."""
-    found: list[tuple[str, Any, Any]] = []
+    differing: list[tuple[str, Any, Any]] = []
     ours, theirs = a.model_dump(), b.model_dump()
     for section, value in ours.items():
         if section in SAME_FRAME:
             continue
         if not isinstance(value, dict):
-            found += [(section, value, theirs[section])] if value != theirs[section] else []
+            differing += [(section, value, theirs[section])] if value != theirs[section] else []
             continue
-        found += [(f"{section}.{k}", v, theirs[section][k]) for k, v in value.items() if v != theirs[section][k]]
-    return tuple(found)
+        differing += [(f"{section}.{k}", v, theirs[section][k]) for k, v in value.items() if v != theirs[section][k]]
+    return tuple(differing)
 
 
 def scores_alike(a: Session, b: Session) -> bool:
-    """Whether both judge a pose by the same rule."""
+    """Whether both score a pose by the same rule."""
 
     # Two renderers of one rule agree to the last digits that matter.
     def rule(s: Session) -> Any:

@@ -20,7 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.edits import edits_elsewhere
-from verefine_viz.session.kernel_compilation import told_of_compiling
+from verefine_viz.session.kernel_compilation import compiling_reported
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
@@ -128,7 +128,7 @@ class App:
     # The worker thread
 
     def _work(self) -> None:
-        with told_of_compiling(self._busy.compiling):
+        with compiling_reported(self._busy.compiling):
             try:
                 worker = self._open()
             except (Exception, Cancelled) as error:

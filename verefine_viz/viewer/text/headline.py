@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Best, Iteration, Stage, TreeStep
 from verefine_viz.core.settings import Edit
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import ClosedPass, SceneState, labels_of
@@ -216,7 +216,7 @@ def _digits(iteration: Iteration) -> int:
     """Decimals that tell the scores apart that are named of an iteration."""
     stages = iteration.stages if _fell(iteration) else iteration.stages[1:]
     scores = sorted(stage.score.score for stage in stages if stage.score is not None)
-    return telling_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
+    return distinguishing_digits(min((b - a for a, b in pairwise(scores) if b > a), default=0.0))
 
 
 def _stage_sentence(snapshot: Snapshot, iteration: Iteration) -> str:
@@ -340,7 +340,7 @@ def _score_margin(snapshot: Snapshot, best: Best) -> str:
     nearer = _nearer(snapshot, best.T_cam_obj, highest[rival].T_cam_obj) if lead < NEAR_TIE else ""
     if lead < NO_LEAD:
         return f", level with hypothesis {rival + 1}{nearer}"
-    return f", {lead:.{telling_digits(lead)}f} ahead of hypothesis {rival + 1}{nearer}"
+    return f", {lead:.{distinguishing_digits(lead)}f} ahead of hypothesis {rival + 1}{nearer}"
 
 
 def _nearer(snapshot: Snapshot, T_best: Float, T_rival: Float) -> str:

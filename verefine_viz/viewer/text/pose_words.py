@@ -9,7 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.core.text_format import telling_digits
+from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.score_causes import preferred
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
@@ -157,7 +157,7 @@ def compared(snapshot: Snapshot) -> str:
 def score_digits(scores: Sequence[PoseScore | None]) -> int:
     """Decimals that tell some scores apart; three at least."""
     known = [s.score for s in scores if s is not None]
-    return max(3, telling_digits(max(known) - min(known))) if known else 3
+    return max(3, distinguishing_digits(max(known) - min(known))) if known else 3
 
 
 # What an object starts from, before the first iteration: which hypothesis scores best, and which is nearest.
