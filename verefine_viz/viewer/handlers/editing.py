@@ -71,7 +71,7 @@ def _hint_for(state: State, view: Snapshot, T_cam_obj: Float) -> str:
         return READ
     run = state.run
     tried = run.fork(run.cursor, edit=(view.target.instance.instance_id, view.arm, T_cam_obj))
-    return BY_HAND if state_of(tried.state, view.target).by_hand else TO_TRY
+    return BY_HAND if state_of(tried.state, view.target).edited_arms else TO_TRY
 
 
 def drag(state: State, command: c.DragPose) -> None:

@@ -30,8 +30,10 @@ def chosen(view: Snapshot) -> str:
         return "There is no hypothesis to choose from."
     shown = view.shown
     if shown is None:
-        if view.state.by_hand:
-            return f"Nothing was chosen yet. Hypothesis {view.state.by_hand[0] + 1} was moved by hand: it comes first."
+        if view.state.edited_arms:
+            return (
+                f"Nothing was chosen yet. Hypothesis {view.state.edited_arms[0] + 1} was moved by hand: it comes first."
+            )
         return _to_choose(view)
     if shown.choice is None:
         works = f"it works on hypothesis {shown.arm + 1}"
