@@ -31,9 +31,8 @@ def chosen(view: Snapshot) -> str:
     shown = view.shown
     if shown is None:
         if view.state.edited_arms:
-            return (
-                f"Nothing was chosen yet. Hypothesis {view.state.edited_arms[0] + 1} was moved by hand: it comes first."
-            )
+            arm = view.state.edited_arms[0]
+            return f"Nothing was chosen yet. Hypothesis {arm + 1} was moved by hand: it comes first."
         return _to_choose(view)
     if shown.choice is None:
         works = f"it works on hypothesis {shown.arm + 1}"
