@@ -187,7 +187,7 @@ def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_amon
     assert judged.best.score.score == max(o.initial.score)
 
 
-def test_judged_anew_a_moved_hypothesis_still_begins_where_it_was_put() -> None:
+def test_rescored_an_edited_hypothesis_still_begins_where_it_was_put() -> None:
     fork = stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT))
     fork.step()
     o = method_of("rir").rescored(fork.state).objects[0]

@@ -47,7 +47,7 @@ OF_ONE_OBJECT = ("refine", "pir", "sir", "rir", "even", "expl", "vf_breadth")
 
 @settings(max_examples=25, deadline=None)
 @given(st.sampled_from(OF_ONE_OBJECT), st.integers(1, 4), st.integers(1, 2), st.integers(0, 100), st.data())
-def test_everything_known_is_judged_anew(name: str, n: int, n_instances: int, seed: int, data: st.DataObject) -> None:
+def test_everything_known_is_rescored(name: str, n: int, n_instances: int, seed: int, data: st.DataObject) -> None:
     problem = box_problem(n, n_instances, seed)
     run = finished(name, problem)
     k = data.draw(st.integers(1, run.length))
@@ -99,7 +99,7 @@ def test_the_same_score_leaves_everything_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("then", ["rir", "vf_depth"])
-def test_rewards_of_whole_scenes_cannot_be_judged_anew(then: str) -> None:
+def test_rewards_of_whole_scenes_cannot_be_rescored(then: str) -> None:
     problem = box_problem(2, 3)
     problem = replace(problem, dependencies=DependencyGraph((), ((2, 0), (1,)), (), "given"))
     run = finished("vf_depth", problem)

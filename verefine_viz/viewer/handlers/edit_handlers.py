@@ -70,7 +70,7 @@ def _hint_for(state: State, snapshot: Snapshot, T_cam_obj: Float) -> str:
         return OF_RECORDING
     run = state.run
     tried = run.fork(run.cursor, edit=(snapshot.target.instance.instance_id, snapshot.arm, T_cam_obj))
-    return CAN_CONTINUE if state_of(tried.state, snapshot.target).by_hand else ONLY_SCORED
+    return CAN_CONTINUE if state_of(tried.state, snapshot.target).edited_arms else ONLY_SCORED
 
 
 def _drag(state: State, command: c.DragPose) -> None:

@@ -63,8 +63,8 @@ def chosen(snapshot: Snapshot) -> str:
     if shown is not None:
         works = f"it works on hypothesis {shown.arm + 1}"
         return f"{beside_answer(snapshot)}{method.label} does not choose between hypotheses: {works}."
-    if snapshot.state.by_hand:
-        return f"Nothing was chosen yet. Hypothesis {snapshot.state.by_hand[0] + 1} was edited: it comes first."
+    if snapshot.state.edited_arms:
+        return f"Nothing was chosen yet. Hypothesis {snapshot.state.edited_arms[0] + 1} was edited: it comes first."
     if method.has_tree:
         return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
     if not method.chooses:
