@@ -2,7 +2,7 @@
 
 The outline of an object's mask is laid over that of the drawn model by a shift and a factor of size. Outlines are
 compared, not areas, so that what hides a part of the object, or the border of the image, costs only that part of the
-outline; and how well they then lie on each other tells a mask of another shape from one of another size. In a second
+outline; and how well they then lie on each other shows whether a mask has another shape or another size. In a second
 fit, width and height get a factor each: where one focal length alone is wrong, the mask is of another shape.
 """
 
@@ -70,10 +70,9 @@ class OutlineFit:
 def fit_outline(
     model: ObjectModel, T_cam_obj: Float, camera: Camera, mask: Mask, others: Mask, depth_m: NDArray[np.float32]
 ) -> OutlineFit | None:
-    """How an object's ``mask`` (H, W) lies over its model at ``T_cam_obj`` (4, 4).
+    """How an object's ``mask`` (H, W) lies over its model at ``T_cam_obj`` (4, 4); None where too little is seen.
 
-    ``others`` (H, W) are pixels of other objects, which may hide it, and ``depth_m`` (H, W) is 0 where nothing was
-    measured. None where too little is seen of its outline.
+    ``others`` (H, W) are pixels of other objects, which may hide it; ``depth_m`` (H, W) is 0 where unmeasured.
     """
     drawn = _draw(model, T_cam_obj, camera)
     places = _own_outline(mask, others, depth_m) if mask.any() else np.zeros((0, 2))

@@ -184,7 +184,7 @@ def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     if not kinds:
         return True
     verdict = object_sizes(dataset, sampled, kinds[0])
-    parts.add("sizes", verdict.found, verdict.advice)
+    parts.add("sizes", verdict.message, verdict.advice)
     return verdict.cause in (None, "depth", "masks")
 
 

@@ -13,7 +13,7 @@ from typing import get_args
 
 import numpy as np
 
-from verefine_viz.calibration.camera_check import MOST, Verdict, compared, sample, share_near, verdict
+from verefine_viz.calibration.camera_check import MOST, Verdict, outline_fits, sample, share_near, verdict
 from verefine_viz.calibration.outlines import OutlineFit
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.core.arrays import Float, Mask
@@ -104,7 +104,7 @@ def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: 
             together = np.zeros(image.camera.shape, np.bool_)
             # A frame may hold thousands of instances, so no more masks are held than are looked at.
             largest = nlargest(MOST, _sized_objects(dataset, ids, kind, together), lambda one: np.count_nonzero(one[2]))
-            fits += compared(largest, image.camera, image.depth_m, together)
+            fits += outline_fits(largest, image.camera, image.depth_m, together)
     return verdict(fits)
 
 

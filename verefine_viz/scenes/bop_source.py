@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from verefine_viz.calibration.camera_check import truth_notes
+from verefine_viz.calibration.camera_check import ground_truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.model import ObjectModel
@@ -117,7 +117,7 @@ class BopSource:
                 *up_notes,
                 *notes,
                 *model_notes,
-                *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
+                *ground_truth_notes(instances, models, self._dataset.folder, self._detections is not None),
                 *unit_notes(self._results, instances),
                 *instance_notes(ids, instances, models, self._hypotheses.source, self._results),
             ),
