@@ -162,9 +162,8 @@ def _displaced(sure: Sequence[OutlineFit]) -> Verdict | None:
     shifts_px = np.array([one.shift_px for one in sure])
     middle_px = np.median(shifts_px, axis=0)
     far_px, spread_px = np.linalg.norm(middle_px), np.median(np.linalg.norm(shifts_px - middle_px, axis=1))
-    if len(sure) < FEWEST_TOGETHER or far_px <= BESIDE * sure[0].camera.width + 3 * spread_px:
-        return None
-    if np.mean(shifts_px @ middle_px < 0.5 * far_px**2) > MOST_DISSENT:
+    is_common = np.mean(shifts_px @ middle_px < 0.5 * far_px**2) <= MOST_DISSENT
+    if len(sure) < FEWEST_TOGETHER or far_px <= BESIDE * sure[0].camera.width + 3 * spread_px or not is_common:
         return None
     words = (("left of", "right of", "cx"), ("above", "below", "cy"))
     off = [(px, *of) for px, of in zip(middle_px.tolist(), words, strict=True)]

@@ -152,8 +152,7 @@ def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Floa
     is_farther = measured_m > around_m + 2 * STEP_M
     hiding = ~own & (is_nearer | (others[box] & ~is_farther))
     is_beside_hiding = np.asarray(ndimage.maximum_filter(hiding, size), np.bool_)
-    cross = ndimage.generate_binary_structure(2, 1)
-    is_surrounded = np.asarray(ndimage.minimum_filter(own, footprint=cross), np.bool_)
+    is_surrounded = np.asarray(ndimage.binary_erosion(own), np.bool_)
     places = np.argwhere(own & ~is_surrounded & ~is_beside_hiding) + corner
     is_inner = ((places >= BORDER_PX) & (places < np.array(mask.shape) - BORDER_PX)).all(axis=1)
     return places[is_inner, ::-1].astype(np.float64)
