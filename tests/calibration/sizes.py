@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.scenes.write_bop import write_bop
 from verefine_viz.calibration import camera_check
 from verefine_viz.calibration.camera_check import Verdict, outline_fits
 from verefine_viz.core.arrays import Float, Mask
@@ -20,7 +21,6 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.scenes.write_bop import write_bop
 from verefine_viz.session.toolbox import Toolbox
 
 Objects = list[tuple[ObjectModel, Float, Mask]]

@@ -295,7 +295,7 @@ MODELS = "../../models"
         (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
         (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
         (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
-        (remove("depth/000003.png"), "000003.png is missing; VSD needs the depth image"),
+        (remove("depth/000003.png"), "000003.png is missing; a depth image is needed"),
         (damage("depth/000003.png"), "000003.png is damaged or no image"),
         (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
         (write(TARGETS, "[]"), "test_targets_bop19.json lists no targets"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -17,7 +18,6 @@ from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.scenes.hypothesis_pool import perturbed
 from verefine_viz.scenes.results_csv import ResultRow
-from verefine_viz.scenes.write_bop import write_bop
 
 FRAMES = (("clutter", "0/0"), ("clutter", "0/1"), ("bowl", "0/0"), ("stack", "0/0"))
 

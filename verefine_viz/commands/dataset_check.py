@@ -145,7 +145,7 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
     parts.before_all = "" if frames else f"frames: {why}"
     try:
-        targets = dataset.targets()
+        targets = dataset.targets
     except VerefineError as error:
         parts.add("targets", "damaged", str(error))
         return frames

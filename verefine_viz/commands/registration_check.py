@@ -13,7 +13,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Placed
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.segments import depth_of
+from verefine_viz.scenes.segments import draw_placed
 
 Pixels = NDArray[np.intp]
 
@@ -53,9 +53,13 @@ def registration(
             f"millimetres{guess}",
         )
         return
-    pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := depth_of(frame.placed, frame.camera)).any()]
+    pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := _drawn_m(frame)).any()]
     if pairs:
         yield _agreement(pairs, is_in_place)
+
+
+def _drawn_m(frame: _Frame) -> Float:
+    return draw_placed(frame.placed, frame.camera)[0].astype(np.float64)
 
 
 def _agreement(pairs: Sequence[tuple[Float, Float]], is_in_place: bool) -> tuple[str, str]:

@@ -15,8 +15,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
-from verefine_viz.rendering.mesh import render_mesh
-from verefine_viz.rendering.rasterizer import draw_frame
+from verefine_viz.scenes.segments import draw_placed
 
 # The plane that objects really stand on, told by their true poses: a face of their hull that they can rest on.
 
@@ -232,16 +231,7 @@ class FrameTruth:
 
     @cached_property
     def _rendered(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Z (H, W) [m] of all of them, and whose it is (instance_id, -1 elsewhere)."""
-        camera = self.problem.observation.camera
-        pinhole = camera.fx, camera.fy, camera.cx, camera.cy
-        inv_z, owner = np.zeros(camera.shape, np.float32), np.full(camera.shape, -1, np.int32)
-        for instance_id, placed in self.placed.items():
-            mesh = render_mesh(placed.model.vertices, placed.model.faces)
-            face_of = np.full(camera.shape, -1, np.int32)
-            draw_frame(np.ascontiguousarray(placed.T_cam_obj), *mesh.arrays, *pinhole, inv_z, face_of)
-            owner[face_of >= 0] = instance_id
-        return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), owner
+        return draw_placed(self.placed.values(), self.problem.observation.camera)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
