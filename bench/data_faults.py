@@ -24,7 +24,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
-from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.demo_layout import Viewpoint
@@ -176,7 +176,7 @@ def is_elsewhere(p: Problem) -> bool:
 
 def is_not_registered(p: Problem) -> bool:
     """Whether a diagnosis calls depth shifted or scaled."""
-    return FrameTruth(p).registration.is_off
+    return FrameGroundTruth(p).registration.is_off
 
 
 def is_in_centimetres(p: Problem) -> bool:

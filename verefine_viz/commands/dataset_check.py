@@ -16,7 +16,13 @@ from verefine_viz.commands.registration_check import registration
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.evaluation.bop_model import EvalModels
-from verefine_viz.evaluation.ground_truth import VISIB_FRACT, BopTruth, read_targets, targets_path, visible_targets
+from verefine_viz.evaluation.ground_truth import (
+    VISIB_FRACT,
+    BopGroundTruth,
+    read_targets,
+    targets_path,
+    visible_targets,
+)
 from verefine_viz.scenes.bop import NO_COLOR, BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
@@ -207,7 +213,7 @@ def _check_scoring(dataset: BopDataset, looked: Sequence[tuple[int, int]], parts
     if not parts.ground_truth:  # Said already.
         return
     try:
-        models, truth = EvalModels(dataset.folder), BopTruth(dataset)
+        models, truth = EvalModels(dataset.folder), BopGroundTruth(dataset)
         path, with_truth = targets_path(dataset.folder, dataset.split), set(truth.images())
         targets = read_targets(path) if path else visible_targets(truth, [ids for ids in looked if ids in with_truth])
         for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):

@@ -1,4 +1,4 @@
-"""What estimates are compared with: true poses, depth images and models, of a BOP folder or of problems in memory."""
+"""What estimates are compared with: poses, depth images and models of a BOP folder or of problems in memory."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ from verefine_viz.scenes.image_files import (
     read_steps,
 )
 
-# Which instances a score asks for: BOP's targets files, or every instance that is seen well enough.
-
 Task = Literal["localization", "detection"]
 """localization: BOP'19 to '23, how many instances there are is known. detection: BOP'24, it is not."""
 
@@ -37,13 +35,13 @@ class Targets:
     """What is asked for, images of a scene together, in the file's order."""
 
     name: str
-    """Of the file, for people."""
+    """Of the file."""
     counts: Mapping[tuple[int, int], Mapping[int, int]]
-    """(scene_id, im_id) → obj_id → instances; nothing is said about objects where the task is detection."""
+    """(scene_id, im_id) → obj_id → instances; without objects where the task is detection."""
     task: Task
     """The one that the file was made for."""
     is_official: bool = True
-    """Whether the data set itself says what is asked for."""
+    """Whether they are those of a targets file."""
 
 
 def read_targets(path: Path) -> Targets:
@@ -92,7 +90,7 @@ VISIB_FRACT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class GtInstance:
     """One instance of an image."""
 
     gt_id: int
@@ -107,8 +105,8 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class TruthImage:
-    """What is known about one image."""
+class GtImage:
+    """One image."""
 
     K: Float
     """(3, 3) camera matrix [px]."""
@@ -116,16 +114,16 @@ class TruthImage:
     """[px]."""
     depth_mm: NDArray[np.float32] | None
     """(H, W) [mm], 0 where nothing was measured; None where it was not asked for."""
-    truths: tuple[Truth, ...]
+    instances: tuple[GtInstance, ...]
 
 
-class TruthSource(Protocol):
-    """Where truth comes from. Images may be asked for from several threads."""
+class GtSource(Protocol):
+    """Where ground truth comes from. Images may be asked for from several threads."""
 
     name: str
     """The data set's: itodd has its own tolerance, xyzibd its own limit of estimates."""
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         """One image; InputError where it is missing or damaged."""
         ...
 
@@ -135,12 +133,12 @@ class TruthSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about how far scores can be compared."""
+        """How far scores can be compared with others."""
         ...
 
 
-class BopTruth:
-    """The truth of a data set's split, read as the official toolkit reads it: no digit is changed.
+class BopGroundTruth:
+    """The ground truth of a data set's split, as the official toolkit reads it: no digit is changed.
 
     Raises:
         InputError: the data set has no models.
@@ -152,7 +150,7 @@ class BopTruth:
         self._models = EvalModels(dataset.folder)
         self._without_info: set[int] = set()
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         folder = self._dataset.scene_folder(scene_id)
         if not os.path.lexists(folder / "scene_gt.json"):
             raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
@@ -161,14 +159,14 @@ class BopTruth:
                 raise InputError(f"{folder / name} has no image {im_id}, which the targets name")
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
         camera = self._dataset.of_images(scene_id, "scene_camera.json")[im_id]
-        K, truths = intrinsics_of(camera, where), self._instances(scene_id, im_id)
+        K, instances = intrinsics_of(camera, where), self._instances(scene_id, im_id)
         if not with_depth:
-            return TruthImage(K, _width(folder, im_id), None, truths)
+            return GtImage(K, _width(folder, im_id), None, instances)
         scale_mm = depth_scale_of(camera, where)
         # The toolkit multiplies them in single precision.
         steps = read_steps(self._dataset.depth_file(scene_id, im_id), scale_mm)
         depth_mm = steps.astype(np.float32) * np.float32(scale_mm)
-        return TruthImage(K, depth_mm.shape[1], depth_mm, truths)
+        return GtImage(K, depth_mm.shape[1], depth_mm, instances)
 
     def model(self, obj_id: int) -> EvalModel:
         return self._models.get(obj_id)
@@ -194,7 +192,7 @@ class BopTruth:
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
         return tuple(notes)
 
-    def _instances(self, scene_id: int, im_id: int) -> tuple[Truth, ...]:
+    def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
         """Those of an image; all count as visible where the scene has no scene_gt_info.json."""
         folder = self._dataset.scene_folder(scene_id)
         where, where_info = (f"{folder / name}, image {im_id}" for name in ("scene_gt.json", "scene_gt_info.json"))
@@ -210,7 +208,7 @@ class BopTruth:
         else:
             self._without_info.add(scene_id)
         return tuple(
-            Truth(
+            GtInstance(
                 k,
                 integer_of(entry, "obj_id", f"{where}, entry {k}"),
                 *pose_of(entry, f"{where}, entry {k}"),
@@ -220,8 +218,8 @@ class BopTruth:
         )
 
 
-class ProblemTruth:
-    """The truth that problems carry, such as the built-in scenes; instances without a true pose are left out.
+class ProblemGroundTruth:
+    """The ground truth of problems, such as the built-in scenes; instances without are left out.
 
     Continuous symmetries are those of the problems' models, in coarser steps than the official ones.
 
@@ -244,13 +242,13 @@ class ProblemTruth:
         """Every instance that is at least 10 % visible."""
         return visible_targets(self, self._problems)
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         if (scene_id, im_id) not in self._problems:
             frames = (f"{s}/{i}" for s, i in self._problems)
             raise InputError(unknown("frame", f"{scene_id}/{im_id}", frames))
         problem = self._problems[scene_id, im_id]
-        truths = tuple(
-            Truth(
+        instances = tuple(
+            GtInstance(
                 i.instance_id,
                 i.obj_id,
                 np.ascontiguousarray(i.T_cam_obj_gt[:3, :3]),
@@ -262,7 +260,7 @@ class ProblemTruth:
         )
         camera = problem.observation.camera
         depth_mm = (problem.observation.depth_m * np.float32(1e3)).astype(np.float32) if with_depth else None
-        return TruthImage(camera.K, camera.width, depth_mm, truths)
+        return GtImage(camera.K, camera.width, depth_mm, instances)
 
     def model(self, obj_id: int) -> EvalModel:
         if obj_id not in self._models:
@@ -270,18 +268,16 @@ class ProblemTruth:
         return self._models[obj_id]
 
 
-def visible_targets(truth: TruthSource, images: Iterable[tuple[int, int]]) -> Targets:
+def visible_targets(ground_truth: GtSource, images: Iterable[tuple[int, int]]) -> Targets:
     """Every instance of some images, (scene_id, im_id), that is at least 10 % visible: how BOP chooses its targets.
 
     Raises:
         InputError: an image is missing or damaged.
     """
-    counts = {
-        image: dict(
-            Counter(t.obj_id for t in truth.image(*image, with_depth=False).truths if t.visib_fract >= VISIB_FRACT)
-        )
-        for image in images
-    }
+    counts: dict[tuple[int, int], dict[int, int]] = {}
+    for image in images:
+        instances = ground_truth.image(*image, with_depth=False).instances
+        counts[image] = dict(Counter(gt.obj_id for gt in instances if gt.visib_fract >= VISIB_FRACT))
     return Targets("all instances that are at least 10 % visible", counts, "localization", is_official=False)
 
 

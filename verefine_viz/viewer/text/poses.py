@@ -10,7 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import telling_digits
-from verefine_viz.diagnosis.causes import told_apart
+from verefine_viz.diagnosis.causes import distinct_texts
 from verefine_viz.diagnosis.score_causes import preferred
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
@@ -140,7 +140,7 @@ def truth_score(view: Snapshot) -> str:
         return ""
     if view.undeclared is not None:
         return view.undeclared.in_words(view.name)  # A score cannot tell such a pose from the true one.
-    own, true = told_apart(best.score.score, truth.score.score, 3)
+    own, true = distinct_texts(best.score.score, truth.score.score, 3)
     if not prefers(best, truth):
         return f"The true pose scores more: {true} against {own}."
     if own == true:
