@@ -77,8 +77,8 @@ def score(value: float, depth_fit: float, missed: int = 0) -> PoseScore:
             score(0.9, 0.8),
             score(0.8, 0.8, missed=20),
             "The score prefers a pose of the mug that is wrong by 11% of the diameter: 0.900 against 0.800 for the "
-            "ground truth, in which 20% of the pixels count as missed (measured, and no model there), against 0% in the "
-            "answer.",
+            "ground truth, in which 20% of the pixels count as missed (measured, and no model there), against 0% in "
+            "the answer.",
         ),
     ],
 )

@@ -9,6 +9,7 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
+from verefine_viz.diagnosis.signs import prefers
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
 from verefine_viz.rendering.explained import ExplainedPixels
 
@@ -28,7 +29,7 @@ def score(case: Case) -> Finding | None:
         return _cost(case, case.answer.T_cam_obj)
     wrong = _scored(case, case.answer.T_cam_obj[None])[0]
     right = max(_scored(case, _poses_at_gt(case)), key=lambda s: s.score)
-    if wrong.score < right.score:
+    if not prefers(wrong, right):
         return None
     evidence = {
         "score": wrong.score,

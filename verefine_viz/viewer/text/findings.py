@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title
+from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.gallery import Entry
 from verefine_viz.viewer.text.names import is_correct
 from verefine_viz.viewer.text.plausibility import plane_doubt, unsupported_stacking, unsupported_stacking_warning
-from verefine_viz.viewer.text.poses import preferred_wrong, prefers, start_errors
+from verefine_viz.viewer.text.poses import preferred_wrong, start_errors
 
 # What a batch says about the object in focus: why it failed, and why this iteration is the one to look at.
 
@@ -61,12 +62,6 @@ def _why_here(view: Snapshot, entry: Entry) -> str:
     else:
         return ""
     return f"Iteration {at}: {change}." if lost else ""
-
-
-FAR = 0.25
-"""A start further away than this share of the diameter is not near (ADD(-S))."""
-LOW_SCORE = 0.45
-LEAK_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -146,16 +141,25 @@ def _why_wrong(view: Snapshot) -> list[Finding]:
     return [Finding(f"{said} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
+def _course(view: Snapshot) -> Course:
+    """How the object in focus has fared up to the cursor."""
+    best, truth = view.poses.get("best"), view.truth
+    n_arms = len(view.state.arms) if view.state is not None else 0
+    return Course(
+        tuple(start_errors(view)),
+        tuple(sum(i.arm == j for i in view.own_iterations) for j in range(n_arms)),
+        best.errors if best is not None else None,
+        best.score if best is not None else None,
+        truth.score if truth is not None else None,
+    )
+
+
 def _far_start(view: Snapshot) -> list[Finding]:
-    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(view)) if e is not None]
-    if not known:
+    course = _course(view)
+    start = far_start(course)
+    if start is None or any(is_correct(e) for e in (course.answer, *(e for _, _, e in view.error_series[-1:]))):
         return []
-    _, j, errors = min(known, key=lambda k: k[0])
-    best = view.poses.get("best")
-    found = [best.errors if best is not None else None, *(errors for _, _, errors in view.error_series[-1:])]
-    arrived = any(is_correct(e) for e in found)
-    if errors.relative < FAR or arrived:
-        return []
+    j, errors = start
     off = (
         f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
         f"{errors.relative:.0%} of the diameter."
@@ -200,43 +204,31 @@ def _is_over(view: Snapshot) -> bool:
 
 def _starved(view: Snapshot) -> list[Finding]:
     """A hypothesis that was the best start, by ground truth or by score, and got next to no iterations."""
-    if not _is_over(view) or view.state is None or len(view.state.arms) < 2:
+    course, shown = _course(view), view.shown
+    start = starved(course) if _is_over(view) else None
+    if start is None or shown is None or shown.choice is None or not shown.choice.exploration.any():
         return []
-    pulls = [sum(i.arm == j for i in view.own_iterations) for j in range(len(view.state.arms))]
-    if view.shown is None or view.shown.choice is None or not view.shown.choice.exploration.any():
-        return []
-    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(view)) if e is not None]
-    if not known:
-        return []
-    error, j = min(known)
-    fair = len(view.own_iterations) / len(pulls)
-    best = view.poses["best"]
-    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
-        return []
-    if prefers(view.poses["best"], view.truth):
-        return []  # More turns would not have helped it.
+    j, errors = start
     wider = max(2 * view.session.method.exploration, 0.05)
     text = (
-        f"Hypothesis {j + 1}{_whose(view)} started nearest to ground truth ({error:.0f} mm) but was tried {pulls[j]} "
-        f"of {sum(pulls)} times: its exploration bonus never won."
+        f"Hypothesis {j + 1}{_whose(view)} started nearest to ground truth ({errors.add_s_mm:.0f} mm) but was tried "
+        f"{course.n_tried[j]} of {sum(course.n_tried)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
 
 
 def _wrong_score(view: Snapshot) -> list[Finding]:
-    best, truth = view.poses.get("best"), view.truth
-    if not _is_over(view) or best is None or truth is None or truth.score is None:
+    course = _course(view)
+    wrong, at_gt = course.score, course.score_at_gt
+    if not _is_over(view) or not course.is_wrong or course.answer is None or wrong is None or at_gt is None:
         return []
-    if best.errors is None or best.score is None or is_correct(best.errors):
-        return []
-    wrong, true = best.score, truth.score
-    if prefers(best, truth):
-        text = preferred_wrong(view, wrong, true)
+    if course.is_misled:
+        text = preferred_wrong(view, wrong, at_gt)
         return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
-    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
+    how = f"{course.answer.rotation_deg:.0f}° and {course.answer.translation_mm:.0f} mm off"
     text = (
-        f"The search missed it: the ground truth would score {true.score:.2f}, the best pose found {wrong.score:.2f} "
+        f"The search missed it: the ground truth would score {at_gt.score:.2f}, the best pose found {wrong.score:.2f} "
         f"({how}). More iterations or better hypotheses can help; another score cannot."
     )
     return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
@@ -244,11 +236,9 @@ def _wrong_score(view: Snapshot) -> list[Finding]:
 
 def _leak(view: Snapshot) -> list[Finding]:
     best = view.poses.get("best")
-    if not _is_over(view) or best is None or best.score is None:
+    if not _is_over(view) or best is None or best.score is None or not leaks(best.score):
         return []
     missed = best.score.shares["missed"]
-    if missed < LEAK_SHARE:
-        return []
     text = (
         f"{missed:.0%} of the pixels are missed (red): the mask holds surface that the pose does not explain. "
         "If the red pixels form another object, the mask leaks onto it."
@@ -257,10 +247,8 @@ def _leak(view: Snapshot) -> list[Finding]:
 
 
 def _low(view: Snapshot) -> list[Finding]:
-    if not _is_over(view) or view.state is None:
+    if not _is_over(view) or view.state is None or not is_low(view.state.best.score):
         return []
     score = view.state.best.score.score
-    if score >= LOW_SCORE:
-        return []
     text = f"All hypotheses{_whose(view)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
     return [Finding(text)]
