@@ -159,7 +159,7 @@ def model_of_mesh(
     Args:
         mesh: its surface.
         obj_id: BOP id.
-        name: for people.
+        name: for messages and tables.
         n_points: points to sample on the surface.
         seed: of the sampling.
         symmetries: (S, 4, 4) [m], identity first; None = the identity only.
