@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from tests.made_up_frames import SETTINGS, Thing, frame_of, model, standing
-from verefine_viz.calibration.camera_check import compared, depth_notes, truth_notes, verdict
+from verefine_viz.calibration.camera_check import depth_notes, ground_truth_notes, outline_fits, verdict
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
-from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.demo_layout import Viewpoint
@@ -163,7 +163,7 @@ def has_cause(*causes: str) -> Check:
     def check(p: Problem) -> bool:
         known = [(p.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in p.instances if i.T_cam_obj_gt is not None]
         seen = p.observation
-        found = verdict(compared(known, seen.camera, seen.depth_m, seen.object_mask))
+        found = verdict(outline_fits(known, seen.camera, seen.depth_m, seen.object_mask))
         return bool(found.advice) and (not causes or found.cause in causes)
 
     return check
@@ -171,12 +171,12 @@ def has_cause(*causes: str) -> Check:
 
 def is_elsewhere(p: Problem) -> bool:
     """Whether depth lies nowhere near the true poses."""
-    return bool(truth_notes(p.instances, p.models, Path(), False))
+    return bool(ground_truth_notes(p.instances, p.models, Path(), False))
 
 
 def is_not_registered(p: Problem) -> bool:
     """Whether a diagnosis calls depth shifted or scaled."""
-    return FrameTruth(p).registration.is_off
+    return FrameGroundTruth(p).registration.is_off
 
 
 def is_in_centimetres(p: Problem) -> bool:

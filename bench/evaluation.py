@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.geometry import axis_angle
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
@@ -26,7 +27,6 @@ from verefine_viz.evaluation.vsd import DepthPatch, model_depth, vsd
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.hypothesis_pool import perturbed
 from verefine_viz.scenes.results_csv import ResultRow, write_results
-from verefine_viz.scenes.write_bop import write_bop
 
 REPEATS = 15
 N_TARGETS = 31

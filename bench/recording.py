@@ -23,9 +23,9 @@ import numpy as np
 from rich.console import Console
 
 from bench.__main__ import table
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.scenes.write_bop import write_bop
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_frames, demo_problem
-from verefine_viz.scenes.write_bop import write_bop
 
 EVERY = 4
 """Pixels: 640 × 480 becomes 160 × 120."""

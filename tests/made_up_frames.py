@@ -24,13 +24,12 @@ from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.sensor import Sensor, sense
+from verefine_viz.scenes.sensor import sense
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
 CAMERA = Camera(np.array([[285.0, 0, 159.5], [0, 285.0, 119.5], [0, 0, 1]]), 320, 240)
 SETTINGS = SceneSettings(model_points=1000, cloud_points=700)
-SENSOR = Sensor()
 TABLE_HALF_M = 0.6
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -82,7 +81,7 @@ def frame_of(
     normals = np.where(is_table[..., None], T_world_cam[2, :3], drawn.normals_cam)
     labels = np.where(is_table, -1, drawn.labels)
     masks = [labels == k for k in range(len(things))]
-    depth_m = sense(true_m, normals, camera, SENSOR, int(rng.integers(2**31)))
+    depth_m = sense(true_m, normals, camera, int(rng.integers(2**31)))
     depth_m = spoil_depth(depth_m, masks)
     given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
     observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.scenes.write_bop import write_bop
 from verefine_viz.calibration import camera_check
-from verefine_viz.calibration.camera_check import Verdict, compared
+from verefine_viz.calibration.camera_check import Verdict, outline_fits
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.scenes.write_bop import write_bop
 from verefine_viz.session.toolbox import Toolbox
 
 Objects = list[tuple[ObjectModel, Float, Mask]]
@@ -47,7 +47,7 @@ def objects(problem: Problem) -> Objects:
 
 def verdict(of: Objects, camera: Camera, depth_m: Depth) -> Verdict:
     together = np.any([mask for _, _, mask in of], axis=0)
-    return camera_check.verdict(compared(of, camera, depth_m.astype(np.float32), together))
+    return camera_check.verdict(outline_fits(of, camera, depth_m.astype(np.float32), together))
 
 
 def with_focal(camera: Camera, factor: float) -> Camera:

@@ -29,7 +29,7 @@ def test_one_wrong_focal_length_is_named_with_its_factor(factor: float) -> None:
     size, off = ("wider", "small") if factor < 1 else ("narrower", "large")
     said = of_problem(with_camera(scene(), fx=factor))
     assert said.cause == "one focal length"
-    assert f"{size} than their models" in said.found
+    assert f"{size} than their models" in said.message
     assert said.advice.startswith(f"fx of cam_K looks too {off}, ")
     assert fitting(said) == pytest.approx(1 / factor, rel=0.02)
     assert "fy" not in said.advice
@@ -41,7 +41,7 @@ def test_one_wrong_focal_length_is_named_with_its_factor(factor: float) -> None:
 
 def test_focal_lengths_that_are_off_by_different_factors_are_both_named() -> None:
     said = of_problem(with_camera(scene(), fx=1.25, fy=0.85))
-    assert "narrower and" in said.found
+    assert "narrower and" in said.message
     assert "fx of cam_K looks too large, about 0.80" in said.advice
     assert "fy of cam_K looks too small, about 1.18" in said.advice
 
@@ -62,7 +62,7 @@ def test_focal_lengths_that_are_off_by_different_factors_are_both_named() -> Non
 def test_a_wrong_principal_point_is_named_with_its_pixels(dx: float, dy: float, found: str, advice: str) -> None:
     said = of_problem(with_camera(scene(), dx=dx, dy=dy))
     assert said.cause == "principal point"
-    assert found in said.found
+    assert found in said.message
     assert advice in said.advice
 
 
@@ -71,7 +71,7 @@ def test_masks_that_are_all_displaced_are_told_from_a_wrong_principal_point() ->
     displaced = [(model, T, np.roll(mask, (8, -30), axis=(0, 1))) for model, T, mask in objects(scene())]
     said = verdict(displaced, seen.camera, seen.depth_m)
     assert said.cause == "masks"
-    assert said.found.endswith("but depth does not")
+    assert said.message.endswith("but depth does not")
     assert "the masks are displaced" in said.advice
 
 
@@ -86,7 +86,7 @@ def test_objects_that_lie_beside_their_models_each_another_way_say_nothing_of_th
     ways = [(0, 30), (0, -30), (30, 0), (-30, 0), (20, 20), (-20, -20)]
     beside = [(m, T, np.roll(mask, way, axis=(0, 1))) for (m, T, mask), way in zip(objects(scene()), ways, strict=True)]
     assert verdict(beside, seen.camera, seen.depth_m) == Verdict(
-        "objects appear as large as their models in their true poses"
+        "objects appear as large as their models in their ground-truth poses"
     )
 
 

@@ -28,7 +28,7 @@ def test_a_wrong_focal_length_is_noticed_with_its_factor(factor: float) -> None:
     assert said.cause == "focal length"
     assert fitting(said) == pytest.approx(1 / factor, rel=0.02)
     size, away, off = ("larger", "farther from", "small") if factor < 1 else ("smaller", "nearer to", "large")
-    assert f" {size} than their models in their true poses and lie {away} the image's centre" in said.found
+    assert f" {size} than their models in their ground-truth poses and lie {away} the image's centre" in said.message
     assert said.advice.startswith(f"fx and fy of cam_K look too {off}, about ")
 
 

@@ -238,7 +238,7 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
     ),
     "the split has another name": (
         lambda m: m.scene.parent.rename(m.root / "val"),
-        "boxes has no folder test*; say which split is meant with --split",
+        "boxes has no folder test*; name one with --split",
         "unknown split 'test'; available: val",
     ),
 }

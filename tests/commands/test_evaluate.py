@@ -212,7 +212,7 @@ def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
 def test_results_that_say_nothing_about_any_target(desk: Desk, row: str, words: str) -> None:
     path = desk.file("other_lmo-test.csv", row)
     line = desk.refused(desk.results, path)
-    assert line.startswith(f"{path} says nothing about any target of test_targets_bop19.json: {words}; does it belong")
+    assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it belong")
 
 
 def test_detections_of_no_object_that_is_in_the_image(desk: Desk) -> None:
@@ -295,7 +295,7 @@ MODELS = "../../models"
         (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
         (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
         (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
-        (remove("depth/000003.png"), "000003.png is missing; VSD needs the depth image"),
+        (remove("depth/000003.png"), "000003.png is missing; a depth image is needed"),
         (damage("depth/000003.png"), "000003.png is damaged or no image"),
         (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
         (write(TARGETS, "[]"), "test_targets_bop19.json lists no targets"),
@@ -358,7 +358,7 @@ def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
     assert "no results file given" in desk.refused("--split", "test")
     assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
     assert "is a file, not a folder; give --dataset" in desk.refused(desk.results, "--dataset", desk.results)
-    assert "has no folder test*; say which split is meant" in desk.refused(desk.results, "--dataset", tmp_path)
+    assert "has no folder test*; name one with --split" in desk.refused(desk.results, "--dataset", tmp_path)
     assert "unknown split 'train'; available: test" in desk.refused(desk.results, "--split", "train")
     assert "neither here nor in" in desk.refused(desk.results, "--targets", "no.json")
     assert "--workers is 0" in desk.refused(desk.results, "--workers", "0")

@@ -15,10 +15,10 @@ from PIL import Image
 from tests.batch.frames import make_frames
 from tests.calibration.sizes import scene
 from tests.scenes.bop_folder import Made
+from tests.scenes.write_bop import write_bop
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Finding
 from verefine_viz.commands.datasets import Datasets
-from verefine_viz.scenes.write_bop import write_bop
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

@@ -132,7 +132,7 @@ def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
     monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
     diagnosis, trace = with_refiner(name, "mug")
     assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.REFINER, True)
-    assert f"The refiner {name} does not bring the mug to the truth" in diagnosis.sentence
+    assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.sentence
     assert "with ICP from the same hypotheses the error is 0%" in diagnosis.sentence
     assert diagnosis.evidence["error_repaired"] < 0.02
     assert Cause.POOL not in {other.cause for other in diagnosis.others}, "the pool leads there"

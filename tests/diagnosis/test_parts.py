@@ -13,7 +13,7 @@ from tests.made_up_frames import CAMERA, frame_of, level, model, moved, near, sm
 from tests.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.frame_ground_truth import FrameTruth, carrying_plane, registration
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth, registration, supporting_plane
 from verefine_viz.diagnosis.symmetry import nearby_symmetry
 from verefine_viz.evaluation.pose_errors import pose_errors
 
@@ -68,7 +68,7 @@ def test_objects_stand_on_the_true_plane(seed: int) -> None:
     table = table[np.linalg.norm(table[:, :2] - T_world_obj[:2, 3], axis=1) > 0.5 * m.diameter_m]
     # A wall behind must not be taken for the table.
     wall = np.column_stack([rng.uniform(-0.4, 0.4, 2000), np.full(2000, 0.4), rng.uniform(0, 0.5, 2000)])
-    found = carrying_plane(apply(T_cam_world @ T_world_obj, m.vertices), apply(T_cam_world, np.vstack([table, wall])))
+    found = supporting_plane(apply(T_cam_world @ T_world_obj, m.vertices), apply(T_cam_world, np.vstack([table, wall])))
     assert found is not None
     heights_m = apply(found.T_world_cam @ T_cam_world, table)[:, 2]
     assert np.abs(heights_m).max() < 0.008
@@ -78,7 +78,7 @@ def test_objects_stand_on_the_true_plane(seed: int) -> None:
 
 def test_no_plane_where_none_is_seen() -> None:
     m = model("mug")
-    assert carrying_plane(apply(transform(np.eye(3), [0, 0, 0.5]), m.vertices), np.zeros((0, 3))) is None
+    assert supporting_plane(apply(transform(np.eye(3), [0, 0, 0.5]), m.vertices), np.zeros((0, 3))) is None
 
 
 @pytest.mark.parametrize("name", ["can", "block", "cereal", "bottle", "bracket", "bowl"])
@@ -121,10 +121,10 @@ def test_the_outline_is_what_is_seen_of_the_object() -> None:
     T_behind[:2, 3] += [0.04, 0.02]
     things = [Made(behind, T_behind, near(T_behind, rng, 1, 5, 5)), Made(front, T_front, is_asked_for=False)]
     problem = frame_of(things, rng)
-    outline, mask = FrameTruth(problem).outline(0), problem.instances[0].mask
+    outline, mask = FrameGroundTruth(problem).outline(0), problem.instances[0].mask
     assert np.count_nonzero(outline & mask) / np.count_nonzero(outline | mask) > 0.9
     whole = replace(problem, observation=replace(problem.observation, depth_m=np.zeros(CAMERA.shape, np.float32)))
-    assert np.count_nonzero(FrameTruth(whole).outline(0)) > np.count_nonzero(outline)
+    assert np.count_nonzero(FrameGroundTruth(whole).outline(0)) > np.count_nonzero(outline)
 
 
 def test_level_directions_are_level() -> None:

@@ -11,7 +11,7 @@ import pytest
 from tests.failing_scenes import broken_scene, named
 from tests.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
-from verefine_viz.diagnosis.case import company_of, solved_together
+from verefine_viz.diagnosis.case import cluster_of, solved_together
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.verify import first_difference
 
@@ -46,7 +46,7 @@ def quarter_turns() -> list[Float]:
 
 def test_the_same_pools_and_budget_give_the_answer_of_the_run() -> None:
     broken = beside_a_can("carton", np.random.default_rng(0), Cause.POOL, quarter_turns())
-    assert company_of(broken.problem, 0) == IDS
+    assert cluster_of(broken.problem, 0) == IDS
     answers = broken.toolbox.run(broken.problem).finish().best
     for k in IDS:
         again = solved_together(broken.toolbox, broken.problem, k, {})

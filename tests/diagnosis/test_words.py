@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.diagnosis.causes import MORE_DIGITS, TITLES, Cause, instead, told_apart
+from verefine_viz.diagnosis.causes import MORE_DIGITS, TITLES, Cause, distinct_texts, instead
 from verefine_viz.diagnosis.score_causes import preferred
 
 
@@ -27,12 +27,12 @@ from verefine_viz.diagnosis.score_causes import preferred
 def test_numbers_get_the_digits_in_which_they_differ(
     a: float, b: float, digits: int, kind: Literal["f", "%"], texts: tuple[str, str]
 ) -> None:
-    assert told_apart(a, b, digits, kind) == texts
+    assert distinct_texts(a, b, digits, kind) == texts
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.integers(0, 4))
 def test_numbers_that_look_the_same_are_nearly_the_same(a: float, b: float, digits: int) -> None:
-    said_a, said_b = told_apart(a, b, digits)
+    said_a, said_b = distinct_texts(a, b, digits)
     if said_a == said_b:
         assert abs(a - b) <= 1.001 * 10.0 ** -(digits + MORE_DIGITS)
     else:
@@ -65,19 +65,20 @@ def score(value: float, depth_fit: float, missed: int = 0) -> PoseScore:
             score(0.82926, 0.801),
             score(0.82914, 0.799),
             "The score prefers a pose of the mug that is wrong by 11% of the diameter: 0.8293 against 0.8291 for the "
-            "truth, whose depth fits less well (0.799 against 0.801).",
+            "ground truth, whose depth fits less well (0.799 against 0.801).",
         ),
         (
             score(0.8, 0.8),
             score(0.8, 0.8),
-            "The score gives a pose of the mug that is wrong by 11% of the diameter as much as the truth: 0.800.",
+            "The score gives a pose of the mug that is wrong by 11% of the diameter as much as the ground truth: "
+            "0.800.",
         ),
         (
             score(0.9, 0.8),
             score(0.8, 0.8, missed=20),
             "The score prefers a pose of the mug that is wrong by 11% of the diameter: 0.900 against 0.800 for the "
-            "truth, in which 20% of the pixels count as missed (measured, and no model there), against 0% in the "
-            "answer.",
+            "ground truth, in which 20% of the pixels count as missed (measured, and no model there), against 0% in "
+            "the answer.",
         ),
     ],
 )

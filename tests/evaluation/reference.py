@@ -8,14 +8,14 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bop_model import EvalModel
-from verefine_viz.evaluation.ground_truth import Targets, Truth, TruthImage, TruthSource
+from verefine_viz.evaluation.ground_truth import GtImage, GtInstance, GtSource, Targets
 from verefine_viz.evaluation.pose_table import PoseTable
 from verefine_viz.evaluation.vsd import DepthPatch, model_depth
 
 STEPS = np.arange(0.05, 0.51, 0.05)
 
 
-def average_recalls(table: PoseTable, source: TruthSource, targets: Targets) -> tuple[float, float, float]:
+def average_recalls(table: PoseTable, source: GtSource, targets: Targets) -> tuple[float, float, float]:
     """AR_VSD, AR_MSSD, AR_MSPD."""
     recalls = [[], [], []]
     groups = [(image, obj_id, n) for image, counts in targets.counts.items() for obj_id, n in counts.items()]
@@ -32,11 +32,11 @@ def average_recalls(table: PoseTable, source: TruthSource, targets: Targets) -> 
     return a, b, c
 
 
-def _group(table: PoseTable, source: TruthSource, image: tuple[int, int], obj_id: int, n: int):
+def _group(table: PoseTable, source: GtSource, image: tuple[int, int], obj_id: int, n: int):
     picture = source.image(*image, with_depth=True)
-    ranked = sorted(picture.truths, key=lambda t: t.visib_fract, reverse=True)
+    ranked = sorted(picture.instances, key=lambda t: t.visib_fract, reverse=True)
     valid = {t.gt_id for t in [t for t in ranked if t.obj_id == obj_id][:n]}
-    truths = [t for t in picture.truths if t.obj_id == obj_id]
+    truths = [t for t in picture.instances if t.obj_id == obj_id]
     rows = [k for k, ids in enumerate(table.ids) if ids == (*image, obj_id)]
     rows = sorted(rows, key=lambda k: table.scores[k], reverse=True)[:n]
     model = source.model(obj_id)
@@ -59,7 +59,7 @@ def _found(prepared, kind: int, tau: int | None, threshold: float) -> int:
 
 
 def _errors(
-    model: EvalModel, R: Float, t_mm: Float, truth: Truth, image: TruthImage
+    model: EvalModel, R: Float, t_mm: Float, truth: GtInstance, image: GtImage
 ) -> tuple[list[float], float, float]:
     return (
         vsd(model, R, t_mm, truth, image),
@@ -70,7 +70,7 @@ def _errors(
     )
 
 
-def vsd(model: EvalModel, R: Float, t_mm: Float, truth: Truth, image: TruthImage) -> list[float]:
+def vsd(model: EvalModel, R: Float, t_mm: Float, truth: GtInstance, image: GtImage) -> list[float]:
     assert image.depth_mm is not None
     shape, K, d = image.depth_mm.shape, image.K, model.diameter_mm
     if t_mm[2] == 0:
@@ -99,13 +99,13 @@ def whole(patch: DepthPatch, shape: tuple[int, int]) -> Float:
     return out
 
 
-def mssd(model: EvalModel, R: Float, t_mm: Float, truth: Truth) -> float:
+def mssd(model: EvalModel, R: Float, t_mm: Float, truth: GtInstance) -> float:
     x = model.vertices_mm
     shifts = (x @ R.T + t_mm - ((x @ S[:3, :3].T + S[:3, 3]) @ truth.R.T + truth.t_mm) for S in model.symmetries_mm)
     return min(float(np.linalg.norm(shift, axis=1).max()) for shift in shifts)
 
 
-def mspd(model: EvalModel, R: Float, t_mm: Float, truth: Truth, K: Float) -> float:
+def mspd(model: EvalModel, R: Float, t_mm: Float, truth: GtInstance, K: Float) -> float:
     def seen(points: Float) -> Float:
         p = points @ K.T
         return p[:, :2] / p[:, 2:]

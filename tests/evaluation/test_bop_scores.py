@@ -17,7 +17,7 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
-from verefine_viz.evaluation.ground_truth import ProblemTruth, Targets, Task, visible_targets
+from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, Task, visible_targets
 from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 
@@ -153,7 +153,7 @@ def test_methods_together_score_as_alone_with_any_number_of_threads(demo: DemoSe
 
 def test_progress_is_told(demo: DemoSet) -> None:
     told: list[tuple[int, int]] = []
-    bop_scores([table([])], demo.truth, demo.targets, tell=lambda done, total: told.append((done, total)))
+    bop_scores([table([])], demo.truth, demo.targets, report=lambda done, total: told.append((done, total)))
     assert told == [(k, 4) for k in (1, 2, 3, 4)]
 
 
@@ -169,7 +169,7 @@ def test_objects_and_scenes_add_up(demo: DemoSet) -> None:
 
 
 def test_problems_in_memory_score_as_their_folder(demo: DemoSet) -> None:
-    truth = ProblemTruth("demo", demo.problems)
+    truth = ProblemGroundTruth("demo", demo.problems)
     assert {k: dict(v) for k, v in truth.targets.counts.items()} == {k: dict(v) for k, v in demo.targets.counts.items()}
     # The writer's targets are made by the same rule.
     in_folder = visible_targets(demo.truth, demo.targets.counts)

@@ -11,7 +11,7 @@ from tests.evaluation import reference
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle
 from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
-from verefine_viz.evaluation.ground_truth import Truth
+from verefine_viz.evaluation.ground_truth import GtInstance
 from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm, mspd_px, mssd_mm, symmetric_errors
 from verefine_viz.evaluation.vsd import EMPTY, DepthPatch, model_depth, vsd
 
@@ -51,7 +51,7 @@ def test_the_quick_search_finds_what_the_plain_one_finds(seed: int, info: dict, 
     (R, t), (R_gt, t_gt) = pose(rng, size_rad), pose(rng, 3.0)
     if size_rad == 0:
         R, t = R_gt, t_gt
-    truth = Truth(0, 1, R_gt, t_gt, 1.0)
+    truth = GtInstance(0, 1, R_gt, t_gt, 1.0)
     assert mssd_mm(made, R, t, R_gt, t_gt) == pytest.approx(reference.mssd(made, R, t, truth), abs=1e-9)
     assert mspd_px(made, R, t, R_gt, t_gt, K) == pytest.approx(reference.mspd(made, R, t, truth, K), abs=1e-8)
 

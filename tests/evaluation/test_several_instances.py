@@ -15,7 +15,7 @@ from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
-from verefine_viz.evaluation.ground_truth import BopTruth, Task, find_targets, read_targets
+from verefine_viz.evaluation.ground_truth import BopGroundTruth, Task, find_targets, read_targets
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results_csv import ResultRow
@@ -27,7 +27,7 @@ def made(tmp_path: Path) -> Made:
 
 
 def scored(made: Made, rows: list[ResultRow], task: Task | None = None) -> Scores:
-    truth = BopTruth(BopDataset(made.root, "test"))
+    truth = BopGroundTruth(BopDataset(made.root, "test"))
     targets = read_targets(find_targets(made.root, "test"))
     table = pose_table("method", rows)
     scores = bop_scores([table], truth, targets, task)[0]
@@ -40,8 +40,8 @@ def scored(made: Made, rows: list[ResultRow], task: Task | None = None) -> Score
 
 def true_poses(made: Made) -> list[Float]:
     """Left (object 2), middle (5) and right (2)."""
-    truth = BopTruth(BopDataset(made.root, "test"))
-    return [T_of(t) for t in truth.image(7, 3, with_depth=False).truths]
+    truth = BopGroundTruth(BopDataset(made.root, "test"))
+    return [T_of(t) for t in truth.image(7, 3, with_depth=False).instances]
 
 
 def row(obj_id: int, score: float, T: Float) -> ResultRow:

@@ -13,12 +13,12 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.scenes.bop_folder import Made, detections, make, refusal
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.meshes import read_mesh
 from verefine_viz.scenes.results_csv import HEADER, ResultRow, read_results, write_results
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.scenes.write_bop import write_bop
 
 Spoil = Callable[[Made], Any]
 

@@ -12,17 +12,17 @@ import pytest
 import trimesh
 
 from tests.scenes.test_write_bop import assert_same, reopened
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import angle_between, apply, transform
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.rendering.rendered_scene import render_scene
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
-from verefine_viz.scenes.demo_models import demo_model, demo_model_names
+from verefine_viz.scenes.demo_models import KINDS, demo_model
 from verefine_viz.scenes.demo_scenes import SCENES
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.scenes.write_bop import write_bop
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -45,7 +45,7 @@ def test_the_mug_comes_first_and_every_failure_is_there() -> None:
     assert sum(name.startswith("failure_") for name in demo_names()) == 7
 
 
-@pytest.mark.parametrize("name", demo_model_names())
+@pytest.mark.parametrize("name", KINDS)
 def test_objects_are_of_household_size_and_centred(name: str) -> None:
     model = demo_model(name, 500, 0)
     assert 0.05 < model.diameter_m < 1.01
@@ -54,7 +54,7 @@ def test_objects_are_of_household_size_and_centred(name: str) -> None:
     assert model.vertex_colors is not None
 
 
-@pytest.mark.parametrize("name", demo_model_names())
+@pytest.mark.parametrize("name", KINDS)
 def test_symmetries_map_the_object_onto_itself(name: str) -> None:
     model = demo_model(name, 500, 0)
     np.testing.assert_allclose(model.symmetries[0], np.eye(4), atol=1e-12)
@@ -64,7 +64,7 @@ def test_symmetries_map_the_object_onto_itself(name: str) -> None:
         assert distance_m.max() < 2e-4  # facets of round things
 
 
-@pytest.mark.parametrize("name", demo_model_names())
+@pytest.mark.parametrize("name", KINDS)
 def test_faces_look_outwards(name: str) -> None:
     model = demo_model(name, 500, 0)
     assert trimesh.Trimesh(model.vertices, model.faces, process=False).volume > 0

@@ -14,7 +14,7 @@ from PIL import Image
 from verefine_viz.core.geometry import apply
 from verefine_viz.scenes import meshes
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, read_mesh
-from verefine_viz.scenes.models import ModelLibrary, load_model, model_of_mesh, symmetry_transforms
+from verefine_viz.scenes.models import ModelLibrary, model_of_mesh, symmetry_transforms
 
 SIZE_MM = np.array([100.0, 80.0, 60.0])
 
@@ -27,7 +27,7 @@ def box() -> trimesh.Trimesh:
 def test_every_format_gives_the_same_box(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"box.{suffix}"
     box().export(path)
-    model = load_model(path, 1, "box", 1e-3, 500, 0)
+    model = model_of_mesh(read_mesh(path, 1e-3), 1, "box", 500, 0)
     assert model.vertices.shape == (8, 3)
     assert model.faces.shape == (12, 3)
     assert model.diameter_m == pytest.approx(np.linalg.norm(SIZE_MM) * 1e-3, rel=1e-6)
@@ -45,7 +45,7 @@ def test_ascii_and_binary_ply_agree(tmp_path: Path, encoding: str) -> None:
 def test_sampled_points_lie_on_the_surface_with_outward_normals(tmp_path: Path) -> None:
     path = tmp_path / "box.ply"
     box().export(path)
-    model = load_model(path, 1, "box", 1e-3, 3000, 0)
+    model = model_of_mesh(read_mesh(path, 1e-3), 1, "box", 3000, 0)
     depth_inside = (SIZE_MM / 2e3 - np.abs(model.points)).min(axis=1)
     np.testing.assert_allclose(depth_inside, 0, atol=1e-9)
     face = np.argmin(SIZE_MM / 2e3 - np.abs(model.points), axis=1)
@@ -60,7 +60,7 @@ def test_an_inside_out_mesh_is_turned(tmp_path: Path) -> None:
     mesh = box()
     mesh.invert()
     mesh.export(tmp_path / "box.ply")
-    model = load_model(tmp_path / "box.ply", 1, "box", 1e-3, 200, 0)
+    model = model_of_mesh(read_mesh(tmp_path / "box.ply", 1e-3), 1, "box", 200, 0)
     assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
 
 
@@ -69,14 +69,14 @@ def test_mixed_winding_is_repaired(tmp_path: Path) -> None:
     faces = mesh.faces.copy()
     faces[::3] = faces[::3, ::-1]
     trimesh.Trimesh(mesh.vertices, faces, process=False).export(tmp_path / "box.ply")
-    model = load_model(tmp_path / "box.ply", 1, "box", 1e-3, 200, 0)
+    model = model_of_mesh(read_mesh(tmp_path / "box.ply", 1e-3), 1, "box", 200, 0)
     assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
 
 
 def test_sampling_depends_on_the_seed_only(tmp_path: Path) -> None:
     path = tmp_path / "box.ply"
     box().export(path)
-    a, b, c = (load_model(path, 1, "box", 1e-3, 100, seed) for seed in (4, 4, 5))
+    a, b, c = (model_of_mesh(read_mesh(path, 1e-3), 1, "box", 100, seed) for seed in (4, 4, 5))
     assert a.points.tobytes() == b.points.tobytes()
     assert a.points.tobytes() != c.points.tobytes()
     assert a.mesh_hash == b.mesh_hash == c.mesh_hash

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from verefine_viz.core.camera import Camera
-from verefine_viz.scenes.sensor import DEPTH_UNIT_M, PERFECT, Patch, Sensor, ellipse, sense
+from verefine_viz.scenes.sensor import DEPTH_UNIT_M, Sensor, sense
 
+PERFECT = Sensor(noise_px=0.0, disparity_step_px=0.0, edge_dropout=0.0, grazing_start_deg=90.0, grazing_end_deg=91.0)
+"""Measures everything, exactly (to ``DEPTH_UNIT_M``)."""
 CAMERA = Camera(np.array([[570.0, 0, 159.5], [0, 570.0, 119.5], [0, 0, 1]]), 320, 240)
 
 
@@ -31,14 +33,14 @@ def slope(angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_perfect_sensor_changes_nothing_but_the_unit() -> None:
     depth, normals = slope(50)
-    np.testing.assert_allclose(sense(depth, normals, CAMERA, PERFECT, 0), depth, atol=DEPTH_UNIT_M / 2 + 1e-7)
+    np.testing.assert_allclose(sense(depth, normals, CAMERA, 0, PERFECT), depth, atol=DEPTH_UNIT_M / 2 + 1e-7)
 
 
 @pytest.mark.parametrize("z_m", [0.4, 0.8, 1.6])
 def test_noise_is_the_disparity_error_times_z_squared(z_m: float) -> None:
     sensor = Sensor(noise_px=0.1, noise_grain_px=0.0, disparity_step_px=0.0)
     depth, normals = wall(z_m)
-    error = sense(depth, normals, CAMERA, sensor, 3).astype(np.float64) - z_m
+    error = sense(depth, normals, CAMERA, 3, sensor).astype(np.float64) - z_m
     expected_m = z_m**2 / (CAMERA.fx * sensor.baseline_m) * 0.1
     assert error.std() == pytest.approx(expected_m, rel=0.03)
     assert abs(error.mean()) < expected_m * 0.05
@@ -47,7 +49,7 @@ def test_noise_is_the_disparity_error_times_z_squared(z_m: float) -> None:
 def test_grain_keeps_the_size_of_the_noise_and_makes_neighbours_alike() -> None:
     depth, normals = wall(1.0)
     fine, coarse = (
-        sense(depth, normals, CAMERA, Sensor(noise_px=0.1, noise_grain_px=g, disparity_step_px=0), 0) for g in (0, 2)
+        sense(depth, normals, CAMERA, 0, Sensor(noise_px=0.1, noise_grain_px=g, disparity_step_px=0)) for g in (0, 2)
     )
     assert coarse.std() == pytest.approx(fine.std(), rel=0.1)
     assert np.diff(coarse, axis=1).std() < 0.5 * np.diff(fine, axis=1).std()
@@ -56,7 +58,7 @@ def test_grain_keeps_the_size_of_the_noise_and_makes_neighbours_alike() -> None:
 def test_quantisation_steps_grow_with_z_squared() -> None:
     sensor = replace(PERFECT, disparity_step_px=1 / 4)
     depth, normals = slope(45)
-    z = np.unique(sense(depth, normals, CAMERA, sensor, 0))
+    z = np.unique(sense(depth, normals, CAMERA, 0, sensor))
     z = z[z > 0].astype(np.float64)
     step = z[1:] ** 2 / (CAMERA.fx * sensor.baseline_m) / 4
     np.testing.assert_allclose(np.diff(z) / step, 1, atol=0.2)
@@ -66,10 +68,10 @@ def test_pixels_drop_out_at_jumps_and_not_on_slants() -> None:
     sensor = replace(PERFECT, edge_dropout=1.0)
     depth, normals = slope(60)
     inside = np.s_[1:-1, 1:-1]
-    assert (sense(depth, normals, CAMERA, sensor, 0)[inside] > 0).all()
+    assert (sense(depth, normals, CAMERA, 0, sensor)[inside] > 0).all()
     near, normals = wall(0.8)
     near[:, 160:] = 0.7
-    lost = sense(near, normals, CAMERA, sensor, 0) == 0
+    lost = sense(near, normals, CAMERA, 0, sensor) == 0
     assert lost[:, 159:161].all()
     assert not lost[:, :158].any()
     assert not lost[:, 162:].any()
@@ -81,24 +83,15 @@ def test_grazing_surfaces_are_lost() -> None:
     for angle_deg in (40, 70, 85):
         depth, normals = slope(angle_deg)
         rows = np.s_[115:125]
-        shares.append(float((sense(depth, normals, CAMERA, sensor, 0)[rows] > 0).mean()))
+        shares.append(float((sense(depth, normals, CAMERA, 0, sensor)[rows] > 0).mean()))
     assert shares[0] == 1.0
     assert 0.3 < shares[1] < 0.7
     assert shares[2] == 0.0
 
 
-def test_patches_hold_nothing() -> None:
-    patch = Patch(100, 60, 30, 12)
-    depth, normals = wall(0.7)
-    seen = sense(depth, normals, CAMERA, replace(PERFECT, patches=(patch,)), 0)
-    np.testing.assert_array_equal(seen == 0, ellipse(patch, CAMERA.shape))
-    some = sense(depth, normals, CAMERA, replace(PERFECT, n_random_patches=3), 0) == 0
-    assert 0 < some.mean() < 0.3
-
-
 def test_the_seed_decides_every_bit() -> None:
     depth, normals = slope(30)
-    first, again, other = (sense(depth, normals, CAMERA, Sensor(), seed) for seed in ((7, 1), (7, 1), (7, 2)))
+    first, again, other = (sense(depth, normals, CAMERA, seed) for seed in ((7, 1), (7, 1), (7, 2)))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
 
@@ -106,4 +99,4 @@ def test_the_seed_decides_every_bit() -> None:
 def test_what_is_not_there_stays_unmeasured() -> None:
     depth, normals = wall(0.9)
     depth[:50] = 0
-    assert (sense(depth, normals, CAMERA, Sensor(), 0)[:50] == 0).all()
+    assert (sense(depth, normals, CAMERA, 0)[:50] == 0).all()

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from tests.scenes.write_bop import write_bop
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.source import SceneSource, open_scene
-from verefine_viz.scenes.write_bop import write_bop
 
 
 def reopened(folder: Path, split: str = "test", **more) -> SceneSource:

@@ -16,7 +16,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 
-NOWHERE = "depth in the objects' masks lies nowhere near their true poses"
+NOWHERE = "depth in the objects' masks lies nowhere near their ground-truth poses"
 
 
 def scaled_camera(factor: float) -> Callable[[Made], None]:
@@ -55,7 +55,7 @@ def test_data_that_do_not_belong_together_are_noted_once(tmp_path: Path, break_i
     break_it(made)
     notes = [note for note in made.read().notes if NOWHERE in note]
     assert len(notes) == 1
-    assert notes[0].endswith(f"so scores or errors are wrong; `verefine-viz datasets check {tmp_path}` tells more")
+    assert notes[0].endswith(f"so scores or errors are wrong; `verefine-viz datasets check {tmp_path}` shows more")
 
 
 def test_one_mask_of_something_else_is_no_sign_of_wrong_data(tmp_path: Path) -> None:

@@ -38,7 +38,9 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
     found = [one for one in findings(view) if "objects appear" in one.text]
     assert len(found) == noted
     for one in found:
-        assert one.text.startswith("Look at the data first: objects appear 11% larger than their models in their true")
+        assert one.text.startswith(
+            "Look at the data first: objects appear 11% larger than their models in their ground"
+        )
         assert one.text.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size.")
         assert findings(view)[0] == one
         assert one.red

@@ -120,7 +120,7 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     )
     (said,) = (f.text for f in findings(view) if f.text.startswith("The score prefers"))
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
-    assert ": 0.940 against 0.820 for the truth" in said
+    assert ": 0.940 against 0.820 for the ground truth" in said
     assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
     assert "The score prefers best to ground truth. More iterations need not help" in errors_words(view)
     view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))

@@ -1,4 +1,4 @@
-"""Whether camera, depth, models, true and initial poses of a frame belong together.
+"""Whether camera, depth, models, ground-truth and initial poses of a frame belong together.
 
 A wrong focal length goes unnoticed where only depth is compared: an object near the image's centre still lies about
 right. But it changes how large objects appear and, by the same factor, how far from the centre; models of a wrong size
@@ -38,34 +38,31 @@ MASK_PX, PLAIN_PX = 4, 2
 BESIDE, LITTLE = 0.015, 0.25
 """Least displacement (share of the image's width), and least share of its larger side at which the other is named."""
 FAR, FEW = 0.25, 3
-"""Depth further from a model (share of its diameter; in true poses of YCB-V it lies within 0.03) does not show it; of
+"""Depth further from a model (share of its diameter; at ground truth of YCB-V it lies within 0.03) does not show it; of
 fewer objects chance, or one wrong detection, may look like a rule."""
 OFF_DEPTH, OTHER_UNIT = 0.05, 5.0
 """Estimators' own distances may all be off by this share; what is off by a larger factor is of another unit."""
-IN_ORDER = "objects appear as large as their models in their true poses"
+IN_ORDER = "objects appear as large as their models in their ground-truth poses"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is to be said about the sizes and places of objects."""
+    """How sizes and places of objects differ from what their poses say."""
 
-    found: str
+    message: str
     advice: str = ""  # what to do about it; empty = nothing
     cause: str | None = None
     """"focal length", "one focal length", "principal point", "image" (cam_K is of images of another size), "models",
-    "focal length or models", "distances" (of the true poses), "masks", "depth", or nothing is off."""
+    "focal length or models", "distances" (of the ground-truth poses), "masks", "depth", or nothing is off."""
 
 
-def compared(
+def outline_fits(
     objects: Sequence[tuple[ObjectModel, Float, Mask]], camera: Camera, depth_m: NDArray[np.float32], object_mask: Mask
 ) -> list[OutlineFit]:
-    """How the largest objects of a frame lie over their models, as far as enough is seen of their outlines.
+    """How the largest of these objects (model, T_cam_obj (4, 4), mask (H, W)) lie over their models.
 
-    Args:
-        objects: model, T_cam_obj (4, 4) and mask (H, W) of each.
-        camera: of the frame.
-        depth_m: (H, W) as measured, 0 where nothing was.
-        object_mask: (H, W) pixels of any object, also of others than these.
+    Those of whose outline too little is seen are left out. ``depth_m`` (H, W) is 0 where nothing was measured, and
+    ``object_mask`` (H, W) are the pixels of any object, also of others than these.
     """
     large = [one for one in objects if np.count_nonzero(one[2]) >= SMALLEST_PX**2]
     largest = sorted(large, key=lambda one: -np.count_nonzero(one[2]))[:MOST]
@@ -74,15 +71,15 @@ def compared(
 
 
 def camera_notes(problem: Problem) -> tuple[str, ...]:
-    """A note where the objects of a frame do not appear as and where their true poses say, where these are known."""
+    """A note where objects with ground truth do not appear as, and where, it says."""
     seen, instances = problem.observation, problem.instances
     known = [(problem.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in instances if i.T_cam_obj_gt is not None]
-    found = verdict(compared(known, seen.camera, seen.depth_m, seen.object_mask))
-    return (f"{found.found}: {found.advice}",) if found.advice else ()
+    sizes = verdict(outline_fits(known, seen.camera, seen.depth_m, seen.object_mask))
+    return (f"{sizes.message}: {sizes.advice}",) if sizes.advice else ()
 
 
 def verdict(fits: Sequence[OutlineFit]) -> Verdict:
-    """What objects of one frame or several tell together."""
+    """What the outlines of objects of one frame, or of several, show together."""
     if (one_focal_length := _one_focal_length(fits)) is not None:
         return one_focal_length
     sure = [one for one in fits if one.error < SURE]
@@ -97,8 +94,8 @@ def verdict(fits: Sequence[OutlineFit]) -> Verdict:
     # What is off by far more is of another unit, and reported where units are checked.
     if not _are_off(depths, 0.0) or not 0.5 < depth < 2:
         return Verdict(IN_ORDER)
-    found = f"{IN_ORDER}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs"
-    return Verdict(found, f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}", "depth")
+    message = f"{IN_ORDER}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs"
+    return Verdict(message, f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}", "depth")
 
 
 def _one_focal_length(fits: Sequence[OutlineFit]) -> Verdict | None:
@@ -121,11 +118,12 @@ def _one_focal_length(fits: Sequence[OutlineFit]) -> Verdict | None:
 
 
 def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> Verdict:
-    """Where objects appear ``factor`` times as large as their models: what makes them so, told by where they lie."""
-    size, away, nearer = (
-        ("larger", "farther from", "nearer") if factor > 1 else ("smaller", "nearer to", "farther away")
+    """Where objects appear ``factor`` times as large as their models: where they lie shows what makes them so."""
+    size, away, near = ("larger", "farther from", "nearer") if factor > 1 else ("smaller", "nearer to", "farther away")
+    message, off = (
+        f"objects appear {_percent(factor)} {size} than their models in their ground-truth poses",
+        _off(factor),
     )
-    found, off = f"objects appear {_percent(factor)} {size} than their models in their true poses", _off(factor)
 
     def misplaced_px(fixed_px: Sequence[Float]) -> float:
         """How far from where they should be objects lie if all were ``factor`` times as far from those points (2,)."""
@@ -137,21 +135,22 @@ def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> Verdict:
     of_models = misplaced_px([one.origin_px for one in sure])
     if _is_better(of_image, min(of_focal, of_models)):
         advice = f"cam_K looks like that of images of another size: fx, fy, cx and cy all look {off}"
-        return Verdict(f"{found} and lie {away} the image's upper left corner by as much", advice, "image")
+        return Verdict(f"{message} and lie {away} the image's upper left corner by as much", advice, "image")
     if _is_better(of_focal, of_models):
         advice = f"fx and fy of cam_K look {off}; check that cam_K belongs to images of this size"
-        return Verdict(f"{found} and lie {away} the image's centre by as much", advice, "focal length")
+        return Verdict(f"{message} and lie {away} the image's centre by as much", advice, "focal length")
     # Neither cam_K nor the size of models changes how far away objects are.
     if abs(np.log(depth)) > OFF and abs(np.log(depth * factor)) < abs(np.log(depth)):
         advice = f"cam_t_m2c in scene_gt.json looks too {'large' if factor > 1 else 'small'}; check its unit"
-        return Verdict(f"{found} and are {nearer} by as much", advice, "distances")
+        return Verdict(f"{message} and are {near} by as much", advice, "distances")
     # Masks that are too wide leave objects where they are as well.
     if np.median([one.drawn.size_px for one in sure]) * abs(factor - 1) / 2 < MASK_PX:
         wide = "wide" if factor > 1 else "narrow"
-        return Verdict(f"{found}, as they do where masks are a few pixels too {wide}", cause="masks")
+        return Verdict(f"{message}, as they do where masks are a few pixels too {wide}", cause="masks")
     if _is_better(of_models, min(of_focal, of_image)):
-        return Verdict(f"{found}, in the right places", f"the models look {off}; check their unit and scale", "models")
-    return Verdict(found, f"either fx and fy of cam_K or the models look {off}", "focal length or models")
+        advice = f"the models look {off}; check their unit and scale"
+        return Verdict(f"{message}, in the right places", advice, "models")
+    return Verdict(message, f"either fx and fy of cam_K or the models look {off}", "focal length or models")
 
 
 def _is_better(misplaced_px: float, other_px: float) -> bool:
@@ -159,26 +158,25 @@ def _is_better(misplaced_px: float, other_px: float) -> bool:
 
 
 def _displaced(sure: Sequence[OutlineFit]) -> Verdict | None:
-    """Where all objects lie as far beside their models, and depth does so too or does not."""
+    """Where all objects lie beside their models by as much; depth shows whether the camera or the masks are off."""
     shifts_px = np.array([one.shift_px for one in sure])
     middle_px = np.median(shifts_px, axis=0)
     far_px, spread_px = np.linalg.norm(middle_px), np.median(np.linalg.norm(shifts_px - middle_px, axis=1))
-    if len(sure) < FEWEST_TOGETHER or far_px <= BESIDE * sure[0].camera.width + 3 * spread_px:
-        return None
-    if np.mean(shifts_px @ middle_px < 0.5 * far_px**2) > MOST_DISSENT:
+    is_common = np.mean(shifts_px @ middle_px < 0.5 * far_px**2) <= MOST_DISSENT
+    if len(sure) < FEWEST_TOGETHER or far_px <= BESIDE * sure[0].camera.width + 3 * spread_px or not is_common:
         return None
     words = (("left of", "right of", "cx"), ("above", "below", "cy"))
     off = [(px, *of) for px, of in zip(middle_px.tolist(), words, strict=True)]
     off = [one for one in off if abs(one[0]) > LITTLE * abs(middle_px).max()]
     where = " and ".join(f"{abs(px):.0f} px {more if px > 0 else less}" for px, less, more, _ in off)
-    found = f"objects lie {where} where their models are in their true poses"
+    message = f"objects lie {where} where their models are in their ground-truth poses"
     if np.mean([one.gain for one in sure]) <= 0:
         advice = "the masks are displaced: check that they are of these images"
-        return Verdict(f"{found}, but depth does not", advice, "masks")
+        return Verdict(f"{message}, but depth does not", advice, "masks")
     too = [f"{name} of cam_K looks {abs(px):.0f} px too {'small' if px > 0 else 'large'}" for px, *_, name in off]
     check = "check that cam_K belongs to these images, also if they were cropped, and that depth is registered to"
     advice = f"{' and '.join(too)}; {check} colour if the masks were made from it"
-    return Verdict(f"{found}, and so does depth", advice, "principal point")
+    return Verdict(f"{message}, and so does depth", advice, "principal point")
 
 
 def _are_off(ratios: Float, error: float) -> bool:
@@ -196,8 +194,8 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
     if any(i.T_cam_obj_gt is not None for i in problem.instances):
         return ()
     seen = problem.observation
-    first = [(problem.models[i.obj_id], i.hypotheses[0].T_cam_obj, i.mask) for i in problem.instances if i.hypotheses]
-    depths = [one.depth for one in compared(first, seen.camera, seen.depth_m, seen.object_mask)]
+    initial = [(problem.models[i.obj_id], i.hypotheses[0].T_cam_obj, i.mask) for i in problem.instances if i.hypotheses]
+    depths = [one.depth for one in outline_fits(initial, seen.camera, seen.depth_m, seen.object_mask)]
     logs = np.log([depth for depth in depths if depth > 0])
     if len(logs) < FEW:
         return ()
@@ -214,21 +212,21 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def truth_notes(
+def ground_truth_notes(
     instances: Sequence[Instance], models: Mapping[int, ObjectModel], dataset: Path, are_detected: bool
 ) -> tuple[str, ...]:
-    """A note where the depth of a frame's objects lies nowhere near their true poses; ``dataset`` is for the advice.
+    """A note where the depth of a frame's objects lies nowhere near their ground-truth poses.
 
-    Where masks ``are_detected``, each may be of something else.
+    The folder ``dataset`` is for the advice; masks that ``are_detected`` may each be of something else.
     """
     known = [(i, i.T_cam_obj_gt) for i in instances if i.T_cam_obj_gt is not None and len(i.points_cam)]
     off = [distance(i.points_cam, models[i.obj_id], T) for i, T in known]
     if len(off) < (FEW if are_detected else 1) or np.median(off) < FAR:
         return ()
     return (
-        "depth in the objects' masks lies nowhere near their true poses: intrinsics, depth_scale and the units of "
-        "models and ground truth do not belong together, so scores or errors are wrong; "
-        f"`verefine-viz datasets check {dataset}` tells more",
+        "depth in the objects' masks lies nowhere near their ground-truth poses: intrinsics, depth_scale and the units "
+        "of models and ground truth do not belong together, so scores or errors are wrong; "
+        f"`verefine-viz datasets check {dataset}` shows more",
     )
 
 
@@ -243,7 +241,7 @@ def share_near(points_cam: Float, model: ObjectModel, T_cam_obj: Float, near_m: 
 
 
 def sample(points_cam: Float) -> Float:
-    """As many of the points (N, 3) as a median needs, a copy; of a sample all."""
+    """As many of the points (N, 3) as a median needs, copied; sampled again it stays the same."""
     return points_cam[:: max(1, len(points_cam) // 100)].copy()
 
 

@@ -2,7 +2,7 @@
 
 The outline of an object's mask is laid over that of the drawn model by a shift and a factor of size. Outlines are
 compared, not areas, so that what hides a part of the object, or the border of the image, costs only that part of the
-outline; and how well they then lie on each other tells a mask of another shape from one of another size. In a second
+outline; and how well they then lie on each other shows whether a mask has another shape or another size. In a second
 fit, width and height get a factor each: where one focal length alone is wrong, the mask is of another shape.
 """
 
@@ -70,10 +70,9 @@ class OutlineFit:
 def fit_outline(
     model: ObjectModel, T_cam_obj: Float, camera: Camera, mask: Mask, others: Mask, depth_m: NDArray[np.float32]
 ) -> OutlineFit | None:
-    """How an object's ``mask`` (H, W) lies over its model at ``T_cam_obj`` (4, 4).
+    """How an object's ``mask`` (H, W) lies over its model at ``T_cam_obj`` (4, 4); None where too little is seen.
 
-    ``others`` (H, W) are pixels of other objects, which may hide it, and ``depth_m`` (H, W) is 0 where nothing was
-    measured. None where too little is seen of its outline.
+    ``others`` (H, W) are pixels of other objects, which may hide it; ``depth_m`` (H, W) is 0 where unmeasured.
     """
     drawn = _draw(model, T_cam_obj, camera)
     places = _own_outline(mask, others, depth_m) if mask.any() else np.zeros((0, 2))
@@ -153,8 +152,7 @@ def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Floa
     is_farther = measured_m > around_m + 2 * STEP_M
     hiding = ~own & (is_nearer | (others[box] & ~is_farther))
     is_beside_hiding = np.asarray(ndimage.maximum_filter(hiding, size), np.bool_)
-    cross = ndimage.generate_binary_structure(2, 1)
-    is_surrounded = np.asarray(ndimage.minimum_filter(own, footprint=cross), np.bool_)
+    is_surrounded = np.asarray(ndimage.binary_erosion(own), np.bool_)
     places = np.argwhere(own & ~is_surrounded & ~is_beside_hiding) + corner
     is_inner = ((places >= BORDER_PX) & (places < np.array(mask.shape) - BORDER_PX)).all(axis=1)
     return places[is_inner, ::-1].astype(np.float64)

@@ -15,7 +15,12 @@ from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.evaluation.bop_model import EvalModels
-from verefine_viz.evaluation.ground_truth import VISIB_FRACT, BopTruth, read_targets, targets_path, visible_targets
+from verefine_viz.evaluation.ground_truth import (
+    VISIB_FRACT,
+    read_targets,
+    targets_path,
+    visible_targets,
+)
 from verefine_viz.scenes.bop import NO_COLOR, BopDataset, MaskFolder
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
@@ -118,7 +123,7 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
     parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
     parts.before_all = "" if frames else f"frames: {why}"
     try:
-        targets = dataset.targets()
+        targets = dataset.targets
     except VerefineError as error:
         parts.add("targets", "damaged", str(error))
         return frames
@@ -157,7 +162,7 @@ def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Par
     if kind is None:
         return True
     verdict = object_sizes(dataset, sampled, kind)
-    parts.add("sizes", verdict.found, verdict.advice)
+    parts.add("sizes", verdict.message, verdict.advice)
     return verdict.cause in (None, "depth", "masks")
 
 
@@ -185,7 +190,7 @@ def _check_scoring(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts
     if not parts.ground_truth:  # Reported already.
         return
     try:
-        models, truth = EvalModels(dataset.folder), BopTruth(dataset)
+        models, truth = EvalModels(dataset.folder), BopGroundTruth(dataset)
         path, annotated = targets_path(dataset.folder, dataset.split), set(truth.images())
         targets = read_targets(path) if path else visible_targets(truth, [ids for ids in opened if ids in annotated])
         for obj_id in sorted({obj_id for counts in targets.counts.values() for obj_id in counts}):

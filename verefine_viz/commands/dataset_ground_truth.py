@@ -14,7 +14,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.calibration.camera_check import MOST, Verdict, compared, sample, share_near, verdict
+from verefine_viz.calibration.camera_check import MOST, Verdict, outline_fits, sample, share_near, verdict
 from verefine_viz.calibration.outlines import OutlineFit
 from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.core.arrays import Float, Mask
@@ -26,7 +26,7 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.core.text_format import first_of
 from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
 from verefine_viz.scenes.frames import frame_name
-from verefine_viz.scenes.segments import depth_of
+from verefine_viz.scenes.segments import draw_placed
 
 
 def _unequal_counts(dataset: BopDataset, scene_id: int) -> Iterator[str]:
@@ -102,7 +102,7 @@ def object_sizes(dataset: BopDataset, sampled: Sequence[tuple[int, int]], kind: 
             together = np.zeros(image.camera.shape, np.bool_)
             # A frame may hold thousands of instances, so no more masks are held than are compared.
             largest = nlargest(MOST, _sized_objects(dataset, ids, kind, together), lambda one: np.count_nonzero(one[2]))
-            fits += compared(largest, image.camera, image.depth_m, together)
+            fits += outline_fits(largest, image.camera, image.depth_m, together)
     return verdict(fits)
 
 
@@ -288,7 +288,11 @@ def registration(
             f"millimetres{guess}",
         )
         return
-    pairs = [(frame.seen_m, drawn) for frame in frames if (drawn := depth_of(frame.placed, frame.camera)).any()]
+    pairs = [
+        (frame.seen_m, drawn)
+        for frame in frames
+        if (drawn := draw_placed(frame.placed, frame.camera)[0].astype(np.float64)).any()
+    ]
     if pairs:
         yield _agreement(pairs, is_in_place)
 

@@ -230,7 +230,7 @@ def _remarks(evaluation: Evaluation) -> list[str]:
     by_file = any(own is not None and own.known_from == "file" for own in evaluation.own)
     for score, covered, own in zip(evaluation.scores, evaluation.coverage, evaluation.own, strict=True):
         lines += [f"{score.name}: {what}" for what in (*_covered(covered, score), *_rows(score))]
-        if by_file and own is None and not covered.is_whole:
+        if by_file and own is None and not covered.is_complete:
             lines.append(
                 f"{score.name}: has no row in the table about {OWN['file'].removeprefix('only ')}, as its run covered "
                 "all images: where it has no estimate, it found nothing"
@@ -247,7 +247,7 @@ def _remarks(evaluation: Evaluation) -> list[str]:
 def _covered(covered: Coverage, score: Scores) -> list[str]:
     """What a file has no estimates for, and which of its rows are no poses."""
     lines, counts = [], score.counts
-    if not covered.is_whole or counts.missing:
+    if not covered.is_complete or counts.missing:
         objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
         lines.append(
             f"has estimates for {covered.images} of {covered.images_asked} images{objects} that the targets ask for, "

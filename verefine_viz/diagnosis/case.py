@@ -1,9 +1,11 @@
-"""One failed instance on the bench: what happened to it, and what would have happened if something had been otherwise.
+"""One failed instance: what happened to it, and what would have happened with something changed.
 
-A re-run solves this instance alone, with the run's own method and budget, among the objects that stood there in the
-run. Methods that solve several objects together (vf_depth, physim_mcts) are stood in for by RIR among the placed
-objects, but where the company decides (misplaced neighbours, starved hypotheses, the budget) the method itself runs
-again on all of them.
+A re-run solves this instance alone, with the run's own method and budget, among the objects as the run had placed them.
+Methods that solve several objects together (vf_depth, physim_mcts) are replaced by RIR among the placed objects, but
+where the other objects decide (misplaced neighbours, starved hypotheses, the budget) the method itself runs again on
+all of them. That takes as long as the run took with these objects, so that a diagnosis makes few such re-runs: one for
+misplaced neighbours; one, with a single hypothesis of each object, for each of up to three hypotheses that come out
+right on their own; and larger budgets where there is reason to think that it was too small.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings
-from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
@@ -33,38 +35,35 @@ from verefine_viz.session.comparison import Trace
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
-# The error of many poses of one instance, quickly.
+Pools = Mapping[int, Sequence[Hypothesis]]
+"""Initial poses by instance_id, instead of an instance's own."""
+ALONE = "alone"
+"""A re-run with nothing changed, but for the methods of whole scenes, which RIR replaces."""
+FAR = 0.35
+"""A start further away than this share of the diameter is not near, whatever the refiner."""
+CLEARLY = 0.8
+"""A repair that leaves more than this share of the error repairs nothing."""
 
 
 class ErrorOf:
-    """ADD(-S) of poses of a model against one true pose, as a share of the diameter."""
+    """ADD(-S) of many poses of a model against one ground-truth pose, as a share of the diameter."""
 
     def __init__(self, model: ObjectModel, T_cam_obj_gt: Float) -> None:
         self._model = model
-        self._truth = apply(T_cam_obj_gt, model.points)
-        # The nearest estimated point is looked up in the model's frame, where one tree lasts for all poses.
+        self._points_gt = apply(T_cam_obj_gt, model.points)
+        # The nearest estimated point is searched in the model's frame, where one tree serves all poses.
         self._tree = KDTree(model.points) if model.is_symmetric else None
 
     def __call__(self, T_cam_obj: Float) -> float:
         """As :func:`verefine_viz.evaluation.pose_errors.pose_errors` has it in ``relative``."""
         if self._tree is not None:
-            distance_m = self._tree.query(apply(inverse(T_cam_obj), self._truth))[0]
+            distance_m = self._tree.query(apply(inverse(T_cam_obj), self._points_gt))[0]
         else:
-            distance_m = np.linalg.norm(apply(T_cam_obj, self._model.points) - self._truth, axis=1)
+            distance_m = np.linalg.norm(apply(T_cam_obj, self._model.points) - self._points_gt, axis=1)
         return float(np.mean(distance_m)) / self._model.diameter_m
 
 
-# Re-runs of methods that solve the objects of a scene together (vf_depth, physim_mcts), as the session has them.
-#
-# Each takes as long as the run itself took with these objects, so that a diagnosis makes few: one for misplaced
-# neighbours; one, with a single hypothesis of each object, for each of up to three hypotheses that come out right on
-# their own; and larger budgets where there is reason to think that it was too small.
-
-Pools = Mapping[int, Sequence[Hypothesis]]
-"""Initial poses by instance_id, instead of an instance's own."""
-
-
-def company_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
+def cluster_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
     """The instances of the same cluster that have a hypothesis, itself included."""
     cluster = next(c for c in problem.clusters if instance_id in c)
     return tuple(i for i in cluster if problem.target(i).instance.hypotheses)
@@ -75,7 +74,7 @@ def solved_together(
 ) -> Best | None:
     """The answer for one instance when the session's method solves its cluster again.
 
-    Poses moved by hand and settings changed on the way are not repeated.
+    Edited poses and settings changed on the way are not repeated.
 
     Args:
         toolbox: the run's.
@@ -93,9 +92,11 @@ def solved_together(
         fields["mcts"] |= {"seconds": times * seconds} if seconds is not None else {}
     else:
         fields["method"] = {"iterations": iterations or times * session.method.iterations}
-    carries = not method_of(session.method.name).has_tree and session.method.carry_clusters
-    needed = _needed(problem, instance_id, carries)
-    part = problem.only(needed)
+    # What has a part in the answer: the cluster and, where they stay in the scene, those before.
+    clusters = problem.clusters
+    last = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
+    first = 0 if not method_of(session.method.name).has_tree and session.method.carry_clusters else last
+    part = problem.only([i for cluster in clusters[first : last + 1] for i in cluster])
     instances = tuple(replace(i, hypotheses=tuple(pools.get(i.instance_id, i.hypotheses))) for i in part.instances)
     run = Run(toolbox.restarted(fields).method, replace(part, instances=instances))
     answers = run.finish().best
@@ -103,23 +104,8 @@ def solved_together(
     return answers[ids.index(instance_id)]
 
 
-def _needed(problem: Problem, instance_id: int, clusters_carry: bool) -> list[int]:
-    """What has a part in an instance's answer: its cluster and, where they stay in the scene, those before."""
-    clusters = problem.clusters
-    k = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
-    return [i for cluster in clusters[0 if clusters_carry else k : k + 1] for i in cluster]
-
-
-ALONE = "alone"
-"""Nothing otherwise, but the methods of whole scenes stood in for."""
-FAR = 0.35
-"""A start further away than this share of the diameter is not near, whatever the refiner."""
-CLEARLY = 0.8
-"""A repair that leaves more than this share of the error repairs nothing."""
-
-
 class Lab:
-    """What re-runs are made with; everything is built once."""
+    """What re-runs are made with, each part built once."""
 
     def __init__(self, toolbox: Toolbox) -> None:
         session = toolbox.session
@@ -182,19 +168,18 @@ class Case:
     trace: Trace
     lab: Lab
     target: Target
-    T_true: Float
-    frame: FrameTruth
+    T_gt: Float
+    frame: FrameGroundTruth
     threshold: float
     answer: Best | None
     """None: no answer."""
     placed: tuple[Placed, ...]
-    """Other objects as they stood there when this one was last worked on."""
+    """Other objects as they were placed when this one was last worked on."""
     reruns: dict[str, Rerun] = field(default_factory=dict)
-    """Those made so far, by what was done otherwise."""
+    """Those made so far, by what was changed."""
 
     @property
     def name(self) -> str:
-        """What people call it."""
         return self.target.model.name
 
     @property
@@ -203,7 +188,7 @@ class Case:
 
     @cached_property
     def error_of(self) -> ErrorOf:
-        return ErrorOf(self.target.model, self.T_true)
+        return ErrorOf(self.target.model, self.T_gt)
 
     @cached_property
     def error(self) -> float:
@@ -212,7 +197,7 @@ class Case:
 
     @cached_property
     def own(self) -> tuple[Iteration, ...]:
-        """The iterations spent on it."""
+        """Its iterations."""
         return self.trace.own[self.instance_id]
 
     @cached_property
@@ -221,12 +206,12 @@ class Case:
         return np.array([self.error_of(h.T_cam_obj) for h in self.target.instance.hypotheses])
 
     @property
-    def truth_as_placed(self) -> Placed:
-        return Placed(self.instance_id, self.target.model, self.T_true)
+    def at_gt(self) -> Placed:
+        return Placed(self.instance_id, self.target.model, self.T_gt)
 
     @cached_property
-    def true_placed(self) -> tuple[Placed, ...]:
-        """The same other objects where they really were; those without ground truth as they stood."""
+    def placed_at_gt(self) -> tuple[Placed, ...]:
+        """The same other objects at ground truth; those without as they were placed."""
         return tuple(self.frame.placed.get(p.instance_id, p) for p in self.placed)
 
     def rerun(
@@ -236,12 +221,12 @@ class Case:
         fixed: Sequence[Placed] | None = None,
         method: ObjectMethod | None = None,
     ) -> Rerun:
-        """Solves the instance again with something otherwise; the same question is answered once.
+        """Solves the instance again with something changed, once for each change.
 
         Args:
-            what: names what is otherwise.
+            what: names the change.
             target: instead of its own: another mask, depth, plane or pool.
-            fixed: instead of the objects as they stood there.
+            fixed: instead of the objects as they were placed.
             method: instead of the run's.
         """
         if what not in self.reruns:
@@ -250,26 +235,24 @@ class Case:
                 target or self.target,
                 self.placed if fixed is None else fixed,
             )
-            self._keep(what, best)
+            self._save(what, best)
         return self.reruns[what]
 
     @cached_property
-    def company(self) -> tuple[int, ...]:
+    def group(self) -> tuple[int, ...]:
         """Instances that the method solved together with it, itself included; none where it was solved alone."""
-        together = company_of(self.trace.problem, self.instance_id)
-        if self.lab.traits.has_tree:
-            return together
-        return together if self.lab.traits.takes_turns and len(together) > 1 else ()
+        cluster, traits = cluster_of(self.trace.problem, self.instance_id), self.lab.traits
+        return cluster if traits.has_tree or (traits.takes_turns and len(cluster) > 1) else ()
 
     def rerun_together(self, what: str, pools: Pools, times: int = 1, iterations: int | None = None) -> Rerun:
-        """Solves it again with its company by the session's own method; see :func:`solved_together`."""
+        """Solves it again with its group by the session's own method; see :func:`solved_together`."""
         key = f"together: {what}"
         if key not in self.reruns:
             toolbox, problem = self.lab.toolbox, self.trace.problem
-            self._keep(key, solved_together(toolbox, problem, self.instance_id, pools, times, iterations))
+            self._save(key, solved_together(toolbox, problem, self.instance_id, pools, times, iterations))
         return self.reruns[key]
 
-    def _keep(self, what: str, best: Best | None) -> None:
+    def _save(self, what: str, best: Best | None) -> None:
         self.lab.n_reruns += 1
         error = float("inf") if best is None else self.error_of(best.T_cam_obj)
         repaired = error < self.threshold and error < CLEARLY * self.error

@@ -1,4 +1,4 @@
-"""What can have gone wrong, and what a diagnosis says."""
+"""What can have gone wrong, what a diagnosis reports, and numbers in its sentences."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from verefine_viz.core.records import TIMING
 
 
 class Cause(StrEnum):
-    """Why an answer is wrong or missing, in the order in which causes are asked for: what was given, what was done.
+    """Why an answer is wrong or missing, in the order in which causes are tested: what was given, what was done.
 
-    Without a hypothesis nothing was done, so that nothing else is asked.
+    Without a hypothesis nothing was done, so that nothing else is tested.
     """
 
     SYMMETRIC = "symmetric"
@@ -49,7 +49,7 @@ TITLES: dict[Cause, str] = {
     Cause.POOL: "no good hypothesis in the pool",
     Cause.NO_HYPOTHESIS: "no hypothesis at all",
 }
-"""For people: tables, bar charts, filters."""
+"""For tables, bar charts, filters."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Finding:
 
     cause: Cause
     sentence: str
-    """What happened, with numbers and units, for a person."""
+    """What happened, with numbers and units."""
     evidence: Mapping[str, float]
     """Names carry their unit; errors are ADD(-S) as a share of the diameter."""
     is_confirmed: bool
@@ -84,14 +84,12 @@ class Diagnosis:
     """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""
 
 
-# Numbers as people read them.
-
 DATA_FIRST = "Look at the data first:"
 """Stands before what does not fit together in a frame's data, behind the cause."""
 DECLARE = "declare the symmetry in models_info.json if shape is all that matters"
 """What to do where an answer is wrong only by a turn that leaves the object's shape as it is."""
 MORE_DIGITS = 3
-"""Digits that are added at most to tell two numbers apart."""
+"""Digits that are added at most so that two numbers differ."""
 
 
 def share(error: float) -> str:
@@ -99,10 +97,10 @@ def share(error: float) -> str:
     return f"{error:.0%}" if math.isfinite(error) else "no answer"
 
 
-def told_apart(a: float, b: float, digits: int, kind: Literal["f", "%"] = "f") -> tuple[str, str]:
+def distinct_texts(a: float, b: float, digits: int, kind: Literal["f", "%"] = "f") -> tuple[str, str]:
     """Two numbers with ``digits`` after the point, or as many more as it takes to see that they differ.
 
-    The same text twice if :data:`MORE_DIGITS` more do not tell them apart.
+    The same text twice if :data:`MORE_DIGITS` more do not show it.
     """
     for n in range(digits, digits + MORE_DIGITS + 1):
         texts = f"{a:.{n}{kind}}", f"{b:.{n}{kind}}"
@@ -117,7 +115,7 @@ def instead(then: float, now: float) -> str:
         return "there is no answer at all"
     if not math.isfinite(now):
         return f"the error is {then:.0%} of the diameter instead of {share(now)}"
-    after, before = told_apart(then, now, 0, "%")
+    after, before = distinct_texts(then, now, 0, "%")
     if after == before:
         return f"the error is still {after} of the diameter"
     return f"the error is {after} of the diameter instead of {before}"

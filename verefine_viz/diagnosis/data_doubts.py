@@ -1,4 +1,4 @@
-"""What of a frame's data does not fit together, where there is no ground truth to show it; for page and batch.
+"""Notes about data of a frame that do not fit together, where no ground truth shows it; for page and batch.
 
 Initial poses show whether depth is in their unit, and answers whether the support plane is what supports the objects.
 Measured: docs/decisions/data-checks.md.
@@ -21,7 +21,7 @@ FAR_M = 0.020
 """At least one of the objects that a plane supports is nearer to it, above or below [m]. True objects of YCB-V sink in
 by up to 13 mm, and some stand 45 mm above on others."""
 NEAR = 0.06
-"""Depth within this share of the diameter shows the model in about the right pose; others tell nothing of the plane."""
+"""Depth within this share of the diameter shows the model in about the right pose; others do not show the plane."""
 
 
 def answer_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
@@ -29,7 +29,7 @@ def answer_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[str,
 
     Args:
         problem: the frame.
-        poses: T_cam_obj (4, 4) that was found of each target, None where there is none, as before a run.
+        poses: T_cam_obj (4, 4) that answers each target, None where there is none, as before a run.
     """
     if any(i.T_cam_obj_gt is not None for i in problem.instances):
         return ()
@@ -37,7 +37,7 @@ def answer_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[str,
 
 
 def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
-    """A note where all objects sink into the support plane, or float above it, in the poses that were found.
+    """A note where all objects sink into the support plane, or float above it, in their answers.
 
     Plane and poses both come from the depth image, so that a wrong depth_scale leaves them together; where they part,
     the plane is that of something else, or cam_K bends one against the other.
@@ -62,7 +62,7 @@ def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, .
     else:
         return ()
     return (
-        f"all {n} objects {lie} in the poses that were found: the plane is not what carries them, or cam_K is wrong; "
+        f"all {n} objects {lie} in their answers: the plane is not what supports them, or cam_K is wrong; "
         "give scene.gravity, or switch physics off (physics.enabled)",
     )
 

@@ -1,13 +1,13 @@
-"""Why did it fail? One main cause per failed instance, with numbers, found by asking what would have saved it.
+"""Why did it fail? One main cause per failed instance, with numbers, by testing what would have saved it.
 
-What was given is asked first (a symmetry nobody declared, units, depth, mask, neighbours placed before), then the
-score, the world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without
+What was given is tested first (an undeclared symmetry, units, depth, mask, neighbours placed before), then the score,
+the world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without
 it; the first confirmed one is the main cause, and only re-runs that are needed until then are made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -15,8 +15,8 @@ from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
-from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
-from verefine_viz.diagnosis.frame_ground_truth import FrameTruth
+from verefine_viz.diagnosis.causes import DATA_FIRST, Diagnosis, Finding
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
 from verefine_viz.diagnosis.scene_causes import SCENE_TESTS, neighbour
 from verefine_viz.diagnosis.score_causes import score
@@ -30,7 +30,7 @@ THRESHOLD = 0.1
 
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*INPUT_TESTS, neighbour, score, *SCENE_TESTS, *SEARCH_TESTS)
 _NO_RERUN = (score,)
-"""Asked even after a cause is confirmed, as it costs next to nothing."""
+"""Tested even after a cause is confirmed, as it costs next to nothing."""
 
 
 def diagnose(
@@ -38,35 +38,35 @@ def diagnose(
 ) -> tuple[Diagnosis, ...]:
     """Why each failed instance of a finished run failed; instances without ground truth are passed over.
 
-    The answer depends on the arguments only, times aside. Poses moved by hand and settings changed on the way are not
-    repeated in re-runs.
+    The answer depends on the arguments only, times aside. Edited poses and settings changed on the way are not repeated
+    in re-runs.
 
     Args:
         run: the run, or what it did.
         toolbox: the one that made it.
         threshold: an answer fails if its ADD(-S) is at least this share of the diameter; an instance without answer
             fails in any case.
-        every_cause: goes on after the main cause is confirmed, so that all others are looked at as well.
+        every_cause: goes on after the main cause is confirmed, so that all others are tested as well.
     """
     trace = trace_of(run) if isinstance(run, Run) else run
-    frame = FrameTruth(trace.problem)
+    frame = FrameGroundTruth(trace.problem)
     lab = Lab(toolbox)
-    found: list[Diagnosis] = []
+    diagnoses: list[Diagnosis] = []
     for target in trace.problem.targets:
-        T_true = target.instance.T_cam_obj_gt
-        if T_true is None:
+        T_gt = target.instance.T_cam_obj_gt
+        if T_gt is None:
             continue
         answer = trace.answers[-1].get(target.instance.instance_id)
-        if answer is not None and ErrorOf(target.model, T_true)(answer.T_cam_obj) < threshold:
+        if answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold:
             continue
-        case = Case(trace, lab, target, T_true, frame, threshold, answer, _placed(trace, target, answer))
-        found.append(_diagnosed(case, every_cause))
-    if not found:
+        case = Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
+        diagnoses.append(_diagnosed(case, every_cause))
+    if not diagnoses:
         return ()
     # A wrong camera changes all objects.
     doubts = camera_notes(trace.problem)
-    told = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
-    return tuple(replace(one, sentence=one.sentence + told, doubts=doubts) for one in found)
+    notes = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
+    return tuple(replace(one, sentence=one.sentence + notes, doubts=doubts) for one in diagnoses)
 
 
 def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
@@ -106,26 +106,22 @@ def _solved_alone(case: Case) -> bool:
 
     Then no repair of what was given proves anything.
     """
-    return bool(case.company) and case.answer is not None and case.rerun(ALONE).repaired
+    return bool(case.group) and case.answer is not None and case.rerun(ALONE).repaired
 
 
-def _likeliest(findings: Iterable[Finding]) -> Finding:
-    """Where no single repair saves it: the one that helps most; the last test always has something to say."""
-    every = list(findings)
-    helps = [f for f in every if f.evidence.get("error_repaired", 1.0) < 0.7 * f.evidence.get("error", 0.0)]
+def _likeliest(findings: Sequence[Finding]) -> Finding:
+    """Where no single repair saves it: the one that helps most; the last test always finds a cause."""
+    helps = [f for f in findings if f.evidence.get("error_repaired", 1.0) < 0.7 * f.evidence.get("error", 0.0)]
     if helps:
         return min(helps, key=lambda f: f.evidence["error_repaired"])
-    return every[-1]
+    return findings[-1]
 
 
 def _placed(trace: Trace, target: Target, answer: Best | None) -> tuple[Placed, ...]:
-    """The other objects as they stood when the answer was found, or when the instance was last worked on."""
+    """The other objects as they were placed for the answer, or when the instance was last worked on."""
     own = trace.own[target.instance.instance_id]
     if not own:
         return ()
     made_it = next((i for i in own if answer is not None and i.index == answer.iteration), own[-1])
     models = {t.instance.instance_id: t.model for t in trace.problem.targets}
     return tuple(Placed(p.instance_id, models[p.instance_id], p.T_cam_obj) for p in made_it.placed)
-
-
-__all__ = ["THRESHOLD", "Cause", "Diagnosis", "Finding", "diagnose"]

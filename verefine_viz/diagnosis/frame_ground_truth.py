@@ -1,4 +1,4 @@
-"""What ground truth says about a frame: what should have been seen, where depth is, and what carries the objects."""
+"""A frame by its ground truth: what should have been seen, where depth is, and what supports the objects."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
-from verefine_viz.rendering.mesh import render_mesh
-from verefine_viz.rendering.rasterizer import draw_frame
+from verefine_viz.scenes.segments import draw_placed
 
-# The plane that objects really stand on, told by their true poses: a face of their hull that they can rest on.
+# The plane that objects really stand on: a face of the hull of all, at ground truth, that they can rest on.
 
 TOUCHES_M = 0.003
 """Vertices closer to a face of the hull than this rest on its plane [m]."""
@@ -29,13 +28,13 @@ LEAST_SHARE = 0.02
 FIT_POINTS = 300
 """With so many points of background on it, the plane is fitted to them."""
 POINTS = 4000
-"""Points of the background that are looked at."""
+"""Points of the background that are used."""
 MOST_TURN_RAD = np.radians(6.0)
 """A fit that turns the plane further than this follows something else."""
 
 
-def carrying_plane(vertices_cam: Float, background_cam: Float) -> Support | None:
-    """The support plane of objects at their true poses; the world has +z along its normal.
+def supporting_plane(vertices_cam: Float, background_cam: Float) -> Support | None:
+    """The support plane of objects at ground truth; the world has +z along its normal.
 
     Args:
         vertices_cam: (N, 3) of all objects [m].
@@ -109,16 +108,16 @@ def _across(normal: Float) -> tuple[Float, Float]:
     return x, np.cross(normal, x)
 
 
-# Does the depth image lie on the colour image, and in the right unit? Told by objects whose true pose is known.
+# Does the depth image lie on the colour image, and in the right unit? Objects with ground truth show it.
 
 TAU_M = 0.020
 """Depths that differ by more than this do not agree at all [m]."""
 REACH_PX = 40
-"""Largest shift that is looked for [px]."""
+"""Largest shift that is tried [px]."""
 PIXELS = 3000
 """Pixels of the objects that are compared."""
 MEASURED = 0.3
-"""With less of the objects' pixels measured, nothing is said."""
+"""With less of the objects' pixels measured, nothing is off."""
 GAIN = 0.06
 """Depth is off only if putting it right raises the agreement by more than this …"""
 AGREES = 0.5
@@ -196,12 +195,12 @@ def registration(observed_m: NDArray[np.floating], true_m: NDArray[np.floating])
     shift, best = (0, 0), before
     coarse = [(x, y) for x in range(-36, 37, 4) for y in range(-36, 37, 4)]
     for x, y in sorted(coarse, key=lambda s: s[0] ** 2 + s[1] ** 2):
-        if (found := agreement(x, y)) > best + 1e-9:
-            shift, best = (x, y), found
+        if (value := agreement(x, y)) > best + 1e-9:
+            shift, best = (x, y), value
     x0, y0 = shift
     for x, y in ((x0 + i, y0 + j) for i in range(-3, 4) for j in range(-3, 4)):
-        if (found := agreement(x, y)) > best + 1e-9:
-            shift, best = (x, y), found
+        if (value := agreement(x, y)) > best + 1e-9:
+            shift, best = (x, y), value
     return Registration(shift, 1.0, before, best)
 
 
@@ -216,8 +215,8 @@ HIDDEN_M = 0.015
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTruth:
-    """All instances of a frame where they really were."""
+class FrameGroundTruth:
+    """All instances of a frame at ground truth."""
 
     problem: Problem
 
@@ -232,16 +231,7 @@ class FrameTruth:
 
     @cached_property
     def _rendered(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Z (H, W) [m] of all of them, and whose it is (instance_id, -1 elsewhere)."""
-        camera = self.problem.observation.camera
-        pinhole = camera.fx, camera.fy, camera.cx, camera.cy
-        inv_z, owner = np.zeros(camera.shape, np.float32), np.full(camera.shape, -1, np.int32)
-        for instance_id, placed in self.placed.items():
-            mesh = render_mesh(placed.model.vertices, placed.model.faces)
-            face_of = np.full(camera.shape, -1, np.int32)
-            draw_frame(np.ascontiguousarray(placed.T_cam_obj), *mesh.arrays, *pinhole, inv_z, face_of)
-            owner[face_of >= 0] = instance_id
-        return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), owner
+        return draw_placed(self.placed.values(), self.problem.observation.camera)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
@@ -266,7 +256,7 @@ class FrameTruth:
 
     @cached_property
     def support(self) -> Support | None:
-        """The plane that the instances really stand on; None where it cannot be told."""
+        """The plane that the instances really stand on; None where it is not seen."""
         vertices = [apply(p.T_cam_obj, p.model.vertices) for p in self.placed.values()]
         if not vertices:
             return None
@@ -274,4 +264,4 @@ class FrameTruth:
         is_object = binary_dilation(observation.object_mask | (self.depth_m > 0), iterations=3)
         depth_m = np.where(is_object, 0.0, self.observed_m)
         background: Float = observation.camera.back_project(depth_m)[depth_m > 0]
-        return carrying_plane(np.concatenate(vertices), background)
+        return supporting_plane(np.concatenate(vertices), background)

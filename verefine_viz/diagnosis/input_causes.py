@@ -16,7 +16,6 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
-from verefine_viz.diagnosis.pose_units import UNITS, of_another_unit
 from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.observed_frame import segment_cloud
@@ -30,19 +29,21 @@ MISS_SHARE = 0.25
 """More of the object beside the mask is worth a re-run."""
 BORDER_PX = 2
 """Masks are not expected to be more exact than this [px]."""
+UNITS = {"metres": 1000.0, "centimetres": 10.0}
+"""By what a translation would have to be multiplied, where millimetres are expected."""
 
 
 def symmetric(case: Case) -> Finding | None:
     """The object has the same shape where the estimate is, and its model declares no such symmetry."""
     if case.answer is None:
         return None
-    found = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_true, case.threshold)
-    if found is None:
+    turn = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_gt, case.threshold)
+    if turn is None:
         return None
     return Finding(
         Cause.SYMMETRIC,
-        found.in_words(case.name),
-        {"turn_deg": found.turn_deg, "error": found.error, "error_with_symmetry": found.error_with_symmetry},
+        turn.in_words(case.name),
+        {"turn_deg": turn.turn_deg, "error": turn.error, "error_with_symmetry": turn.error_with_symmetry},
         True,
     )
 
@@ -50,7 +51,7 @@ def symmetric(case: Case) -> Finding | None:
 def unit(case: Case) -> Finding | None:
     """Initial poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
     diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
-    units = [of_another_unit(h.T_cam_obj, case.T_true, diameter_m) for h in given]
+    units = [of_another_unit(h.T_cam_obj, case.T_gt, diameter_m) for h in given]
     wrong = [name for name in units if name]
     if not wrong:
         return None
@@ -73,6 +74,17 @@ def unit(case: Case) -> Finding | None:
         },
         again.repaired,
     )
+
+
+def of_another_unit(T_est: Float, T_gt: Float, diameter_m: float) -> str:
+    """The unit that the translation of a pose (4, 4) seems to have, where it would lie on the object with it; else "".
+
+    A pose nearer to ground truth than the diameter is taken as it is.
+    """
+    t, t_gt = T_est[:3, 3], T_gt[:3, 3]
+    if np.linalg.norm(t - t_gt) < diameter_m:
+        return ""
+    return next((unit for unit, factor in UNITS.items() if np.linalg.norm(factor * t - t_gt) < diameter_m), "")
 
 
 def _in_millimetres(T_est: Float, unit: str) -> Float:
@@ -139,10 +151,10 @@ def mask(case: Case) -> Finding | None:
         wrong.append(f"{leak:.0%} of the mask lies beside the {case.name}")
     if miss >= MISS_SHARE:
         wrong.append(f"the mask leaves out {miss:.0%} of the {case.name}")
-    said = " and ".join(wrong)
+    what = " and ".join(wrong)
     return Finding(
         Cause.MASK,
-        f"{said[0].upper()}{said[1:]}; with the true outline {instead(again.error, case.error)}.",
+        f"{what[0].upper()}{what[1:]}; with the true outline {instead(again.error, case.error)}.",
         {"leak_share": leak, "miss_share": miss, "error": case.error, "error_repaired": again.error},
         again.repaired,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Hypothesis, Placed, Target
+from verefine_viz.core.problem import Hypothesis, Placed
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case, ErrorOf, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
@@ -28,7 +28,7 @@ PUSH = 0.02
 
 
 def neighbour(case: Case) -> Finding | None:
-    """Something placed before stood in the wrong place; decided by a re-run with all others in the right one."""
+    """Something placed before was misplaced; decided by a re-run with all others at ground truth."""
     wrong = [(error, placed) for placed in case.placed if (error := _error_of(case, placed)) >= case.threshold]
     if not wrong:
         return None
@@ -49,19 +49,18 @@ def neighbour(case: Case) -> Finding | None:
 
 
 def plane(case: Case) -> Finding | None:
-    """The support plane or gravity is wrong, or was not found; decided by a re-run with the true one."""
-    true = case.frame.support
+    """The support plane or gravity is wrong, or unknown; decided by a re-run with the true one."""
+    true, given = case.frame.support, case.target.observation.support
     if true is None or not case.lab.physics.enabled:
         return None
-    found = case.target.observation.support
-    if found is None:
-        again = case.rerun("true plane", _with_support(case.target, true))
-        said = f"No support plane was found, so nothing was simulated; with it {instead(again.error, case.error)}."
-        return Finding(Cause.PLANE, said, {"error": case.error, "error_repaired": again.error}, again.repaired)
-    tilt_deg, gravity_deg, off_m = _off(found, true, case.truth_as_placed)
-    if tilt_deg < TILT_DEG and abs(off_m) < OFF_M and gravity_deg < GRAVITY_DEG:
+    tilt_deg, gravity_deg, off_m = _off(given, true, case.at_gt) if given is not None else (0.0, 0.0, 0.0)
+    if given is not None and tilt_deg < TILT_DEG and abs(off_m) < OFF_M and gravity_deg < GRAVITY_DEG:
         return None
-    again = case.rerun("true plane", _with_support(case.target, true))
+    target = replace(case.target, observation=replace(case.target.observation, support=true))
+    again = case.rerun("true plane", target)
+    if given is None:
+        sentence = f"No support plane was found, so nothing was simulated; with it {instead(again.error, case.error)}."
+        return Finding(Cause.PLANE, sentence, {"error": case.error, "error_repaired": again.error}, again.repaired)
     where = f"{abs(off_m) * 1e3:.0f} mm too {'high' if off_m > 0 else 'low'} under the {case.name}"
     if tilt_deg >= TILT_DEG:
         where += f" and tilted by {tilt_deg:.0f}°"
@@ -112,7 +111,7 @@ def simulation(case: Case) -> Finding | None:
     pushes = [(push, i) for i in case.own if (push := _push(case, i)) is not None and push >= PUSH]
     if not pushes:
         return None
-    # What became of the hypothesis that won, rather than of others.
+    # Pushes of the hypothesis that won count rather than those of others.
     of_winner = [(push, i) for push, i in pushes if _is_of_winner(case, i)]
     push, worst = max(of_winner or pushes, key=lambda pair: pair[0])
     again = case.rerun("no physics", method=case.lab.method(None))
@@ -144,33 +143,29 @@ def simulation(case: Case) -> Finding | None:
 
 
 def _among_true_neighbours(case: Case) -> Rerun:
-    """With what was placed before where it really was; what is solved together starts there."""
-    if not case.company:
-        return case.rerun("neighbours at ground truth", fixed=case.true_placed)
+    """With what was placed before at ground truth; what is solved together starts there."""
+    if not case.group:
+        return case.rerun("neighbours at ground truth", fixed=case.placed_at_gt)
     pools = {
         p.instance_id: [Hypothesis(p.T_cam_obj, 1.0, "ground truth")]
-        for p in case.true_placed
-        if p.instance_id in case.company
+        for p in case.placed_at_gt
+        if p.instance_id in case.group
     }
     return case.rerun_together("neighbours start at ground truth", pools)
 
 
 def _error_of(case: Case, placed: Placed) -> float:
-    """Of another object as it stood; 0 where its true pose is not known."""
-    true = case.frame.placed.get(placed.instance_id)
-    return 0.0 if true is None else ErrorOf(placed.model, true.T_cam_obj)(placed.T_cam_obj)
+    """Of another object as it was placed; 0 without ground truth."""
+    at_gt = case.frame.placed.get(placed.instance_id)
+    return 0.0 if at_gt is None else ErrorOf(placed.model, at_gt.T_cam_obj)(placed.T_cam_obj)
 
 
-def _with_support(target: Target, support: Support) -> Target:
-    return replace(target, observation=replace(target.observation, support=support))
-
-
-def _off(found: Support, true: Support, placed: Placed) -> tuple[float, float, float]:
+def _off(given: Support, true: Support, placed: Placed) -> tuple[float, float, float]:
     """Tilt of the plane [deg], of gravity [deg], and how much too high the plane is below the object [m]."""
-    normal, true_normal = _normal_cam(found), _normal_cam(true)
-    up = found.T_world_cam[2, :3]
+    normal, true_normal = _normal_cam(given), _normal_cam(true)
+    up = given.T_world_cam[2, :3]
     middle = placed.T_cam_obj[:3, 3]
-    above, true_above = (float(apply(s.T_world_cam, middle[None])[0] @ s.normal_world) for s in (found, true))
+    above, true_above = (float(apply(s.T_world_cam, middle[None])[0] @ s.normal_world) for s in (given, true))
     return _angle_deg(normal, true_normal), _angle_deg(up, true_normal), true_above - above
 
 
@@ -190,7 +185,6 @@ def _moved(iteration: Iteration) -> tuple[Float, Float]:
 
 
 def _is_of_winner(case: Case, iteration: Iteration) -> bool:
-    """Whether it played the answer's hypothesis; where there is no answer, any did."""
     return case.answer is None or iteration.arm == case.answer.arm
 
 
@@ -203,21 +197,21 @@ def _push(case: Case, iteration: Iteration) -> float | None:
 
 
 def _drift(case: Case) -> float | None:
-    """How far one simulation takes the object from its true pose, as a share of the diameter; None without physics."""
+    """How far one simulation takes the object from ground truth, as a share of the diameter; None without physics."""
     simulator, support = case.lab.simulator, case.target.observation.support
     if simulator is None or support is None:
         return None
-    path = simulator.settle(case.truth_as_placed, case.true_placed, support, case.lab.physics.steps)
+    path = simulator.settle(case.at_gt, case.placed_at_gt, support, case.lab.physics.steps)
     return case.error_of(path.T_cam_obj)
 
 
 def _stands_on(case: Case) -> str:
-    """What carries the object though the method placed nothing below it; empty where that is not so."""
+    """What supports the object though the method placed nothing below it; empty where that is not so."""
     graph = case.trace.problem.dependencies
     if case.placed or graph is None:
         return ""
-    carriers = [e.first for e in graph.edges if e.kind == "support" and e.second == case.instance_id]
-    names = [case.trace.problem.target(i).model.name for i in carriers]
+    supporting = [e.first for e in graph.edges if e.kind == "support" and e.second == case.instance_id]
+    names = [case.trace.problem.target(i).model.name for i in supporting]
     return " and the ".join(names)
 
 

@@ -1,4 +1,4 @@
-"""Does the verification score prefer the wrong answer to the truth, and because of which pixels?"""
+"""Does the verification score prefer the wrong answer to ground truth, and because of which pixels?"""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis.case import Case
-from verefine_viz.diagnosis.causes import Cause, Finding, told_apart
+from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
+from verefine_viz.diagnosis.signs import prefers
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
 from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 3
-"""Refiner calls from ground truth: a true pose that is a millimetre off must not lose by that."""
+"""Refiner calls from ground truth, which must not lose by being a millimetre off."""
 WORTH_A_WAY_DEG = 5.0
 """Of a smaller rotation it does not matter which way it goes."""
 BLAMED = ("missed", "protruding")
@@ -21,16 +22,14 @@ BLAMED = ("missed", "protruding")
 
 
 def score(case: Case) -> Finding | None:
-    """The answer scores no lower than the truth (or than what the refiner makes of the truth)."""
+    """The answer scores no lower than ground truth (or than what the refiner makes of it)."""
     if case.answer is None or not case.lab.traits.verifies:
         return None
     if case.lab.traits.has_tree:
         return _cost(case, case.answer.T_cam_obj)
-    true_poses = true_poses_of(case)
-    wrong = _judged(case, case.answer.T_cam_obj[None])[0]
-    scores = _judged(case, true_poses)
-    right = max(scores, key=lambda s: s.score)
-    if wrong.score < right.score:
+    wrong = _scored(case, case.answer.T_cam_obj[None])[0]
+    right = max(_scored(case, _poses_at_gt(case)), key=lambda s: s.score)
+    if not prefers(wrong, right):
         return None
     evidence = {
         "score": wrong.score,
@@ -47,13 +46,13 @@ def score(case: Case) -> Finding | None:
 
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
-    """The search looks at how many pixels a scene leaves unexplained: no more with the answer than with the truth."""
+    """The search counts the pixels that a scene leaves unexplained: no more with the answer than at ground truth."""
     s = case.lab.toolbox.session
     pixels = ExplainedPixels(s.mcts.explained_m, s.score)
     problem, answers = case.trace.problem, case.trace.answers[-1]
     others = [
         Placed(i, problem.target(i).model, answers[i].T_cam_obj)
-        for i in case.company
+        for i in case.group
         if i != case.instance_id and i in answers
     ]
 
@@ -62,14 +61,16 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
         return pixels.unexplained_px(problem.observation, scene)
 
     wrong_px = unexplained_px(T_wrong)
-    right_px = min(unexplained_px(T) for T in true_poses_of(case))
+    right_px = min(unexplained_px(T) for T in _poses_at_gt(case))
     if wrong_px > right_px:
         return None
     pose = f"a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter"
     if wrong_px < right_px:
-        text = f"The search's cost prefers {pose}: it leaves {wrong_px} pixels unexplained, the truth {right_px}."
+        text = (
+            f"The search's cost prefers {pose}: it leaves {wrong_px} pixels unexplained, the ground truth {right_px}."
+        )
     else:
-        text = f"The search's cost does not tell {pose} from the truth: both leave {wrong_px} pixels unexplained."
+        text = f"The search's cost is the same for {pose} and for the ground truth: {wrong_px} pixels unexplained."
     return Finding(
         Cause.SCORE,
         text,
@@ -78,9 +79,9 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
     )
 
 
-def true_poses_of(case: Case) -> Float:
+def _poses_at_gt(case: Case) -> Float:
     """(n, 4, 4) ground truth, and what the refiner makes of it as long as that is right."""
-    poses = [case.T_true]
+    poses = [case.T_gt]
     for _ in range(POLISHING):
         T = case.lab.refiner.refine(case.target, poses[-1], case.placed)
         if case.error_of(T) > case.threshold / 2:
@@ -89,50 +90,50 @@ def true_poses_of(case: Case) -> Float:
     return np.array(poses)
 
 
-def _judged(case: Case, poses: Float) -> list[PoseScore]:
+def _scored(case: Case, poses: Float) -> list[PoseScore]:
     """The score that decided: of the object, or of the whole scene with the others at their answers."""
     if not case.lab.traits.takes_turns:
         fixed = case.placed if case.lab.method(None).placed_may_hide else ()
-        found = case.lab.verifier.score(case.target, poses, fixed)
-        return [found[k] for k in range(len(poses))]
+        scores = case.lab.verifier.score(case.target, poses, fixed)
+        return [scores[k] for k in range(len(poses))]
     problem, answers = case.trace.problem, case.trace.answers[-1]
     cluster = next(c for c in problem.clusters if case.instance_id in c)
     targets = [t for t in problem.targets if t.instance.instance_id in cluster and t.instance.instance_id in answers]
     own = next(k for k, t in enumerate(targets) if t.instance.instance_id == case.instance_id)
     Ts = np.array([[answers[t.instance.instance_id].T_cam_obj for t in targets]] * len(poses))
     Ts[:, own] = poses
-    found = case.lab.verifier.score_scene(targets, Ts)
-    return [found[k] for k in range(len(poses))]
+    scores = case.lab.verifier.score_scene(targets, Ts)
+    return [scores[k] for k in range(len(poses))]
 
 
 def _way(case: Case) -> str:
-    """Which way the answer is turned; empty where that is by little, or not known."""
+    """Which way the answer is turned; empty where that is by little, or unknown."""
     assert case.answer is not None
     way = turning_on(case.target, case.answer.T_cam_obj)
     if way is None or max(way.tilt_deg, way.turn_deg) < WORTH_A_WAY_DEG:
         return ""
-    return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_true):.0f}°: {way.in_words(0)})"
+    return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_gt):.0f}°: {way.in_words(0)})"
 
 
 def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore, way: str = "") -> str:
-    """The sentence about a score that prefers a wrong pose, or gives it as much as the truth.
+    """The sentence about a score that prefers a wrong pose, or gives it as much as the ground truth.
 
     Args:
         name: of the object.
         error: of the wrong pose, as a share of the diameter.
         wrong: its score.
-        right: the truth's, which is not higher.
+        right: that of ground truth, which is not higher.
         way: which way the pose is turned, in words.
     """
     pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter{way}"
-    of_wrong, of_truth = told_apart(wrong.score, right.score, 3)
-    if of_wrong == of_truth:
-        return f"The score gives {pose} as much as the truth: {of_truth}."
-    return f"The score prefers {pose}: {of_wrong} against {of_truth} for the truth{_why(wrong, right)}."
+    of_wrong, of_gt = distinct_texts(wrong.score, right.score, 3)
+    if of_wrong == of_gt:
+        return f"The score gives {pose} as much as the ground truth: {of_gt}."
+    return f"The score prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_why(wrong, right)}."
 
 
 def _why(wrong: PoseScore, right: PoseScore) -> str:
-    """What costs the truth its lead: the pixels that do it, else the fit; empty where neither tells."""
+    """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
     blame = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
     name = max(blame, key=lambda n: blame[n])
     if blame[name] > 0.01:
@@ -141,9 +142,9 @@ def _why(wrong: PoseScore, right: PoseScore) -> str:
         return f", in which {shares}, against {wrong.shares[name]:.0%} in the answer"
     depth, normals = wrong.depth_fit - right.depth_fit, wrong.normal_fit - right.normal_fit
     if depth > normals:
-        what, fits = "depth fits", told_apart(right.depth_fit, wrong.depth_fit, 2)
+        what, fits = "depth fits", distinct_texts(right.depth_fit, wrong.depth_fit, 2)
     else:
-        what, fits = "normals fit", told_apart(right.normal_fit, wrong.normal_fit, 2)
+        what, fits = "normals fit", distinct_texts(right.normal_fit, wrong.normal_fit, 2)
     if max(depth, normals) <= 0 or fits[0] == fits[1]:
         return ""
     return f", whose {what} less well ({fits[0]} against {fits[1]})"

@@ -1,4 +1,4 @@
-"""Causes that lie in the search: starved hypotheses, too small a budget, a bad pool."""
+"""Causes that lie in the search: starved hypotheses, too small a budget, the refiner, a bad pool."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import StageName
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, instead, share
-from verefine_viz.diagnosis.pose_units import of_another_unit
+from verefine_viz.diagnosis.input_causes import of_another_unit
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
 from verefine_viz.refiners.registry import make_refiner
-
-# The refiner as the cause: it led the object astray, or does not get there from where ICP does.
 
 ICP = "icp"
 """The refiner that others are measured against."""
@@ -28,7 +26,7 @@ WORSE_BY = 1.2
 
 def refiner(case: Case) -> Finding | None:
     """The refiner led it astray, or does not get there from where ICP does."""
-    return _astray(case) or outdone(case)
+    return _astray(case) or beaten_by_icp(case)
 
 
 def _astray(case: Case) -> Finding | None:
@@ -50,7 +48,7 @@ def _astray(case: Case) -> Finding | None:
     return Finding(
         Cause.REFINER,
         f"The refiner led the {case.name} astray: {where[0].lower()}{where[1:]} {share(before.error)} of the diameter "
-        f"from the truth (hypothesis {case.answer.arm + 1}), and ended {share(at_end)} away.",
+        f"from the ground truth (hypothesis {case.answer.arm + 1}), and ended {share(at_end)} away.",
         {
             "hypothesis": float(case.answer.arm),
             "best_iteration": float(before.iteration),
@@ -63,25 +61,25 @@ def _astray(case: Case) -> Finding | None:
     )
 
 
-def outdone(case: Case) -> Finding | None:
+def beaten_by_icp(case: Case) -> Finding | None:
     """Another refiner than ICP; decided by a re-run with ICP from the same hypotheses."""
     session = case.lab.toolbox.session
     name = session.method.refiner
     if name == ICP or case.lab.traits.has_tree or not len(case.initial_errors):
         return None
-    if case.company and case.rerun(ALONE).repaired:  # It gets there, but for the company.
+    if case.group and case.rerun(ALONE).repaired:  # It gets there, but for the other objects.
         return None
     method = case.lab.method(case.lab.simulator, make_refiner(ICP, session))
     again = case.rerun("ICP", method=method)
     if not again.repaired:
         return None
     n_calls, n_away = _calls(case)
-    said = f"The refiner {name} does not bring the {case.name} to the truth"
+    what = f"The refiner {name} does not bring the {case.name} to the ground truth"
     if 2 * n_away > n_calls:
-        said += f" and took it further away in {n_away} of {n_calls} calls"
+        what += f" and took it further away in {n_away} of {n_calls} calls"
     return Finding(
         Cause.REFINER,
-        f"{said}; with ICP from the same hypotheses {instead(again.error, case.error)}.",
+        f"{what}; with ICP from the same hypotheses {instead(again.error, case.error)}.",
         {
             "calls": float(n_calls),
             "calls_that_took_it_away": float(n_away),
@@ -93,7 +91,7 @@ def outdone(case: Case) -> Finding | None:
 
 
 def _calls(case: Case) -> tuple[int, int]:
-    """How often the refiner was called, and how often it took the object further from the truth."""
+    """How often the refiner was called, and how often it took the object further from ground truth."""
     changes = [
         case.error_of(after.T_cam_obj) - case.error_of(before.T_cam_obj)
         for iteration in case.own
@@ -155,7 +153,7 @@ def starved(case: Case) -> Finding | None:
             case.with_pool(case.target.instance.hypotheses[j].T_cam_obj),
             method=case.lab.method(case.lab.simulator, iterations=each),
         )
-        if again.repaired and case.company:
+        if again.repaired and case.group:
             again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
         if again.repaired:
             got = f"got {pulls[j]} of {len(case.own)} iterations"
@@ -181,7 +179,7 @@ def starved(case: Case) -> Finding | None:
 def _only_hypothesis(case: Case, j: int) -> Pools:
     """One hypothesis alone, and of each object solved together with it the one that its answer came from."""
     pools: dict[int, Sequence[Hypothesis]] = {}
-    for i in case.company:
+    for i in case.group:
         pool = case.trace.problem.target(i).instance.hypotheses
         chosen = case.trace.answers[-1][i].arm if i in case.trace.answers[-1] else 0
         pools[i] = pool[chosen : chosen + 1] or pool
@@ -191,16 +189,16 @@ def _only_hypothesis(case: Case, j: int) -> Pools:
 def budget(case: Case) -> Finding | None:
     """The answer's hypothesis was still getting better at the end, and a larger budget brings it home.
 
-    Of objects solved together it is also asked where one alone would have come out right with its share.
+    Of objects solved together it is also tested where one alone would have come out right with its share.
     """
     accepted = _accepted(case)
     falling = accepted[-2] - accepted[-1] if len(accepted) > 1 and accepted[0] <= FAR else 0.0
     still = f"The {case.name} was still getting closer, by {falling:.1%} of the diameter in the last iteration"
     multiples = MULTIPLES
     if falling < IMPROVING:
-        if not case.company or not case.rerun(ALONE).repaired:
+        if not case.group or not case.rerun(ALONE).repaired:
             return None
-        still = f"The search for the {case.name}, whose scene {len(case.company)} objects share, ended too early"
+        still = f"The search for the {case.name}, whose scene {len(case.group)} objects share, ended too early"
         multiples = MULTIPLES[:1]
     elif case.lab.traits.has_tree:
         multiples = MULTIPLES[:1]
@@ -218,7 +216,7 @@ def budget(case: Case) -> Finding | None:
 
 def _with_budget(case: Case, times: int) -> Rerun:
     what = f"{times} × the budget"
-    if case.company:
+    if case.group:
         return case.rerun_together(what, {}, times)
     own = case.lab.method(case.lab.simulator)
     return case.rerun(what, method=case.lab.method(case.lab.simulator, iterations=times * own.iterations))
@@ -226,18 +224,18 @@ def _with_budget(case: Case, times: int) -> Rerun:
 
 def no_hypothesis(case: Case) -> Finding:
     """The pool is empty, so that nothing was done."""
-    again = _from_truth(case)
-    said = f"There is no hypothesis for the {case.name}"
+    again = _from_gt(case)
+    what = f"There is no hypothesis for the {case.name}"
     if np.isfinite(again.error):
-        said += f"; started at the truth, it ends {share(again.error)} of the diameter away"
-    return Finding(Cause.NO_HYPOTHESIS, f"{said}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+        what += f"; started at the ground truth, it ends {share(again.error)} of the diameter away"
+    return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
 
 
 def pool(case: Case) -> Finding | None:
-    """No hypothesis leads there, and the truth itself as a start does."""
-    if outdone(case) is not None:
+    """No hypothesis leads there, and ground truth itself as a start does."""
+    if beaten_by_icp(case) is not None:
         return None
-    if case.company and case.rerun(ALONE).repaired:
+    if case.group and case.rerun(ALONE).repaired:
         alone = case.rerun(ALONE)
         return Finding(
             Cause.BUDGET,
@@ -246,10 +244,10 @@ def pool(case: Case) -> Finding | None:
             {"times": float(MULTIPLES[0]), "error": case.error, "error_alone": alone.error},
             False,
         )
-    again = _from_truth(case)
+    again = _from_gt(case)
     j = int(np.argmin(case.initial_errors))
     nearest = float(case.initial_errors[j])
-    far = pose_errors(case.target.model, case.target.instance.hypotheses[j].T_cam_obj, case.T_true)
+    far = pose_errors(case.target.model, case.target.instance.hypotheses[j].T_cam_obj, case.T_gt)
     evidence = {
         "hypotheses": float(len(case.initial_errors)),
         "nearest": float(j),
@@ -260,39 +258,39 @@ def pool(case: Case) -> Finding | None:
         "error_from_truth": again.error,
     }
     if again.error >= case.threshold:
-        said = f"Even started at the truth, the {case.name} ends {share(again.error)} of the diameter away."
-        return Finding(Cause.REFINER, said, evidence, False)
+        sentence = f"Even started at the ground truth, the {case.name} ends {share(again.error)} of the diameter away."
+        return Finding(Cause.REFINER, sentence, evidence, False)
     if nearest < case.threshold:
-        said = (
-            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the truth, and "
-            f"refinement lost it: the error is {share(case.error)}."
+        sentence = (
+            f"Hypothesis {j + 1} of the {case.name} started {share(nearest)} of the diameter from the ground truth, "
+            f"and refinement lost it: the error is {share(case.error)}."
         )
-        return Finding(Cause.REFINER, said, evidence, False)
+        return Finding(Cause.REFINER, sentence, evidence, False)
     T_nearest = case.target.instance.hypotheses[j].T_cam_obj
     way = turning_on(case.target, T_nearest)
-    told = f" ({way.in_words(0)})" if way is not None else ""
-    unit = of_another_unit(T_nearest, case.T_true, case.target.model.diameter_m)
+    direction = f" ({way.in_words(0)})" if way is not None else ""
+    unit = of_another_unit(T_nearest, case.T_gt, case.target.model.diameter_m)
     wrong = f"; its translation looks like {unit} where millimetres are expected" if unit else ""
     return Finding(
         Cause.POOL,
-        f"No hypothesis of the {case.name} leads to the truth: the nearest of {len(case.initial_errors)} (hypothesis "
-        f"{j + 1}) starts {far.rotation_deg:.0f}°{told} and {far.translation_mm:.0f} mm away{wrong}; started at the "
-        f"truth {instead(again.error, case.error)}.",
+        f"No hypothesis of the {case.name} leads to the ground truth: the nearest of {len(case.initial_errors)} "
+        f"(hypothesis {j + 1}) starts {far.rotation_deg:.0f}°{direction} and {far.translation_mm:.0f} mm away{wrong}; "
+        f"started at the ground truth {instead(again.error, case.error)}.",
         evidence,
         True,
     )
 
 
-def _from_truth(case: Case) -> Rerun:
-    return case.rerun("started at ground truth", case.with_pool(case.T_true))
+def _from_gt(case: Case) -> Rerun:
+    return case.rerun("started at ground truth", case.with_pool(case.T_gt))
 
 
 def _accepted(case: Case) -> list[float]:
-    """Errors of what was kept of the answer's hypothesis, iteration by iteration, its start first."""
+    """Errors of the accepted poses of the answer's hypothesis, iteration by iteration, its start first."""
     if case.answer is None or case.answer.arm >= len(case.initial_errors):
         return []
-    kept = [case.error_of(i.accepted_stage.T_cam_obj) for i in case.own if i.arm == case.answer.arm]
-    return [float(case.initial_errors[case.answer.arm]), *kept]
+    accepted = [case.error_of(i.accepted_stage.T_cam_obj) for i in case.own if i.arm == case.answer.arm]
+    return [float(case.initial_errors[case.answer.arm]), *accepted]
 
 
 SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, pool)

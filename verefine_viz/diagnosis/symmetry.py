@@ -43,27 +43,27 @@ class UndeclaredTurn:
         )
 
 
-def undeclared_turn(model: ObjectModel, T_est: Float, T_true: Float, threshold: float) -> UndeclaredTurn | None:
+def undeclared_turn(model: ObjectModel, T_est: Float, T_gt: Float, threshold: float) -> UndeclaredTurn | None:
     """The turn that makes an estimate count as wrong though the object looks the same; None where that is not why.
 
-    The error that decides knows declared symmetries only, so that such an answer counts as wrong everywhere. Whether
-    it is wrong to a person is another question: colour, which may tell the sides apart, is not looked at.
+    The error that decides knows declared symmetries only, so that such an answer counts as wrong everywhere. Whether it
+    looks wrong is another question: colour, in which the sides may differ, is ignored.
 
     Args:
         model: the object.
         T_est: (4, 4) the estimate.
-        T_true: (4, 4) ground truth.
+        T_gt: (4, 4) ground truth.
         threshold: an estimate is wrong if its ADD(-S) is at least this share of the diameter.
     """
-    error_of = ErrorOf(model, T_true)
+    error_of = ErrorOf(model, T_gt)
     error = error_of(T_est)
-    # A pose that looks the same has its surface where the true one has it: a cheap question first.
-    if error < threshold or adds_mm(model, T_est, T_true) * 1e-3 >= threshold * model.diameter_m:
+    # A pose that looks the same has its surface at that of ground truth: a cheap test first.
+    if error < threshold or adds_mm(model, T_est, T_gt) * 1e-3 >= threshold * model.diameter_m:
         return None
-    S = nearby_symmetry(model, inverse(T_est) @ T_true)
+    S = nearby_symmetry(model, inverse(T_est) @ T_gt)
     if S is None:
         return None
-    # The estimate p and the truth p S⁻¹ show the same surface.
+    # The estimate p and the ground truth p S⁻¹ show the same surface.
     with_symmetry = error_of(T_est @ S)
     if with_symmetry >= threshold:
         return None
@@ -73,7 +73,7 @@ def undeclared_turn(model: ObjectModel, T_est: Float, T_true: Float, threshold: 
 def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
     """The transform (4, 4) near ``T`` that maps the model's surface onto itself; None where there is none.
 
-    ``T`` is a transform of the object's frame, such as what lies between an estimate and the truth.
+    ``T`` is a transform of the object's frame, such as what lies between an estimate and ground truth.
     """
     surface = _Surface(model)
     S = np.array(T)
@@ -105,8 +105,8 @@ class _Surface:
     def matched(self, S: Float) -> tuple[Float, Float, Float]:
         """The points moved by ``S``, and the points and normals that they fall upon."""
         moved, turned = apply(S, self.points), self.normals @ S[:3, :3].T
-        found = self._tree.query(np.hstack([moved, self._weight_m * turned]))[1]
-        return moved, self.points[found], self.normals[found]
+        nearest = self._tree.query(np.hstack([moved, self._weight_m * turned]))[1]
+        return moved, self.points[nearest], self.normals[nearest]
 
 
 def _step(moved: Float, to: Float, n: Float) -> Float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bop_model import EvalModel
-from verefine_viz.evaluation.ground_truth import Truth
+from verefine_viz.evaluation.ground_truth import GtInstance
 from verefine_viz.evaluation.pair_errors import PairErrors
 from verefine_viz.evaluation.pose_table import Image, PoseTable
 from verefine_viz.evaluation.vertex_errors import add_mm, adi_mm, symmetric_errors
@@ -121,7 +121,7 @@ def answers(
     table: PoseTable,
     image: Image,
     rows: Sequence[int],
-    truths: Sequence[Truth],
+    instances: Sequence[GtInstance],
     valid: NDArray[np.bool_],
     errors: PairErrors | None,
     adi: Callable[..., float] = adi_mm,
@@ -133,19 +133,19 @@ def answers(
         table: the estimates.
         image: (scene_id, im_id).
         rows: those of the object, by descending score.
-        truths: G instances.
+        instances: G of the object.
         valid: (G,) which of them are asked for.
         errors: of all pairs.
         adi: measures ADI.
     """
     chosen: dict[int, int] = {}
     if errors is not None:
-        apart_mm = np.array([[float(np.linalg.norm(table.t_mm[row] - t.t_mm)) for t in truths] for row in rows])
+        apart_mm = np.array([[float(np.linalg.norm(table.t_mm[row] - gt.t_mm)) for gt in instances] for row in rows])
         matched = match_poses(apart_mm[..., None], np.array([np.inf]), valid)
         chosen = {int(g): e for e, g in enumerate(matched) if g >= 0}
     return tuple(
-        _answer(model, table, image, rows, truth, errors, g, chosen.get(g), adi)
-        for g, truth in enumerate(truths)
+        _answer(model, table, image, rows, gt, errors, g, chosen.get(g), adi)
+        for g, gt in enumerate(instances)
         if valid[g]
     )
 
@@ -155,18 +155,18 @@ def _answer(
     table: PoseTable,
     image: Image,
     rows: Sequence[int],
-    truth: Truth,
+    gt: GtInstance,
     errors: PairErrors | None,
     g: int,
     e: int | None,
     adi: Callable[..., float],
 ) -> Answer:
-    known = *image, truth.obj_id, truth.gt_id, truth.visib_fract
+    known = *image, gt.obj_id, gt.gt_id, gt.visib_fract
     if model is None or errors is None or e is None:
         diameter_mm = np.nan if model is None else model.diameter_mm
         return Answer(*known, None, -np.inf, 1.0, np.inf, np.inf, np.inf, diameter_mm, np.inf, np.inf)
     row = rows[e]
-    pair = table.R[row], table.t_mm[row], truth.R, truth.t_mm
+    pair = table.R[row], table.t_mm[row], gt.R, gt.t_mm
     is_pose = np.isfinite(pair[0]).all() and np.isfinite(pair[1]).all()
     add_s_mm = (adi if model.is_symmetric else add_mm)(model, *pair) if is_pose else np.inf
     turn_deg, shift_mm = symmetric_errors(model, *pair) if is_pose else (np.inf, np.inf)

@@ -1,4 +1,7 @@
-"""Average recalls of the BOP localization task: shares of instances found, over all tolerances and thresholds."""
+"""Average recall of the BOP localization task and average precision of the detection task.
+
+Recalls are shares of the instances that an estimate was matched to, over all tolerances and thresholds.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ THRESHOLDS = np.stack([RELATIVE_THRESHOLDS] * (len(TAUS) + 1) + [PIXEL_THRESHOLD
 
 @dataclass(frozen=True, eq=False)
 class Recalls:
-    """How many of ``n_targets`` instances were found."""
+    """Shares of ``n_targets`` instances that an estimate was matched to."""
 
     n_targets: int
     vsd: Float
@@ -52,18 +55,18 @@ class Recalls:
 
 @dataclass
 class Tally:
-    """Counts instances asked for and found, by object and by scene."""
+    """Counts instances asked for and matched, by object and by scene."""
 
     targets: dict[tuple[int, int], int] = field(default_factory=dict)
     """(scene_id, obj_id) → instances asked for."""
-    found: dict[tuple[int, int], NDArray[np.int64]] = field(default_factory=dict)
-    """(scene_id, obj_id) → instances found, by kind of error and threshold."""
+    matched: dict[tuple[int, int], NDArray[np.int64]] = field(default_factory=dict)
+    """(scene_id, obj_id) → instances matched, by kind of error and threshold."""
 
-    def add(self, scene_id: int, obj_id: int, n_targets: int, found: NDArray[np.int64]) -> None:
-        """One object of one image: how many instances were asked for, and found (C, T)."""
+    def add(self, scene_id: int, obj_id: int, n_targets: int, matched: NDArray[np.int64]) -> None:
+        """One object of one image: how many instances were asked for, and matched (C, T)."""
         key = scene_id, obj_id
         self.targets[key] = self.targets.get(key, 0) + n_targets
-        self.found[key] = self.found[key] + found if key in self.found else found
+        self.matched[key] = self.matched[key] + matched if key in self.matched else matched
 
     @property
     def obj_ids(self) -> tuple[int, ...]:
@@ -76,11 +79,11 @@ class Tally:
         return tuple(sorted({scene_id for (scene_id, _), n in self.targets.items() if n}))
 
     def shares(self, scene_id: int | None = None, obj_id: int | None = None) -> tuple[int, Float]:
-        """Instances asked for, and the share found (C, T): of everything, of a scene, or of an object; 0 of none."""
+        """Instances asked for, and the share matched (C, T): of all, of a scene, or of an object; 0 of none."""
         keys = [key for key in self.targets if scene_id in (None, key[0]) and obj_id in (None, key[1])]
         n = sum(self.targets[key] for key in keys)
-        found = sum((self.found[key] for key in keys), np.zeros((1, 1), np.int64))
-        return n, found / float(n) if n else np.zeros(found.shape)
+        matched = sum((self.matched[key] for key in keys), np.zeros((1, 1), np.int64))
+        return n, matched / float(n) if n else np.zeros(matched.shape)
 
     def recalls(self, scene_id: int | None = None, obj_id: int | None = None) -> Recalls:
         """The same, for the kinds of error and thresholds of :data:`THRESHOLDS`."""
@@ -100,12 +103,10 @@ def average_recalls(kinds: Float) -> Recalls:
     return tally.recalls()
 
 
-# Average precision of the BOP'24 detection task.
-
 MILLIMETRE_THRESHOLDS = np.arange(2.0, 21.0, 2.0)
 """Of MSSD in the BOP'25 variant for industrial parts [mm]."""
 
-PRECISION_THRESHOLDS = np.stack([RELATIVE_THRESHOLDS, MILLIMETRE_THRESHOLDS, PIXEL_THRESHOLDS])
+DETECTION_THRESHOLDS = np.stack([RELATIVE_THRESHOLDS, MILLIMETRE_THRESHOLDS, PIXEL_THRESHOLDS])
 """(3, 10) for MSSD as a share of the diameter, MSSD [mm] and MSPD."""
 
 WRONG, RIGHT, IGNORED = 0, 1, 2

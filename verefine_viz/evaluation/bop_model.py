@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.geometry import axis_angle, check_reach, transform
-from verefine_viz.core.json_files import key_of, numbers_of, position_of, read_numbered
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.json_files import read_numbered
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, mesh_files, read_geometry, unit_of_format
-from verefine_viz.scenes.models import checked_unit, diameter_mm_of
-
-# An object's symmetries as the official BOP scores take them: 315 steps of a continuous one, matrices as they are.
+from verefine_viz.scenes.models import checked_unit, combined_symmetries, diameter_mm_of, listed_symmetries
 
 STEP = 0.01
 """Largest way of a point between two steps of a continuous symmetry, as a share of the diameter (BOP)."""
@@ -29,9 +26,8 @@ STEP = 0.01
 def bop_symmetries(info: dict[str, Any], where: str, step: float = STEP) -> Float:
     """All transforms (S, 4, 4) [mm] of the object frame that leave the object looking the same; the identity first.
 
-    Unlike those that refiners use, discrete ones keep the rounded digits of the file, and a continuous one has
-    ceil(π / step) steps. Several continuous axes are put one after another, not multiplied; with discrete ones D they
-    combine to C·D.
+    As the official scores take them, and unlike those of refiners: discrete ones keep the rounded digits of the file,
+    and a continuous one has ceil(π / step) steps, which are 315.
 
     Args:
         info: the object's entry of models_info.json (millimetres).
@@ -41,38 +37,7 @@ def bop_symmetries(info: dict[str, Any], where: str, step: float = STEP) -> Floa
     Raises:
         InputError: an entry is incomplete.
     """
-    discrete = [np.eye(4)]
-    for k, values in enumerate(_list(info, "symmetries_discrete", where)):
-        place = f"{where}: symmetries_discrete[{k}]"
-        T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4)
-        try:
-            check_reach(T[:3, 3] * 1e-3, place)
-        except ShapeError as error:
-            raise InputError(str(error)) from None
-        discrete.append(T)
-    continuous = [
-        T
-        for k, entry in enumerate(_list(info, "symmetries_continuous", where))
-        for T in _rotations(entry, f"{where}: symmetries_continuous[{k}]", int(np.ceil(np.pi / step)))
-    ]
-    if not continuous:
-        return np.stack(discrete)
-    return np.stack([C @ D for D in discrete for C in continuous])
-
-
-def _rotations(entry: Any, where: str, n_steps: int) -> list[Float]:
-    axis, offset_mm = numbers_of(entry, "axis", 3, where), position_of(entry, "offset", where)
-    if not np.linalg.norm(axis) > 0:
-        raise InputError(f"{where}: 'axis' is zero, expected a direction")
-    turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))
-    return [transform(R, offset_mm - R @ offset_mm) for R in turns]
-
-
-def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
-    value = key_of(info, key, where) if key in info else []
-    if not isinstance(value, list):
-        raise InputError(f"{where}: {key!r} is a JSON {type(value).__name__}, expected a list")
-    return value
+    return combined_symmetries(*listed_symmetries(info, where, int(np.ceil(np.pi / step)), 1.0))
 
 
 N_PROBES = 24
@@ -157,8 +122,8 @@ class EvalModels:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know: where the models come from, if not from the official folder, and which of those
-        read so far are not as large as is stated.
+        """Where the models come from, if not from the official folder, and which of those read so far are not as large
+        as is stated.
         """
         where = f"there is no models_eval; errors are measured on {self.folder.name}, which differs a little"
         return (*([] if self.folder.name == "models_eval" else [where]), *self._unit_notes)
@@ -191,7 +156,7 @@ class EvalModels:
         symmetries_mm = bop_symmetries(self._info[obj_id], f"{self._info_path}, object {obj_id}")
         vertices, faces = read_geometry(path)
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
-        # As where poses are found: a mesh that is solved in one unit must not be measured in another.
+        # As where objects are solved: a mesh must not be measured in another unit.
         factor, note = checked_unit(path.name, largest_distance(in_mm) * 1e-3, diameter_mm * 1e-3)
         if note:
             self._unit_notes.append(f"object {obj_id}: {note}")

@@ -1,6 +1,6 @@
 """BOP scores of results: average recall (BOP'19 localization) or average precision (BOP'24 detection).
 
-One pass over the images serves any number of methods: a depth image is read once, a true pose is drawn once, an
+One pass over the images serves any number of methods: a depth image is read once, ground truth is drawn once, an
 estimate is drawn once and all of its errors go into one table, from which every threshold is counted.
 """
 
@@ -16,9 +16,18 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.evaluation.answers import Answer, answers, match_thresholds
-from verefine_viz.evaluation.averages import IGNORED, RIGHT, THRESHOLDS, WRONG, Detections, Precision, Recalls, Tally
-from verefine_viz.evaluation.averages import PRECISION_THRESHOLDS as DETECTION_THRESHOLDS
-from verefine_viz.evaluation.ground_truth import VISIB_FRACT, Targets, Task, Truth, TruthImage, TruthSource
+from verefine_viz.evaluation.averages import (
+    DETECTION_THRESHOLDS,
+    IGNORED,
+    RIGHT,
+    THRESHOLDS,
+    WRONG,
+    Detections,
+    Precision,
+    Recalls,
+    Tally,
+)
+from verefine_viz.evaluation.ground_truth import VISIB_FRACT, GtInstance, GtSource, Targets, Task
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_table import Image, OwnPart, PoseTable
 from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm
@@ -30,13 +39,13 @@ MAX_PER_IMAGE = {"xyzibd": 200}
 INDEX_FROM = 32
 """Estimates of an object from which on an index for ADI pays."""
 
-Tell = Callable[[int, int], None]
-"""Told how many images are done, and how many there are."""
+Report = Callable[[int, int], None]
+"""Called with how many images are done, and how many there are."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """What became of the rows of a results file."""
+    """How many rows of a results file were scored, and how many instances have one."""
 
     rows: int
     scored: int
@@ -73,34 +82,33 @@ class Scores:
     answers: tuple[Answer, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
     own: Scores | None = None
-    """The same over the part that was named as its own, as if nothing else were asked for; None where none was."""
+    """The same over the table's own part, as if nothing else were asked for; None where it has none."""
 
 
 def bop_scores(
     tables: Sequence[PoseTable],
-    truth: TruthSource,
+    ground_truth: GtSource,
     targets: Targets,
     task: Task | None = None,
     workers: int = 1,
-    tell: Tell = lambda done, total: None,
+    report: Report = lambda done, total: None,
     own_parts: Sequence[OwnPart | None] = (),
 ) -> tuple[Scores, ...]:
     """The scores of each table, as the official scripts compute them for its results file.
 
     Args:
-        tables: one per method: :func:`~.pose_table.read_pose_table` of a CSV or :func:`~.pose_table.pose_table` of
-            rows in memory.
-        truth: :class:`~.truth.BopTruth` of a data set or :class:`~.truth.ProblemTruth` of problems in memory.
+        tables: one per method.
+        ground_truth: of a data set or of problems in memory.
         targets: what is asked for.
         task: by default the one that the targets were made for.
         workers: threads; the scores are the same for any number.
-        tell: progress.
+        report: called with the progress.
         own_parts: for each table the part of the targets that it is about, where a score over this alone is wanted
             as well.
 
     Raises:
         InputError: the targets name what the data set does not have, or one of its files is damaged.
-        SettingsError: localization is asked for, but the targets do not say how many instances there are.
+        SettingsError: localization is asked for, but the targets do not list how many instances there are.
     """
     task = targets.task if task is None else task
     if task == "localization" and targets.task == "detection":
@@ -109,12 +117,12 @@ def bop_scores(
             "name a …_targets_bop19.json with --targets"
         )
     images = list(targets.counts)
-    # Before threads start: models are read once, and what is missing is told at once.
+    # Before threads start: models are read once, and a missing one ends it at once.
     asked = {obj_id for counts in targets.counts.values() for obj_id in counts}
     for obj_id in sorted({i for table in tables for mine in table.by_image.values() for i in mine} & asked):
-        truth.model(obj_id)
+        ground_truth.model(obj_id)
     kind = _Localization if task == "localization" else _Detection
-    score, own_score = kind(tables, truth, targets), kind(tables, truth, targets)
+    score, own_score = kind(tables, ground_truth, targets), kind(tables, ground_truth, targets)
     own_parts = own_parts or [None] * len(tables)
     pool = ThreadPoolExecutor(workers)
     try:
@@ -122,13 +130,13 @@ def bop_scores(
             score.add(image, parts)
             both = zip(parts, own_parts, strict=True)
             own_score.add(image, [[p for p in mine if own and own.holds(image, p.obj_id)] for mine, own in both])
-            tell(done, len(images))
+            report(done, len(images))
     finally:
-        # After an error or Ctrl-C nobody waits for the images that have not begun.
+        # After an error or Ctrl-C the images that have not begun are dropped.
         pool.shutdown(cancel_futures=True)
     return tuple(
-        replace(whole, own=own if part else None)
-        for whole, own, part in zip(score.scores(), own_score.scores(), own_parts, strict=True)
+        replace(scores, own=own if part else None)
+        for scores, own, part in zip(score.scores(), own_score.scores(), own_parts, strict=True)
     )
 
 
@@ -141,17 +149,17 @@ class _Part:
     n_rows: int
     rows: tuple[int, ...]
     """Those that are scored, by descending score."""
-    found: np.ndarray
-    """Localization: (12, 10) instances found. Detection: (3, 10, E) outcomes."""
+    matched: np.ndarray
+    """Localization: (12, 10) instances matched. Detection: (3, 10, E) outcomes."""
     answers: tuple[Answer, ...] = ()
 
 
 class _Localization:
-    def __init__(self, tables: Sequence[PoseTable], truth: TruthSource, targets: Targets) -> None:
-        self._tables, self._truth, self._targets = tables, truth, targets
+    def __init__(self, tables: Sequence[PoseTable], ground_truth: GtSource, targets: Targets) -> None:
+        self._tables, self._ground_truth, self._targets = tables, ground_truth, targets
         n_rows = Counter(obj_id for table in tables for _, _, obj_id in table.ids)
         self._often = {obj_id for obj_id, n in n_rows.items() if n >= INDEX_FROM}
-        self._delta_mm = DELTA_MM_ITODD if truth.name == "itodd" else DELTA_MM
+        self._delta_mm = DELTA_MM_ITODD if ground_truth.name == "itodd" else DELTA_MM
         self._tallies = [Tally() for _ in tables]
         self._answers: list[list[Answer]] = [[] for _ in tables]
         self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
@@ -161,30 +169,30 @@ class _Localization:
         wanted = self._targets.counts[image]
         mine = [table.by_image.get(image, {}) for table in self._tables]
         with_depth = any(obj_id in rows for rows in mine for obj_id in wanted)
-        drawn = Drawn(self._truth.image(*image, with_depth))
+        drawn = Drawn(self._ground_truth.image(*image, with_depth))
         return [[self._part(drawn, table, image, *target) for target in wanted.items()] for table in self._tables]
 
     def _part(self, drawn: Drawn, table: PoseTable, image: Image, obj_id: int, count: int) -> _Part:
-        truths = [t for t in drawn.image.truths if t.obj_id == obj_id]
-        valid = _most_visible(truths, count)
+        instances = [gt for gt in drawn.image.instances if gt.obj_id == obj_id]
+        valid = _most_visible(instances, count)
         there = table.by_image.get(image, {}).get(obj_id, ())
         rows = table.best_first(there)[:count]
-        found = np.zeros(THRESHOLDS.shape, np.int64)
-        if not rows or not truths:
-            given = answers(None, table, image, rows, truths, valid, None)
-            return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), found, given)
-        model = self._truth.model(obj_id)
+        matched = np.zeros(THRESHOLDS.shape, np.int64)
+        if not rows or not instances:
+            given = answers(None, table, image, rows, instances, valid, None)
+            return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
+        model = self._ground_truth.model(obj_id)
         with np.errstate(all="ignore"):
-            errors = pair_errors(drawn, model, [(table.R[r], table.t_mm[r]) for r in rows], truths, self._delta_mm)
-            found = (match_thresholds(errors.kinds, THRESHOLDS, valid) >= 0).sum(axis=2)
+            errors = pair_errors(drawn, model, [(table.R[r], table.t_mm[r]) for r in rows], instances, self._delta_mm)
+            matched = (match_thresholds(errors.kinds, THRESHOLDS, valid) >= 0).sum(axis=2)
             adi = adi_by_index_mm if obj_id in self._often else adi_mm
-            given = answers(model, table, image, rows, truths, valid, errors, adi)
-        return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), found, given)
+            given = answers(model, table, image, rows, instances, valid, errors, adi)
+        return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
 
     def add(self, image: Image, parts: list[list[_Part]]) -> None:
         for k, of_table in enumerate(parts):
             for part in of_table:
-                self._tallies[k].add(image[0], part.obj_id, part.n_targets, part.found)
+                self._tallies[k].add(image[0], part.obj_id, part.n_targets, part.matched)
                 self._answers[k] += part.answers
                 self._counts[k] = _counted(self._counts[k], part)
 
@@ -209,37 +217,35 @@ class _Localization:
 
 
 class _Detection:
-    def __init__(self, tables: Sequence[PoseTable], truth: TruthSource, targets: Targets) -> None:
-        self._tables, self._truth = tables, truth
-        self._limit = MAX_PER_IMAGE.get(truth.name, 100)
+    def __init__(self, tables: Sequence[PoseTable], ground_truth: GtSource, targets: Targets) -> None:
+        self._tables, self._ground_truth = tables, ground_truth
+        self._limit = MAX_PER_IMAGE.get(ground_truth.name, 100)
         self._detections = [Detections() for _ in tables]
         self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
 
     def image(self, image: Image) -> list[list[_Part]]:
         """The parts of one image for each table; runs in any thread."""
-        drawn = Drawn(self._truth.image(*image, with_depth=False))
+        drawn = Drawn(self._ground_truth.image(*image, with_depth=False))
         return [self._parts(drawn, table, table.by_image.get(image, {})) for table in self._tables]
 
     def _parts(self, drawn: Drawn, table: PoseTable, there: Mapping[int, Sequence[int]]) -> list[_Part]:
         best = set(table.best_first(sorted(row for rows in there.values() for row in rows))[: self._limit])
-        # Estimates of objects that are not in the image are not looked at: so does the official script.
-        obj_ids = dict.fromkeys(truth.obj_id for truth in drawn.image.truths)
-        return [self._part(drawn.image, drawn, table, i, there.get(i, []), best) for i in obj_ids]
+        # Estimates of objects that are not in the image do not count, as in the official script.
+        obj_ids = dict.fromkeys(gt.obj_id for gt in drawn.image.instances)
+        return [self._part(drawn, table, i, there.get(i, []), best) for i in obj_ids]
 
-    def _part(
-        self, image: TruthImage, drawn: Drawn, table: PoseTable, obj_id: int, there: Sequence[int], best: set[int]
-    ) -> _Part:
-        truths = [t for t in image.truths if t.obj_id == obj_id]
-        visible = np.array([t.visib_fract >= VISIB_FRACT for t in truths])
+    def _part(self, drawn: Drawn, table: PoseTable, obj_id: int, there: Sequence[int], best: set[int]) -> _Part:
+        instances = [gt for gt in drawn.image.instances if gt.obj_id == obj_id]
+        visible = np.array([gt.visib_fract >= VISIB_FRACT for gt in instances])
         # The official script sorts an image's rows before it cuts them; equal scores then are in the same order.
         rows = table.best_first(row for row in there if row in best)
         outcomes = np.zeros((*DETECTION_THRESHOLDS.shape, 0), np.int64)
         if rows:
             with np.errstate(all="ignore"):
                 poses = [(table.R[r], table.t_mm[r]) for r in rows]
-                errors = pair_errors(drawn, self._truth.model(obj_id), poses, truths, DELTA_MM)
+                errors = pair_errors(drawn, self._ground_truth.model(obj_id), poses, instances, DELTA_MM)
                 kinds = np.stack([errors.mssd_mm / errors.diameter_mm, errors.mssd_mm, errors.mspd_px])
-                matched = match_thresholds(kinds, DETECTION_THRESHOLDS, np.ones(len(truths), np.bool_))
+                matched = match_thresholds(kinds, DETECTION_THRESHOLDS, np.ones(len(instances), np.bool_))
             outcomes = np.where(matched < 0, WRONG, np.where(visible[matched], RIGHT, IGNORED))
         return _Part(obj_id, int(visible.sum()), len(there), tuple(rows), outcomes)
 
@@ -247,7 +253,7 @@ class _Detection:
         for k, of_table in enumerate(parts):
             for part in of_table:
                 scores: Float = self._tables[k].scores[list(part.rows)]
-                self._detections[k].add(part.obj_id, part.n_targets, scores, part.found)
+                self._detections[k].add(part.obj_id, part.n_targets, scores, part.matched)
                 self._counts[k] = _counted(self._counts[k], part)
 
     def scores(self) -> tuple[Scores, ...]:
@@ -260,18 +266,18 @@ class _Detection:
                 None,
                 {},
                 {},
-                found.summary(),
-                {i: found.summary(i) for i in found.obj_ids},
+                detections.summary(),
+                {i: detections.summary(i) for i in detections.obj_ids},
                 (),
             )
-            for table, found, counts in zip(self._tables, self._detections, self._counts, strict=True)
+            for table, detections, counts in zip(self._tables, self._detections, self._counts, strict=True)
         )
 
 
-def _most_visible(truths: Sequence[Truth], count: int) -> np.ndarray:
+def _most_visible(instances: Sequence[GtInstance], count: int) -> np.ndarray:
     """(G,) whether each of an object's instances is one of the ``count`` most visible ones; ties go to the first."""
-    order = sorted(range(len(truths)), key=lambda g: truths[g].visib_fract, reverse=True)
-    valid = np.zeros(len(truths), np.bool_)
+    order = sorted(range(len(instances)), key=lambda g: instances[g].visib_fract, reverse=True)
+    valid = np.zeros(len(instances), np.bool_)
     valid[order[:count]] = True
     return valid
 

@@ -1,4 +1,4 @@
-"""What estimates are compared with: true poses, depth images and models, of a BOP folder or of problems in memory."""
+"""What estimates are compared with: poses, depth images and models of a BOP folder or of problems in memory."""
 
 from __future__ import annotations
 
@@ -6,37 +6,25 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.json_files import (
-    integer_of,
-    key_of,
-    number_of,
-    numbers_of,
-    position_of,
-    read_json,
-    read_numbered,
-)
+from verefine_viz.core.json_files import integer_of, number_of
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels, eval_model
-from verefine_viz.scenes.bop import BopDataset, instances_of
+from verefine_viz.scenes.bop import BopDataset, pose_of, target_counts
 from verefine_viz.scenes.image_files import (
-    check_deepest,
     depth_scale_of,
     find_image,
     image_width,
     intrinsics_of,
     read_steps,
 )
-
-# Which instances a score asks for: BOP's targets files, or every instance that is seen well enough.
 
 Task = Literal["localization", "detection"]
 """localization: BOP'19 to '23, how many instances there are is known. detection: BOP'24, it is not."""
@@ -47,13 +35,13 @@ class Targets:
     """What is asked for, images of a scene together, in the file's order."""
 
     name: str
-    """Of the file, for people."""
+    """Of the file."""
     counts: Mapping[tuple[int, int], Mapping[int, int]]
-    """(scene_id, im_id) → obj_id → instances; nothing is said about objects where the task is detection."""
+    """(scene_id, im_id) → obj_id → instances; without objects where the task is detection."""
     task: Task
     """The one that the file was made for."""
     is_official: bool = True
-    """Whether the data set itself says what is asked for."""
+    """Whether they are those of a targets file."""
 
 
 def read_targets(path: Path) -> Targets:
@@ -62,22 +50,15 @@ def read_targets(path: Path) -> Targets:
     Raises:
         InputError: it is missing or damaged, asks for nothing, or an entry lacks an id; the entry is named.
     """
-    entries = read_json(path, list)
-    if not entries:
+    counts = target_counts(path)
+    if not counts:
         raise InputError(f"{path} lists no targets, expected [{{'scene_id': …, 'im_id': …, …}}, …]")
-    key_of(entries[0], "scene_id", f"{path}, entry 0")
-    task: Task = "localization" if "obj_id" in entries[0] else "detection"
-    scenes: dict[int, dict[int, dict[int, int]]] = {}
-    for k, entry in enumerate(entries):
-        where = f"{path}, entry {k}"
-        scene_id, im_id = integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)
-        counts = scenes.setdefault(scene_id, {}).setdefault(im_id, {})
-        if task == "localization":
-            counts[integer_of(entry, "obj_id", where)] = instances_of(entry, where)
-    if task == "localization" and not any(n for scene in scenes.values() for c in scene.values() for n in c.values()):
+    task: Task = "localization" if any(counts.values()) else "detection"
+    if task == "localization" and not any(n for of_image in counts.values() for n in of_image.values()):
         raise InputError(f"{path} asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere")
-    images = {(scene_id, im_id): counts for scene_id, scene in scenes.items() for im_id, counts in scene.items()}
-    return Targets(path.name, images, task)
+    scenes = list(dict.fromkeys(scene_id for scene_id, _ in counts))
+    images = sorted(counts, key=lambda image: scenes.index(image[0]))
+    return Targets(path.name, {image: counts[image] for image in images}, task)
 
 
 def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
@@ -86,12 +67,12 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
     Raises:
         InputError: there is none.
     """
-    found = targets_path(dataset, split, task)
-    if found is None:
+    path = targets_path(dataset, split, task)
+    if path is None:
         there = ", ".join(sorted(p.name for p in dataset.glob("*targets*.json"))) or "none at all"
         names = " or ".join(_names(split, task))
         raise InputError(f"{dataset} has no {names} (targets files there: {there}); name one by --targets")
-    return found
+    return path
 
 
 def targets_path(dataset: Path, split: str, task: Task | None = None) -> Path | None:
@@ -109,7 +90,7 @@ VISIB_FRACT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class GtInstance:
     """One instance of an image."""
 
     gt_id: int
@@ -124,8 +105,8 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class TruthImage:
-    """What is known about one image."""
+class GtImage:
+    """One image."""
 
     K: Float
     """(3, 3) camera matrix [px]."""
@@ -133,16 +114,16 @@ class TruthImage:
     """[px]."""
     depth_mm: NDArray[np.float32] | None
     """(H, W) [mm], 0 where nothing was measured; None where it was not asked for."""
-    truths: tuple[Truth, ...]
+    instances: tuple[GtInstance, ...]
 
 
-class TruthSource(Protocol):
-    """Where truth comes from. Images may be asked for from several threads."""
+class GtSource(Protocol):
+    """Where ground truth comes from. Images may be asked for from several threads."""
 
     name: str
     """The data set's: itodd has its own tolerance, xyzibd its own limit of estimates."""
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         """One image; InputError where it is missing or damaged."""
         ...
 
@@ -152,12 +133,12 @@ class TruthSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about how far scores can be compared."""
+        """How far scores can be compared with others."""
         ...
 
 
-class BopTruth:
-    """The truth of a data set's split, read as the official toolkit reads it: no digit is changed.
+class BopGroundTruth:
+    """The ground truth of a data set's split, as the official toolkit reads it: no digit is changed.
 
     Raises:
         InputError: the data set has no models.
@@ -168,27 +149,24 @@ class BopTruth:
         self._dataset = dataset
         self._models = EvalModels(dataset.folder)
         self._without_info: set[int] = set()
-        self._scene = lru_cache(maxsize=4)(self._read_scene)
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
-        folder, cameras, truths, infos = self._scene(scene_id)
-        if im_id not in cameras:
-            raise InputError(f"{folder / 'scene_camera.json'} has no image {im_id}, which the targets name")
-        if im_id not in truths:
-            raise InputError(f"{folder / 'scene_gt.json'} has no image {im_id}, which the targets name")
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
+        folder = self._dataset.scene_folder(scene_id)
+        if not os.path.lexists(folder / "scene_gt.json"):
+            raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
+        for name in ("scene_camera.json", "scene_gt.json"):
+            if im_id not in self._dataset.of_images(scene_id, name):
+                raise InputError(f"{folder / name} has no image {im_id}, which the targets name")
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        K = intrinsics_of(cameras[im_id], where)
-        found = _truths(truths[im_id], infos, im_id, folder)
+        camera = self._dataset.of_images(scene_id, "scene_camera.json")[im_id]
+        K, instances = intrinsics_of(camera, where), self._instances(scene_id, im_id)
         if not with_depth:
-            return TruthImage(K, _width(folder, im_id), None, found)
-        path = find_image(folder / "depth", f"{im_id:06d}")
-        if path is None:
-            raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; VSD needs the depth image")
-        scale_mm = depth_scale_of(cameras[im_id], where)
-        check_deepest(path, steps := read_steps(path), scale_mm)
+            return GtImage(K, _width(folder, im_id), None, instances)
+        scale_mm = depth_scale_of(camera, where)
         # The toolkit multiplies them in single precision.
+        steps = read_steps(self._dataset.depth_file(scene_id, im_id), scale_mm)
         depth_mm = steps.astype(np.float32) * np.float32(scale_mm)
-        return TruthImage(K, depth_mm.shape[1], depth_mm, found)
+        return GtImage(K, depth_mm.shape[1], depth_mm, instances)
 
     def model(self, obj_id: int) -> EvalModel:
         return self._models.get(obj_id)
@@ -199,12 +177,12 @@ class BopTruth:
         Raises:
             InputError: a scene's files are damaged.
         """
-        found: list[tuple[int, int]] = []
+        images: list[tuple[int, int]] = []
         for scene_id in self._dataset.scene_ids:
             if os.path.lexists(self._dataset.scene_folder(scene_id) / "scene_gt.json"):
-                truths = self._scene(scene_id)[2]
-                found += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if i in truths]
-        return found
+                with_truth = self._dataset.of_images(scene_id, "scene_gt.json")
+                images += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if i in with_truth]
+        return images
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -214,24 +192,34 @@ class BopTruth:
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
         return tuple(notes)
 
-    def _read_scene(self, scene_id: int) -> tuple[Path, dict[int, Any], dict[int, Any], dict[int, Any] | None]:
+    def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
+        """Those of an image; all count as visible where the scene has no scene_gt_info.json."""
         folder = self._dataset.scene_folder(scene_id)
-        if not os.path.lexists(folder / "scene_gt.json"):
-            raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
-        info = folder / "scene_gt_info.json"
-        has_info = os.path.lexists(info)
-        if not has_info:
+        where, where_info = (f"{folder / name}, image {im_id}" for name in ("scene_gt.json", "scene_gt_info.json"))
+        entries = self._dataset.instances(scene_id, im_id, "scene_gt.json") or []
+        shares = [1.0] * len(entries)
+        if os.path.lexists(folder / "scene_gt_info.json"):
+            infos = self._dataset.instances(scene_id, im_id, "scene_gt_info.json") or []
+            if len(infos) != len(entries):
+                raise InputError(
+                    f"{where_info} does not describe the {len(entries)} instances of scene_gt.json one by one"
+                )
+            shares = [number_of(info, "visib_fract", f"{where_info}, entry {k}") for k, info in enumerate(infos)]
+        else:
             self._without_info.add(scene_id)
-        return (
-            folder,
-            read_numbered(folder / "scene_camera.json", "image"),
-            read_numbered(folder / "scene_gt.json", "image"),
-            read_numbered(info, "image") if has_info else None,
+        return tuple(
+            GtInstance(
+                k,
+                integer_of(entry, "obj_id", f"{where}, entry {k}"),
+                *pose_of(entry, f"{where}, entry {k}"),
+                visib_fract,
+            )
+            for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True))
         )
 
 
-class ProblemTruth:
-    """The truth that problems carry, such as the built-in scenes; instances without a true pose are left out.
+class ProblemGroundTruth:
+    """The ground truth of problems, such as the built-in scenes; instances without are left out.
 
     Continuous symmetries are those of the problems' models, in coarser steps than the official ones.
 
@@ -254,13 +242,13 @@ class ProblemTruth:
         """Every instance that is at least 10 % visible."""
         return visible_targets(self, self._problems)
 
-    def image(self, scene_id: int, im_id: int, with_depth: bool) -> TruthImage:
+    def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         if (scene_id, im_id) not in self._problems:
             frames = (f"{s}/{i}" for s, i in self._problems)
             raise InputError(unknown("frame", f"{scene_id}/{im_id}", frames))
         problem = self._problems[scene_id, im_id]
-        truths = tuple(
-            Truth(
+        instances = tuple(
+            GtInstance(
                 i.instance_id,
                 i.obj_id,
                 np.ascontiguousarray(i.T_cam_obj_gt[:3, :3]),
@@ -272,7 +260,7 @@ class ProblemTruth:
         )
         camera = problem.observation.camera
         depth_mm = (problem.observation.depth_m * np.float32(1e3)).astype(np.float32) if with_depth else None
-        return TruthImage(camera.K, camera.width, depth_mm, truths)
+        return GtImage(camera.K, camera.width, depth_mm, instances)
 
     def model(self, obj_id: int) -> EvalModel:
         if obj_id not in self._models:
@@ -280,48 +268,23 @@ class ProblemTruth:
         return self._models[obj_id]
 
 
-def visible_targets(truth: TruthSource, images: Iterable[tuple[int, int]]) -> Targets:
+def visible_targets(ground_truth: GtSource, images: Iterable[tuple[int, int]]) -> Targets:
     """Every instance of some images, (scene_id, im_id), that is at least 10 % visible: how BOP chooses its targets.
 
     Raises:
         InputError: an image is missing or damaged.
     """
-    counts = {
-        image: dict(
-            Counter(t.obj_id for t in truth.image(*image, with_depth=False).truths if t.visib_fract >= VISIB_FRACT)
-        )
-        for image in images
-    }
+    counts: dict[tuple[int, int], dict[int, int]] = {}
+    for image in images:
+        instances = ground_truth.image(*image, with_depth=False).instances
+        counts[image] = dict(Counter(gt.obj_id for gt in instances if gt.visib_fract >= VISIB_FRACT))
     return Targets("all instances that are at least 10 % visible", counts, "localization", is_official=False)
-
-
-def _truths(entries: Any, infos: dict[int, Any] | None, im_id: int, folder: Path) -> tuple[Truth, ...]:
-    where = f"{folder / 'scene_gt.json'}, image {im_id}"
-    if not isinstance(entries, list):
-        raise InputError(f"{where} is a JSON {type(entries).__name__}, expected a list of instances")
-    shares = [1.0] * len(entries)
-    if infos is not None:
-        place = f"{folder / 'scene_gt_info.json'}, image {im_id}"
-        mine = infos.get(im_id)
-        if not isinstance(mine, list) or len(mine) != len(entries):
-            raise InputError(f"{place} does not describe the {len(entries)} instances of scene_gt.json one by one")
-        shares = [number_of(info, "visib_fract", f"{place}, entry {k}") for k, info in enumerate(mine)]
-    return tuple(
-        Truth(
-            k,
-            integer_of(entry, "obj_id", f"{where}, entry {k}"),
-            numbers_of(entry, "cam_R_m2c", 9, f"{where}, entry {k}").reshape(3, 3),
-            position_of(entry, "cam_t_m2c", f"{where}, entry {k}"),
-            shares[k],
-        )
-        for k, entry in enumerate(entries)
-    )
 
 
 def _width(folder: Path, im_id: int) -> int:
     """The image's width, from the header of whichever of its files is there."""
-    found = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray", "depth"))
-    path = next((p for p in found if p is not None), None)
+    paths = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray", "depth"))
+    path = next(filter(None, paths), None)
     if path is None:
         raise InputError(f"{folder} has no rgb, gray or depth image {im_id:06d}; its width is needed")
     return image_width(path)

@@ -9,7 +9,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bop_model import EvalModel
-from verefine_viz.evaluation.ground_truth import Truth, TruthImage
+from verefine_viz.evaluation.ground_truth import GtImage, GtInstance
 from verefine_viz.evaluation.vertex_errors import mspd_px, mssd_mm
 from verefine_viz.evaluation.vsd import EMPTY, TAUS, DepthPatch, model_depth, spheres_overlap_in_image, vsd
 
@@ -39,17 +39,17 @@ class PairErrors:
 
 
 class Drawn:
-    """The true poses of one image, each drawn when it is first needed: several methods share them."""
+    """The ground truth of one image, each drawn when it is first needed: several methods share them."""
 
-    def __init__(self, image: TruthImage) -> None:
+    def __init__(self, image: GtImage) -> None:
         self.image = image
         self._patches: dict[int, DepthPatch] = {}
 
-    def patch(self, model: EvalModel, truth: Truth) -> DepthPatch:
-        """Depth of the model in its true pose."""
-        if truth.gt_id not in self._patches:
-            self._patches[truth.gt_id] = self.draw(model, (truth.R, truth.t_mm))
-        return self._patches[truth.gt_id]
+    def patch(self, model: EvalModel, gt: GtInstance) -> DepthPatch:
+        """Depth of the model at ground truth."""
+        if gt.gt_id not in self._patches:
+            self._patches[gt.gt_id] = self.draw(model, (gt.R, gt.t_mm))
+        return self._patches[gt.gt_id]
 
     def draw(self, model: EvalModel, pose: Pose) -> DepthPatch:
         """Depth of the model in a pose."""
@@ -58,7 +58,7 @@ class Drawn:
 
 
 def pair_errors(
-    drawn: Drawn, model: EvalModel, estimates: Sequence[Pose], truths: Sequence[Truth], delta_mm: float
+    drawn: Drawn, model: EvalModel, estimates: Sequence[Pose], instances: Sequence[GtInstance], delta_mm: float
 ) -> PairErrors:
     """Errors of all pairs, as the official scripts compute them: with their quick tests whether a pair can be near.
 
@@ -66,22 +66,22 @@ def pair_errors(
         drawn: of the image; VSD is left out where it has no depth.
         model: of the object.
         estimates: E poses.
-        truths: G instances of the object.
+        instances: G of the object.
         delta_mm: tolerance of VSD's visibility [mm].
     """
     K, depth_mm = drawn.image.K, drawn.image.depth_mm
-    n, m = len(estimates), len(truths)
+    n, m = len(estimates), len(instances)
     errors = PairErrors(np.ones((len(TAUS), n, m)), np.empty((n, m)), np.empty((n, m)), model.diameter_mm)
     scale = NORMAL_WIDTH_PX / drawn.image.width
     for e, (R, t_mm) in enumerate(estimates):
         patch = None
-        for g, truth in enumerate(truths):
-            pair = R, t_mm, truth.R, truth.t_mm
-            near = np.linalg.norm(t_mm - truth.t_mm) < model.diameter_mm
+        for g, gt in enumerate(instances):
+            pair = R, t_mm, gt.R, gt.t_mm
+            near = np.linalg.norm(t_mm - gt.t_mm) < model.diameter_mm
             errors.mssd_mm[e, g] = mssd_mm(model, *pair) if near else np.inf
             errors.mspd_px[e, g] = scale * mspd_px(model, *pair, K)
-            if depth_mm is not None and spheres_overlap_in_image(t_mm, truth.t_mm, model.diameter_mm):
+            if depth_mm is not None and spheres_overlap_in_image(t_mm, gt.t_mm, model.diameter_mm):
                 patch = drawn.draw(model, (R, t_mm)) if patch is None else patch
-                truth_patch = drawn.patch(model, truth)
-                errors.vsd[:, e, g] = vsd(depth_mm, patch, truth_patch, K, model.diameter_mm, delta_mm)
+                gt_patch = drawn.patch(model, gt)
+                errors.vsd[:, e, g] = vsd(depth_mm, patch, gt_patch, K, model.diameter_mm, delta_mm)
     return errors

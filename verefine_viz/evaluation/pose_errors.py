@@ -1,4 +1,4 @@
-"""Errors of an estimated pose against ground truth."""
+"""Errors of an estimated pose against ground truth, on sampled points; and which way it is turned."""
 
 from __future__ import annotations
 
@@ -116,9 +116,6 @@ def symmetric_angles_rad(model: ObjectModel, T_est: Float, T_gt: Float) -> Float
     return np.arctan2(sine, cosine)
 
 
-# Which way an estimate is turned against ground truth: tilted against the support plane, or turned round on it.
-
-
 @dataclass(frozen=True)
 class Turning:
     """A rotation R as a turn about an axis, then a tilt of that axis: R = tilt · turn.
@@ -130,7 +127,7 @@ class Turning:
     tilt_deg: float
     """Angle between the axis and where R takes it [deg]."""
     turn_deg: float
-    """Angle of the turn about the axis; 0 where the tilt is 180° and none can be told [deg]."""
+    """Angle of the turn about the axis; 0 where the tilt is 180°, which leaves none [deg]."""
 
     def in_words(self, digits: int = 1) -> str:
         """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
@@ -159,7 +156,7 @@ def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Tur
 
 
 def turning_on(target: Target, T_est: Float) -> Turning | None:
-    """The same on the support plane that was found; None where it, or ground truth, is not known."""
+    """The same on the support plane; None where it, or ground truth, is unknown."""
     T_gt, support = target.instance.T_cam_obj_gt, target.observation.support
     if T_gt is None or support is None:
         return None

@@ -1,4 +1,4 @@
-"""The estimates of one method as columns: what a BOP results file says, or a run's own answers."""
+"""The estimates of one method as columns, and which part of the targets they are about."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class PoseTable:
     @cached_property
     def by_image(self) -> Mapping[Image, Mapping[int, Sequence[int]]]:
         """Rows of each image and object, in the order of the file."""
-        found: dict[Image, dict[int, list[int]]] = {}
+        rows: dict[Image, dict[int, list[int]]] = {}
         for row, (scene_id, im_id, obj_id) in enumerate(self.ids):
-            found.setdefault((scene_id, im_id), {}).setdefault(obj_id, []).append(row)
-        return found
+            rows.setdefault((scene_id, im_id), {}).setdefault(obj_id, []).append(row)
+        return rows
 
     @property
     def mean_time_s(self) -> float:
@@ -92,9 +92,6 @@ def pose_table(name: str, rows: Sequence[ResultRow]) -> PoseTable:
     )
 
 
-# How much of what is asked for a results file speaks about, what of it is its own, rows that cannot be right.
-
-
 @dataclass(frozen=True)
 class Coverage:
     """What of the targets a results file names at all, whatever its poses are worth."""
@@ -108,19 +105,19 @@ class Coverage:
     not_finite: int
     """Rows with NaN or infinity in the pose: accepted by the official check, never right."""
     not_ranked: int
-    """Rows whose score is NaN: accepted by the official check, but nobody knows which of several rows comes first."""
+    """Rows whose score is NaN: accepted by the official check, but which of several rows comes first is unknown."""
     not_rigid: int
     """Rows whose R is no rotation: accepted by the official check, errors are measured with R as it is."""
 
     @property
-    def is_whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether every image and every object has an estimate."""
         return self.images == self.images_asked and self.objects == self.objects_asked
 
 
 @dataclass(frozen=True)
 class Covered:
-    """What the run that wrote a results file was about, as its folder says."""
+    """What the run that wrote a results file was about, by its folder."""
 
     images: frozenset[Image]
     objects: frozenset[int] | None = None
@@ -133,8 +130,8 @@ class OwnPart:
 
     images: frozenset[Image]
     known_from: Literal["run", "file"]
-    """run: the batch that wrote the file says what it covered. file: only that there is an estimate is known,
-    and an image without one may also be one in which nothing was found."""
+    """run: by the folder of the batch that wrote the file. file: by its estimates alone, so that an image without
+    one may also be one for which there was no answer."""
     objects: frozenset[int] | None = None
     """Objects that count; None = all of these images."""
 
@@ -144,13 +141,13 @@ class OwnPart:
 
 
 def coverage(table: PoseTable, targets: Targets) -> Coverage:
-    """What ``table`` says about ``targets``."""
+    """How much of ``targets`` a table has estimates for."""
     images, objects = 0, set[int]()
     for image, asked in targets.counts.items():
         there = table.by_image.get(image, {})
-        found = asked.keys() & there.keys()
-        images += bool(found) if targets.task == "localization" else bool(there)
-        objects |= found
+        estimated = asked.keys() & there.keys()
+        images += bool(estimated) if targets.task == "localization" else bool(there)
+        objects |= estimated
     finite = np.isfinite(table.R).all(axis=(1, 2)) & np.isfinite(table.t_mm).all(axis=1)
     R = table.R[finite]
     apart = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
@@ -171,7 +168,7 @@ def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> Own
     Args:
         table: the estimates.
         targets: what is asked for.
-        covered: what the run says it covered; None = it says nothing.
+        covered: what the run covered; None = unknown.
     """
     images = frozenset(targets.counts.keys() & (table.by_image.keys() if covered is None else covered.images))
     objects = None if covered is None else covered.objects
@@ -184,7 +181,7 @@ def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> Own
 
 
 def why_none(table: PoseTable, targets: Targets) -> str:
-    """How a table misses everything that is asked for, for people: in its scenes, its images, or its objects."""
+    """How a table misses everything that is asked for: in its scenes, its images, or its objects."""
     mine, asked = ({scene_id for scene_id, _ in images} for images in (table.by_image, targets.counts))
     if not mine & asked:
         return f"it names {_listed('scene', mine)}, the targets {_listed('scene', asked)}"

@@ -12,9 +12,9 @@ from pathlib import Path
 from verefine_viz.core.errors import InputError, quoted
 from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.evaluation.bop_scores import Scores, Tell, bop_scores
+from verefine_viz.evaluation.bop_scores import Report, Scores, bop_scores
 from verefine_viz.evaluation.ground_truth import (
-    BopTruth,
+    BopGroundTruth,
     Targets,
     Task,
     find_targets,
@@ -56,7 +56,7 @@ class Evaluation:
     names: dict[int, str]
     """Of the objects that occur."""
     notes: tuple[str, ...]
-    """What a person should know about how far the scores can be compared."""
+    """How far the scores can be compared with others."""
     seconds: float
     """That it took, from reading the first file on."""
 
@@ -68,7 +68,7 @@ def evaluate_files(
     targets: Path | None = None,
     task: Task | None = None,
     workers: int = 1,
-    tell: Tell = lambda done, total: None,
+    report: Report = lambda done, total: None,
     covered_by: Callable[[Path], Covered | None] = lambda path: None,
 ) -> Evaluation:
     """Scores results files as the official scripts do.
@@ -81,8 +81,8 @@ def evaluate_files(
             where the task is not detection) every instance of the split that is at least 10 % visible.
         task: None = the one that the targets were made for.
         workers: threads; the scores are the same for any number.
-        tell: progress in images.
-        covered_by: what the run that wrote a file covered; None = nobody knows.
+        report: called with the progress in images.
+        covered_by: what the run that wrote a file covered; None = unknown.
 
     Raises:
         InputError: a results file breaks the format (the line is named) or has nothing about any target, or the data
@@ -92,17 +92,17 @@ def evaluate_files(
     started = time.perf_counter()
     tables = [_read(path) for path in files]
     folder = BopDataset(dataset, split or default_split(dataset))
-    truth = BopTruth(folder)
+    truth = BopGroundTruth(folder)
     asked = _targets(folder, targets, task, truth)
     covered = tuple(coverage(table, asked) for table in tables)
-    for path, table, found in zip(files, tables, covered, strict=True):
-        if not found.images:
+    for path, table, part in zip(files, tables, covered, strict=True):
+        if not part.images:
             raise InputError(
-                f"{path} says nothing about any target of {asked.name}: {why_none(table, asked)}; "
+                f"{path} has no estimate for any target of {asked.name}: {why_none(table, asked)}; "
                 "does it belong to another data set, --split or --targets?"
             )
     own = tuple(own_part(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
-    scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, tell, own)
+    scores = bop_scores(_with_own_names(tables, files), truth, asked, task, workers, report, own)
     for path, score in zip(files, scores, strict=True):
         if score.counts.targets and not score.counts.answered:
             raise InputError(
@@ -136,14 +136,14 @@ def default_split(dataset: Path) -> str:
         raise InputError(f"data set folder {dataset} {wrong}; give --dataset a folder in BOP layout")
     if (dataset / "test").is_dir():
         return "test"
-    found = sorted(p.name for p in dataset.glob("test*") if p.is_dir())
-    if len(found) != 1:
-        there = ", ".join(found) if found else "no folder test*"
-        raise InputError(f"{dataset} has {there}; say which split is meant with --split")
-    return found[0]
+    splits = sorted(p.name for p in dataset.glob("test*") if p.is_dir())
+    if len(splits) != 1:
+        there = ", ".join(splits) if splits else "no folder test*"
+        raise InputError(f"{dataset} has {there}; name one with --split")
+    return splits[0]
 
 
-def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: BopTruth) -> Targets:
+def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: BopGroundTruth) -> Targets:
     if path is None:
         return _default_targets(dataset, truth, task)
     inside = dataset.folder / path
@@ -152,11 +152,11 @@ def _targets(dataset: BopDataset, path: Path | None, task: Task | None, truth: B
     return read_targets(path if os.path.lexists(path) else inside)
 
 
-def _default_targets(dataset: BopDataset, truth: BopTruth, task: Task | None = None) -> Targets:
-    """What the data set asks for; where it does not say so, every instance of the split that is 10 % visible.
+def _default_targets(dataset: BopDataset, truth: BopGroundTruth, task: Task | None = None) -> Targets:
+    """What the data set asks for; without a targets file every instance of the split that is 10 % visible.
 
     Raises:
-        InputError: its targets file is damaged, or missing where only the file can tell; or there is no ground truth.
+        InputError: its targets file is damaged, or missing where it is needed; or there is no ground truth.
     """
     if task == "detection" or targets_path(dataset.folder, dataset.split, task) is not None:
         return read_targets(find_targets(dataset.folder, dataset.split, task))
@@ -187,10 +187,6 @@ def _unknown_instances(asked: Targets, score: Scores) -> tuple[str, ...]:
 
 
 def _read(path: Path) -> PoseTable:
-    """
-    Raises:
-        InputError: it is no results file, or breaks the format.
-    """
     if path.is_dir():
         raise InputError(f"{path} is a folder, expected a BOP results CSV{_inside(path)}")
     try:
@@ -204,11 +200,11 @@ def _read(path: Path) -> PoseTable:
 
 
 def _inside(folder: Path) -> str:
-    """The results files that somebody may have meant who named a folder."""
-    found = [p for depth in range(LEVELS_BELOW + 1) for p in sorted(folder.glob("*/" * depth + "results.csv"))]
-    if not found:
+    """A hint at the results files in a folder that was named for one."""
+    inside = [p for depth in range(LEVELS_BELOW + 1) for p in sorted(folder.glob("*/" * depth + "results.csv"))]
+    if not inside:
         return ", such as a batch's results.csv"
-    return f"; did you mean {first_of(found, MOST_NAMED, ' or ')}?"
+    return f"; did you mean {first_of(inside, MOST_NAMED, ' or ')}?"
 
 
 def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[PoseTable]:
@@ -226,14 +222,14 @@ def _with_own_names(tables: Sequence[PoseTable], files: Sequence[Path]) -> list[
             for k, folder in zip(same, _tails([files[k].absolute().parent for k in same]), strict=True):
                 names[k] = folder
     for k, path in enumerate(files):
-        # What every batch calls its answers says nothing about them.
+        # Every batch calls its answers so.
         if names[k] == path.stem == "results" and path.absolute().parent.name not in ("", *names):
             names[k] = path.absolute().parent.name
     return [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
 
 
 def _tails(folders: Sequence[Path]) -> list[str]:
-    """As many of the last parts of each path as tell them apart: ``rir-0``, or ``a/out`` and ``b/out``."""
+    """As many of the last parts of each path as make them differ: ``rir-0``, or ``a/out`` and ``b/out``."""
     longest = max(len(folder.parts) for folder in folders)
     for n in range(1, longest):
         tails = ["/".join(folder.parts[-n:]) for folder in folders]

@@ -1,4 +1,9 @@
-"""Mean distances (ADD, ADI) and errors of rotation and translation, in millimetres and degrees."""
+"""Errors of a pose over all vertices of a model [mm, deg]: ADD, ADI, MSSD, MSPD, rotation and translation.
+
+MSSD and MSPD are exact. For each symmetry a few vertices far apart bound the largest distance from below; symmetries
+are taken in the order of their bounds, and each only until it is known to be no better than the best so far. MSSD's
+maximum lies on the convex hull (a distance under a linear map is convex); that is not so for MSPD.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +26,9 @@ def add_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm
 
 def adi_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
     """Mean distance of true vertices to the nearest estimated one [mm]: ADI of BOP, ADD-S of others."""
-    truth = model.vertices_mm @ R_gt.T + t_gt_mm
+    true_vertices = model.vertices_mm @ R_gt.T + t_gt_mm
     estimated = model.vertices_mm @ R_est.T + t_est_mm
-    return float(KDTree(estimated, balanced_tree=False, compact_nodes=False).query(truth)[0].mean())
+    return float(KDTree(estimated, balanced_tree=False, compact_nodes=False).query(true_vertices)[0].mean())
 
 
 def adi_by_index_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:
@@ -33,14 +38,8 @@ def adi_by_index_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float
     """
     if np.abs(R_est.T @ R_est - np.eye(3)).max() > ROUNDED:
         return adi_mm(model, R_est, t_est_mm, R_gt, t_gt_mm)
-    truth = model.vertices_mm @ R_gt.T + t_gt_mm
-    return float(model.nearest.query((truth - t_est_mm) @ R_est * 1e-3)[0].mean()) * 1e3
-
-
-def rotation_deg(R_est: Float, R_gt: Float) -> float:
-    """Angle between two rotations [deg], as the BOP toolkit has it (good to 1e-6, also for rounded matrices)."""
-    cosine = 0.5 * (float(np.trace(R_est @ np.linalg.inv(R_gt))) - 1.0)
-    return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    true_vertices = model.vertices_mm @ R_gt.T + t_gt_mm
+    return float(model.nearest.query((true_vertices - t_est_mm) @ R_est * 1e-3)[0].mean()) * 1e3
 
 
 def symmetric_errors(
@@ -61,14 +60,6 @@ def symmetric_errors(
     angles_deg = np.rad2deg(np.arctan2(sine, np.trace(rest, axis1=1, axis2=2) - 1.0))
     k = int(np.argmin(angles_deg))
     return float(angles_deg[k]), float(np.linalg.norm(t_est_mm - ts_mm[k]))
-
-
-# Largest distances between two poses over a model's vertices, the smallest over its symmetries: MSSD and MSPD.
-#
-# Both are exact. For each symmetry a few vertices far apart bound the largest distance from below; symmetries are
-# looked
-# at in the order of their bounds, and each only until it is known to be no better than the best so far. MSSD's maximum
-# lies on the convex hull (a distance under a linear map is convex); that is not so for MSPD.
 
 
 def mssd_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float) -> float:

@@ -88,7 +88,7 @@ DELTA_MM_ITODD = 5.0
 def vsd(
     depth_mm: NDArray[np.float32],
     estimate: DepthPatch,
-    truth: DepthPatch,
+    gt: DepthPatch,
     K: Float,
     diameter_mm: float,
     delta_mm: float = DELTA_MM,
@@ -99,7 +99,7 @@ def vsd(
     Args:
         depth_mm: the measured image (H, W) [mm]; 0 where nothing was measured, which counts as visible.
         estimate: the model drawn in the estimated pose.
-        truth: the model drawn in the true pose.
+        gt: the model drawn at ground truth.
         K: (3, 3) camera matrix [px]; a skew is ignored.
         diameter_mm: what ``taus`` are shares of [mm].
         delta_mm: see :data:`DELTA_MM`.
@@ -109,7 +109,7 @@ def vsd(
     """
     costs = np.zeros(len(taus), np.int64)
     n_common, n_union = _compare(
-        depth_mm, truth.depth_mm, truth.x0, truth.y0, estimate.depth_mm, estimate.x0, estimate.y0,
+        depth_mm, gt.depth_mm, gt.x0, gt.y0, estimate.depth_mm, estimate.x0, estimate.y0,
         K[0, 0], K[1, 1], K[0, 2], K[1, 2], np.float32(delta_mm), float(diameter_mm), taus, costs,
     )  # fmt: skip
     if n_union == 0:
@@ -126,9 +126,9 @@ def spheres_overlap_in_image(t_est_mm: Float, t_gt_mm: Float, diameter_mm: float
 
 
 @njit(cache=True, nogil=True)
-def _compare(depth, truth, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, delta, diameter, taus, costs):
+def _compare(depth, gt, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, delta, diameter, taus, costs):
     """Counts the visible pixels that both surfaces have and those that either has; adds to ``costs`` for each τ."""
-    rows_gt, columns_gt = truth.shape
+    rows_gt, columns_gt = gt.shape
     rows_est, columns_est = estimate.shape
     y_first, y_last = min(y_gt, y_est), max(y_gt + rows_gt, y_est + rows_est)
     x_first, x_last = min(x_gt, x_est), max(x_gt + columns_gt, x_est + columns_est)
@@ -143,7 +143,7 @@ def _compare(depth, truth, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, d
         for x in range(x_first, x_last):
             z_gt, z_est = np.float64(0.0), np.float64(0.0)
             if in_gt and x_gt <= x < x_gt + columns_gt:
-                z_gt = np.float64(truth[y - y_gt, x - x_gt])
+                z_gt = np.float64(gt[y - y_gt, x - x_gt])
             if in_est and x_est <= x < x_est + columns_est:
                 z_est = np.float64(estimate[y - y_est, x - x_est])
             if z_gt == 0.0 and z_est == 0.0:

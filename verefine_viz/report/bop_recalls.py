@@ -13,10 +13,10 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.evaluation.averages import Recalls
 from verefine_viz.evaluation.bop_scores import bop_scores
 from verefine_viz.evaluation.ground_truth import (
-    BopTruth,
-    ProblemTruth,
+    BopGroundTruth,
+    GtSource,
+    ProblemGroundTruth,
     Targets,
-    TruthSource,
     find_targets,
     read_targets,
     visible_targets,
@@ -63,13 +63,13 @@ def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] 
     return BopRecalls(found.recalls, found.recalls_by_object, measured_on(truth, targets))
 
 
-def measured_on(truth: TruthSource, targets: Targets) -> str:
+def measured_on(truth: GtSource, targets: Targets) -> str:
     """What was asked for, and what a person should know about the data that scores were measured on."""
     notes = (f" {note[:1].upper()}{note[1:]}." for note in truth.notes)
     return f"BOP scores over {targets.name}." + "".join(notes)
 
 
-def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
+def asked(run: Loaded, frames: Sequence[str]) -> tuple[GtSource, Targets]:
     """The ground truth of a run's data, and what is asked for in each of ``frames``: nothing, where nothing is seen.
 
     Raises:
@@ -79,10 +79,10 @@ def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
     images = [frame_ids(frame) for frame in frames]
     if scene.source == "demo":
         source = open_scene(scene, run.index.session.hypotheses)
-        truth = ProblemTruth(scene.demo, [source.problem(frame) for frame in frames])
+        truth = ProblemGroundTruth(scene.demo, [source.problem(frame) for frame in frames])
         return truth, truth.targets
     dataset = BopDataset(Path(scene.dataset), scene.split)
-    truth = BopTruth(dataset)
+    truth = BopGroundTruth(dataset)
     try:
         listed = read_targets(find_targets(dataset.folder, dataset.split, "localization"))
         if listed.task != "localization":

@@ -56,14 +56,14 @@ class GroundTruth:
     """Its place in the image's list; second number of the mask files."""
     obj_id: int
     T_cam_obj: Float | None
-    """(4, 4) [m]; None where the file's pose is no pose (``fault`` says why)."""
+    """(4, 4) [m]; None where the file's numbers are no pose, for the reason ``fault``."""
     visib_fract: float | None
     fault: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class BopImage:
-    """What the files say about one image."""
+    """One image, as the files have it."""
 
     camera: Camera
     depth_m: NDArray[np.float32]
@@ -75,7 +75,7 @@ class BopImage:
 
 
 class BopDataset:
-    """One split of a data set; files are read when asked for, JSON files and models are kept.
+    """One split of a data set; files are read when asked for, JSON files and models once.
 
     Args:
         folder: the data set, with ``models/`` and the split's folder in it.
@@ -112,9 +112,14 @@ class BopDataset:
         """Where a scene's files are.
 
         Raises:
-            InputError: no such scene.
+            InputError: no such scene, or two folders of it.
         """
-        return self._scene(scene_id)
+        if scene_id not in self._scenes:
+            raise InputError(f"{unknown('scene', scene_id, self._scenes)} in {self.folder / self.split}")
+        folder, *others = self._scenes[scene_id]
+        if others:
+            raise InputError(f"{folder} and {others[0].name} are both scene {scene_id}; rename or remove one of them")
+        return folder
 
     def image_ids(self, scene_id: int) -> tuple[int, ...]:
         """The images of a scene that scene_camera.json lists, in order.
@@ -125,15 +130,42 @@ class BopDataset:
         return tuple(sorted(self.of_images(scene_id, "scene_camera.json")))
 
     def of_images(self, scene_id: int, name: str) -> dict[int, Any]:
-        """What a scene's scene_camera.json, scene_gt.json or scene_gt_info.json says of each image.
+        """What a scene's scene_camera.json, scene_gt.json or scene_gt_info.json has for each image.
 
         Raises:
             InputError: no such scene, or the file is missing or damaged.
         """
-        path = self._scene(scene_id) / name
+        path = self.scene_folder(scene_id) / name
         if path not in self._json:
             self._json[path] = read_numbered(path, "image")
         return self._json[path]
+
+    def instances(self, scene_id: int, im_id: int, name: str) -> list[Any] | None:
+        """What scene_gt.json or scene_gt_info.json lists for an image; None without such a file, or image in it.
+
+        Raises:
+            InputError: no such scene, or the file is damaged.
+        """
+        path = self.scene_folder(scene_id) / name
+        content = self.of_images(scene_id, name) if os.path.lexists(path) else {}
+        if im_id not in content:
+            return None
+        entries = content[im_id]
+        if not isinstance(entries, list):
+            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
+        return entries
+
+    def depth_file(self, scene_id: int, im_id: int) -> Path:
+        """Where the depth image is.
+
+        Raises:
+            InputError: no such scene, or image.
+        """
+        folder = self.scene_folder(scene_id) / "depth"
+        path = find_image(folder, f"{im_id:06d}")
+        if path is None:
+            raise InputError(f"{folder / f'{im_id:06d}.png'} is missing; a depth image is needed")
+        return path
 
     def knows_up(self, scene_id: int) -> bool:
         """Whether the camera's rotation (``cam_R_w2c``) is known in any image of a scene.
@@ -166,13 +198,11 @@ class BopDataset:
             InputError: it does not exist, or one of its files is missing or damaged.
         """
         self.check(scene_id, im_id)
-        folder = self._scene(scene_id)
+        folder = self.scene_folder(scene_id)
         where = f"{folder / 'scene_camera.json'}, image {im_id}"
         entry = self.of_images(scene_id, "scene_camera.json")[im_id]
         K, scale_mm = intrinsics_of(entry, where), depth_scale_of(entry, where)
-        path = find_image(folder / "depth", f"{im_id:06d}")
-        if path is None:
-            raise InputError(f"{folder / 'depth' / f'{im_id:06d}.png'} is missing; a depth image is needed")
+        path = self.depth_file(scene_id, im_id)
         depth_m = read_depth(path, scale_mm)
         if not depth_m.any():
             raise InputError(f"{path} is 0 everywhere: the frame has no depth, nothing can be verified in it")
@@ -193,19 +223,13 @@ class BopDataset:
         Raises:
             InputError: scene_gt.json is damaged, or an entry has no obj_id.
         """
-        folder = self._scene(scene_id)
-        path = folder / "scene_gt.json"
-        if not os.path.lexists(path):
+        entries = self.instances(scene_id, im_id, "scene_gt.json")
+        if entries is None:
             return None
-        content = self.of_images(scene_id, path.name)
-        if im_id not in content:
-            return None
-        entries = content[im_id]
-        if not isinstance(entries, list):
-            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
         visible = self._visible_shares(scene_id, im_id)
+        where = f"{self.scene_folder(scene_id) / 'scene_gt.json'}, image {im_id}"
         return tuple(
-            _ground_truth(entry, gt_id, visible.get(gt_id), f"{path}, image {im_id}, entry {gt_id}")
+            _ground_truth(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}")
             for gt_id, entry in enumerate(entries)
         )
 
@@ -215,7 +239,7 @@ class BopDataset:
         Raises:
             InputError: it is missing, damaged or of another size.
         """
-        folder = self._scene(scene_id) / kind
+        folder = self.scene_folder(scene_id) / kind
         stem = f"{im_id:06d}_{gt_id:06d}"
         if not folder.is_dir():
             other = "mask" if kind == "mask_visib" else "mask_visib"
@@ -225,39 +249,25 @@ class BopDataset:
             raise InputError(f"{folder / f'{stem}.png'} is missing; add it, or set scene.masks to a detections JSON")
         return read_mask(path, shape)
 
+    @cached_property
     def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
-        """What the benchmark asks for: (scene, image) → object → count, in the file's order; None without such a file.
-
-        BOP'24 targets name no objects: their inner mapping is empty.
+        """What the benchmark asks for, as :func:`target_counts` of the first targets file; None without one.
 
         Raises:
             InputError: the file is damaged.
         """
-        return self._targets
-
-    @cached_property
-    def _targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
-        path = self._targets_path()
-        if path is None:
-            return None
-        wanted: dict[tuple[int, int], dict[int, int]] = {}
-        for k, entry in enumerate(read_json(path, list)):
-            where = f"{path}, entry {k}"
-            counts = wanted.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
-            if "obj_id" in entry:
-                counts[integer_of(entry, "obj_id", where)] = instances_of(entry, where)
-        return wanted
+        paths = sorted(self.folder.glob(f"{self.split.split('_')[0]}_targets_bop*.json"))
+        return target_counts(paths[0]) if paths else None
 
     def detection_files(self) -> tuple[str, ...]:
         """JSON files in the data set's folder that look like detections, for hints in errors."""
-        found = [*self.folder.glob("*detect*.json"), *self.folder.glob("*detect*.json.gz")]
-        return tuple(sorted(p.name for p in found))
+        paths = [*self.folder.glob("*detect*.json"), *self.folder.glob("*detect*.json.gz")]
+        return tuple(sorted(p.name for p in paths))
 
     def _color(
         self, folder: Path, im_id: int, shape: tuple[int, ...]
     ) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
-        found = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray"))
-        path = next((p for p in found if p is not None), None)
+        path = find_image(folder / "rgb", f"{im_id:06d}") or find_image(folder / "gray", f"{im_id:06d}")
         if path is None:
             return None, (NO_COLOR,)
         rgb = read_color(path)
@@ -266,34 +276,32 @@ class BopDataset:
         return rgb, ()
 
     def _visible_shares(self, scene_id: int, im_id: int) -> dict[int, float]:
-        path = self._scene(scene_id) / "scene_gt_info.json"
-        entries = self.of_images(scene_id, path.name).get(im_id, []) if os.path.lexists(path) else []
-        if not isinstance(entries, list):
-            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
-        shares = (number_of(e, "visib_fract", f"{path}, image {im_id}, entry {k}") for k, e in enumerate(entries))
-        # Hand-made visible masks may be larger than the rendered silhouette.
+        entries = self.instances(scene_id, im_id, "scene_gt_info.json") or []
+        where = f"{self.scene_folder(scene_id) / 'scene_gt_info.json'}, image {im_id}"
+        shares = (number_of(entry, "visib_fract", f"{where}, entry {k}") for k, entry in enumerate(entries))
+        # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
         return {k: min(max(share, 0.0), 1.0) for k, share in enumerate(shares)}
 
-    def _targets_path(self) -> Path | None:
-        stem = self.split.split("_")[0]
-        paths = sorted(self.folder.glob(f"{stem}_targets_bop*.json"))
-        return paths[0] if paths else None
 
-    def _scene(self, scene_id: int) -> Path:
-        if scene_id not in self._scenes:
-            raise InputError(f"{unknown('scene', scene_id, self._scenes)} in {self.folder / self.split}")
-        folder, *others = self._scenes[scene_id]
-        if others:
-            raise InputError(f"{folder} and {others[0].name} are both scene {scene_id}; rename or remove one of them")
-        return folder
+def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
+    """(scene, image) → object → instances of a targets file, in its order; an object listed twice counts as the last.
 
-
-def instances_of(entry: Any, where: str) -> int:
-    """How many instances of an object an entry of a targets file asks for.
+    Where the first entry names no object (BOP'24), none counts: all inner dictionaries are empty.
 
     Raises:
-        InputError: it does not say so, or they are fewer than 0 or more than ``MOST_INSTANCES``.
+        InputError: the file is missing or damaged, or an entry lacks a number; the entry is named.
     """
+    counts: dict[tuple[int, int], dict[int, int]] = {}
+    entries = read_json(path, list)
+    for k, entry in enumerate(entries):
+        where = f"{path}, entry {k}"
+        of_image = counts.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
+        if "obj_id" in entries[0]:
+            of_image[integer_of(entry, "obj_id", where)] = _instances(entry, where)
+    return counts
+
+
+def _instances(entry: Any, where: str) -> int:
     n = integer_of(entry, "inst_count", where)
     if not 0 <= n <= MOST_INSTANCES:
         raise InputError(f"{where}: 'inst_count' is {n}, expected 0 or more instances, up to {MOST_INSTANCES}")
@@ -301,7 +309,7 @@ def instances_of(entry: Any, where: str) -> int:
 
 
 def _meant(folder: Path, split: str) -> str:
-    """Which data set somebody meant who named a folder in it, or the one that it lies in; empty if nobody can tell."""
+    """A hint where ``folder`` lies in the data set, or holds it; empty where neither is so."""
     below = [path for path in folder.iterdir() if path.is_dir()]
     near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if _scenes_in(place / split)]
     if len(near) > 1:
@@ -310,13 +318,22 @@ def _meant(folder: Path, split: str) -> str:
 
 
 def _scenes_in(folder: Path) -> dict[int, list[Path]]:
-    """The folders of each scene by number; one each, unless somebody made another with more or fewer zeros in front."""
+    """The folders of each scene by number: one each, unless two differ by the zeros in front."""
     scenes: dict[int, list[Path]] = {}
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         scene_id = id_of(path.name)
         if scene_id is not None and path.is_dir():
             scenes.setdefault(scene_id, []).append(path)
     return dict(sorted(scenes.items()))
+
+
+def pose_of(entry: Any, where: str) -> tuple[Float, Float]:
+    """R (3, 3) and t (3,) [mm] of an entry of scene_gt.json, with the digits of the file.
+
+    Raises:
+        InputError: a number is missing, or too large.
+    """
+    return numbers_of(entry, "cam_R_m2c", 9, where).reshape(3, 3), position_of(entry, "cam_t_m2c", where)
 
 
 def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
@@ -332,9 +349,8 @@ def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
 def _ground_truth(entry: Any, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
     obj_id = integer_of(entry, "obj_id", where)
     try:
-        R = numbers_of(entry, "cam_R_m2c", 9, where).reshape(3, 3)
-        t_m = position_of(entry, "cam_t_m2c", where) * 1e-3
-        pose = as_rigid(transform(R, t_m), f"{where}: the pose")
+        R, t_mm = pose_of(entry, where)
+        pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")
     except (InputError, ShapeError) as error:
         return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))
     return GroundTruth(gt_id, obj_id, pose, visib_fract)

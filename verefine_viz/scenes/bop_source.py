@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from verefine_viz.calibration.camera_check import truth_notes
+from verefine_viz.calibration.camera_check import ground_truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Problem
+from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.core.text_format import LONGEST_NUMBERS, listed
-from verefine_viz.observation.observed_frame import observe, segment_cloud
-from verefine_viz.scenes.bop import BopDataset, BopImage
+from verefine_viz.observation.observed_frame import observe
+from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
 from verefine_viz.scenes.hypothesis_pool import (
     check_asked,
     check_covered,
     file_notes,
-    perturbed,
-    pools_of_object,
+    pools_of_frame,
     results_of,
 )
 from verefine_viz.scenes.instance_notes import instance_notes, unit_notes
@@ -84,13 +83,13 @@ class BopSource:
 
         Raises:
             VerefineError: the frame does not exist, its images are missing or damaged, or no instance is left.
-            Cancelled: nobody waits for it any more. Models that were read are kept.
+            Cancelled: ``progress`` was cancelled. Models that were read stay in memory.
         """
         ids = parse_frame(frame)
         progress.checkpoint(f"Reading the pictures of frame {frame}.")
         image = self._dataset.image(*ids)
         of_frame = self._segments(ids, image.camera)
-        segments, notes = of_frame.found, of_frame.notes
+        segments, notes = of_frame.segments, of_frame.notes
         progress.checkpoint()
         masks = [segment.mask for segment in segments]
         scene, up_notes = self._scene, ()
@@ -104,8 +103,8 @@ class BopSource:
             raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")
         progress.checkpoint()
         without_model = tuple(self._left_out(s, faults[s.obj_id]) for s in wanted if s.obj_id in faults)
-        pools = self._pools(ids, segments, models, image.camera)
-        instances = tuple(self._instance(segment, image, pools[segment.instance_id]) for segment in solvable)
+        pools = pools_of_frame(self._results, ids, segments, models, image.camera, self._hypotheses)
+        instances = tuple(s.instance(image.depth_m, image.camera, pools[s.instance_id], self._scene) for s in solvable)
         return Problem(
             *ids,
             observation=observation,
@@ -117,7 +116,7 @@ class BopSource:
                 *up_notes,
                 *notes,
                 *model_notes,
-                *truth_notes(instances, models, self._dataset.folder, self._detections is not None),
+                *ground_truth_notes(instances, models, self._dataset.folder, self._detections is not None),
                 *unit_notes(self._results, instances),
                 *instance_notes(ids, instances, models, self._hypotheses.source, self._results),
             ),
@@ -156,49 +155,11 @@ class BopSource:
 
     def _left_out(self, segment: Segment, why: str) -> LeftOut:
         """An object whose model cannot be read."""
-        name, has_truth = self._dataset.models.name(segment.obj_id), segment.T_cam_obj_gt is not None
-        return LeftOut(
-            segment.instance_id, segment.obj_id, name, why, has_truth, segment.visib_fract, is_unreadable=True
-        )
+        name, has_gt = self._dataset.models.name(segment.obj_id), segment.T_cam_obj_gt is not None
+        return LeftOut(segment.instance_id, segment.obj_id, name, why, has_gt, segment.visib_fract, is_unreadable=True)
 
     def _asked_for(self, left_out: Collection[LeftOut]) -> tuple[LeftOut, ...]:
         return tuple(one for one in left_out if not self._scene.objects or one.obj_id in self._scene.objects)
-
-    def _pools(
-        self, ids: FrameIds, segments: Sequence[Segment], models: dict[int, ObjectModel], camera: Camera
-    ) -> dict[int, tuple[Hypothesis, ...]]:
-        """The hypotheses of every instance whose model is known, by instance_id."""
-        settings = self._hypotheses
-        pools: dict[int, tuple[Hypothesis, ...]] = {}
-        for obj_id, model in models.items():
-            mine = [s for s in segments if s.obj_id == obj_id]
-            if settings.source == "results":
-                found = pools_of_object(self._results, *ids, mine, model, camera, settings.max_per_object)
-                pools |= {s.instance_id: pool for s, pool in zip(mine, found, strict=True)}
-            elif settings.source == "perturb":
-                pools |= {s.instance_id: self._perturbed(ids, s) for s in mine}
-            else:  # An estimator looks for them, once the frame is there.
-                pools |= {s.instance_id: () for s in mine}
-        return pools
-
-    def _perturbed(self, ids: FrameIds, segment: Segment) -> tuple[Hypothesis, ...]:
-        if segment.T_cam_obj_gt is None:
-            return ()
-        h = self._hypotheses
-        seed = (h.seed, *ids, segment.instance_id)
-        return perturbed(segment.T_cam_obj_gt, h.max_per_object, h.rotation_deg, h.translation_mm, seed)
-
-    def _instance(self, segment: Segment, image: BopImage, pool: tuple[Hypothesis, ...]) -> Instance:
-        n, seed = self._scene.cloud_points, self._scene.seed
-        return Instance(
-            segment.instance_id,
-            segment.obj_id,
-            segment.mask,
-            segment_cloud(image.depth_m, image.camera, segment.mask, n, seed),
-            pool,
-            segment.T_cam_obj_gt,
-            segment.visib_fract,
-        )
 
     def _check_objects(self) -> None:
         library = self._dataset.models
@@ -211,8 +172,8 @@ class BopSource:
         return named if len(named) <= LONGEST_NUMBERS else listed(obj_ids)
 
     def _holding(self, chosen: tuple[FrameIds, ...]) -> tuple[FrameIds, ...]:
-        """Those of the chosen frames that hold a wanted object. Frames that a person named all stay: what is wrong
-        with one is said when it is read.
+        """Those of the chosen frames that hold a wanted object. Frames that were named all stay: what is wrong with
+        one is reported when it is read.
 
         Raises:
             InputError: none does.

@@ -1,4 +1,7 @@
-"""What a built-in scene is made of, and how its objects come to rest on the table."""
+"""What a built-in scene is made of, how its objects come to rest on the table, and pictures of them.
+
+The world has z up and the table's top at z = 0.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +23,6 @@ from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
 from verefine_viz.rendering.rendered_scene import render_scene
 from verefine_viz.scenes.demo_models import demo_model
-from verefine_viz.scenes.sensor import Sensor
-
-# Pictures of built-in scenes: objects on a table, seen by a camera that looks down at it.
-#
-# The world has z up and the table's top at z = 0.
 
 CAMERA = Camera(np.array([[570.0, 0, 319.5], [0, 570.0, 239.5], [0, 0, 1]]), 640, 480)
 
@@ -139,7 +137,7 @@ def _lit(points_world: Float, normals_world: Float, placed: Sequence[Placed], T_
 
 @dataclass(frozen=True)
 class Item:
-    """An object, as it is let go above the table."""
+    """An object, as it is dropped onto the table."""
 
     model: str
     """Name in :mod:`demo_models`."""
@@ -150,24 +148,14 @@ class Item:
     tilt_deg: tuple[float, float] = (0.0, 0.0)
     """About its own x, then y axis: which side is down."""
     drop_m: float = 0.004
-    """Height of its lowest point above the table when it is let go; to land on another object, let it go above that."""
+    """Height of its lowest point above the table when it is dropped; to land on another object, drop it above that."""
     is_asked_for: bool = True
-    """False: it lies there, has no mask, and nobody estimates its pose."""
+    """False: it lies there, has no mask, and its pose is not estimated."""
     seen_as: str = ""
     """The model that depth and mask show instead, such as a jug without its glass handle; empty = the model itself."""
 
 
-@dataclass(frozen=True)
-class MaskFault:
-    """What is wrong with an instance's mask."""
-
-    grow_px: int = 0
-    """Dilated by so many pixels, or eroded if negative."""
-    leaks_onto: int | None = None
-    """Index of the item of which the mask swallows the visible pixels."""
-
-
-FirstPoses = Callable[[Float, Float, np.random.Generator], tuple[tuple[Float, str], ...]]
+OwnPoses = Callable[[Float, Float, np.random.Generator], tuple[tuple[Float, str], ...]]
 """(true T_world_obj, T_world_cam, generator) → initial poses T_world_obj with their descriptions, best first."""
 
 
@@ -176,19 +164,17 @@ class DemoScene:
     """A built-in scene; its frames are its viewpoints."""
 
     title: str
-    """For people, in plain words."""
     items: tuple[Item, ...]
-    """In the order in which they are let go, one after the other."""
+    """In the order in which they are dropped, one after the other."""
     views: tuple[Viewpoint, ...] = (Viewpoint(),)
-    sensor: Sensor = field(default_factory=Sensor)
     blind: Callable[[NDArray[np.int32], Float], Mask] | None = None
     """(labels (H, W), points_world (H, W, 3)) → pixels (H, W) that are not measured, on top of the sensor's own."""
-    mask_faults: dict[int, MaskFault] = field(default_factory=dict)
-    """By index of the item."""
-    initial_poses: FirstPoses | None = None
-    """How the hypotheses of this scene come about; None = perturbed ground truth as the settings say."""
+    leaks: dict[int, int] = field(default_factory=dict)
+    """By index of the item, of which other its mask holds the visible pixels as well."""
+    initial_poses: OwnPoses | None = None
+    """How the hypotheses of this scene come about; None = perturbed ground truth as the settings have it."""
     note: str = ""
-    """What a person should know about the scene."""
+    """About the scene, for the notes of its problem."""
 
 
 LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)
@@ -196,10 +182,10 @@ LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)
 
 
 def prepare(items: Sequence[Item], progress: ProgressToken = NEVER_CANCELLED) -> None:
-    """Builds what :func:`settled` needs and what is then kept on disk: most of its time, when it is first asked.
+    """Builds the colliders that :func:`settled` needs, which are cached on disk: most of its time in the first call.
 
     Raises:
-        Cancelled: nobody waits for it any more.
+        Cancelled: ``progress`` was cancelled.
     """
     simulator = BulletSimulator(PhysicsSettings(), progress=progress)
     for item in items:

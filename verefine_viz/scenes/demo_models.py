@@ -22,7 +22,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 from verefine_viz.scenes.models import CONTINUOUS_STEPS, model_of_mesh
 
-# Shapes by formula for the built-in objects: closed triangle meshes [m] with outward faces.
+# Shapes by formula: closed triangle meshes [m] with outward faces.
 
 RGB = tuple[int, int, int]
 
@@ -146,15 +146,12 @@ def _mesh(solid: trimesh.Trimesh, centred: bool) -> Mesh:
     return Mesh(vertices, np.asarray(solid.faces, dtype=np.int32), None)
 
 
-Symmetry = Float
-
-
-def _round(steps: int = CONTINUOUS_STEPS) -> Symmetry:
+def _round(steps: int = CONTINUOUS_STEPS) -> Float:
     """Rotations about z."""
     return np.stack([transform(axis_angle([0, 0, 1], 2 * np.pi * k / steps), np.zeros(3)) for k in range(steps)])
 
 
-def _halves(*axes: tuple[int, int, int]) -> Symmetry:
+def _halves(*axes: tuple[int, int, int]) -> Float:
     """The identity and half turns about axes."""
     return np.stack([np.eye(4), *(transform(axis_angle(axis, np.pi), np.zeros(3)) for axis in axes)])
 
@@ -221,19 +218,8 @@ def _cereal() -> Mesh:
     return painted(mesh, colors)
 
 
-def _block() -> Mesh:
-    mesh = cuboid((0.075, 0.045, 0.030), 0.075)
-    return painted(mesh, lambda v: np.tile((210, 176, 124), (len(v), 1)))
-
-
-def _board() -> Mesh:
-    mesh = cuboid((0.34, 0.26, 0.030), 0.13)
-    return painted(mesh, lambda v: np.tile((222, 200, 160), (len(v), 1)))
-
-
-def _panel() -> Mesh:
-    mesh = cuboid((0.90, 0.040, 0.42), 0.21)
-    return painted(mesh, lambda v: np.tile((206, 208, 204), (len(v), 1)))
+def _plain_box(size_m: tuple[float, float, float], cell_m: float, color: RGB) -> Mesh:
+    return painted(cuboid(size_m, cell_m), lambda v: np.tile(color, (len(v), 1)))
 
 
 def _tall_box() -> Mesh:
@@ -246,10 +232,10 @@ def _jug(with_handle: bool = True) -> Mesh:
     body = lathe([*outer, (0.042, 0.006), (0, 0.006)], 48, centred=False)
     body = painted(body, lambda v: np.tile((206, 220, 226), (len(v), 1)))
     handle = painted(jug_handle(0.044, 0.062, 0.040, 0.0095), lambda v: np.tile((150, 196, 214), (len(v), 1)))
-    # The frame is that of the whole jug in both cases: the body alone is what a sensor sees through a glass handle.
-    whole = merged(body, handle)
-    middle = (whole.vertices_m.min(axis=0) + whole.vertices_m.max(axis=0)) / 2
-    mesh = whole if with_handle else body
+    # The frame is that of the jug with its handle in both cases: a sensor sees the body alone through a glass handle.
+    jug = merged(body, handle)
+    middle = (jug.vertices_m.min(axis=0) + jug.vertices_m.max(axis=0)) / 2
+    mesh = jug if with_handle else body
     return Mesh(mesh.vertices_m - middle, mesh.faces, mesh.vertex_colors)
 
 
@@ -257,12 +243,12 @@ def _jug(with_handle: bool = True) -> Mesh:
 class _Kind:
     obj_id: int
     make: Callable[[], Mesh]
-    symmetries: Symmetry | None = None
+    symmetries: Float | None = None
     is_centred: bool = False
     """The mesh is in its frame already."""
 
 
-_KINDS: dict[str, _Kind] = {
+KINDS: dict[str, _Kind] = {
     "mug": _Kind(1, _mug),
     "duck": _Kind(2, lambda: _bullet_mesh("duck.obj", 0.06, Y_UP)),
     "teddy": _Kind(3, lambda: _bullet_mesh("teddy2_VHACD_CHs.obj", 0.13, np.eye(3), (168, 112, 66))),
@@ -272,10 +258,16 @@ _KINDS: dict[str, _Kind] = {
     "cereal": _Kind(7, _cereal, _halves((0, 0, 1))),
     "bracket": _Kind(8, bracket, _halves((1, 0, 1))),
     "carton": _Kind(9, carton),
-    "block": _Kind(10, _block, _halves((1, 0, 0), (0, 1, 0), (0, 0, 1))),
+    "block": _Kind(
+        10, lambda: _plain_box((0.075, 0.045, 0.030), 0.075, (210, 176, 124)), _halves((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    ),
     "tall box": _Kind(11, _tall_box, _halves((0, 0, 1))),
-    "board": _Kind(13, _board, _halves((0, 0, 1), (1, 0, 0), (0, 1, 0))),
-    "panel": _Kind(14, _panel, _halves((0, 0, 1), (1, 0, 0), (0, 1, 0))),
+    "board": _Kind(
+        13, lambda: _plain_box((0.34, 0.26, 0.030), 0.13, (222, 200, 160)), _halves((0, 0, 1), (1, 0, 0), (0, 1, 0))
+    ),
+    "panel": _Kind(
+        14, lambda: _plain_box((0.90, 0.040, 0.42), 0.21, (206, 208, 204)), _halves((0, 0, 1), (1, 0, 0), (0, 1, 0))
+    ),
     "jug": _Kind(12, _jug, is_centred=True),
     "jug without handle": _Kind(12, lambda: _jug(False), is_centred=True),
 }
@@ -288,9 +280,9 @@ def demo_model(name: str, n_points: int, seed: int) -> ObjectModel:
     Raises:
         InputError: there is none of that name.
     """
-    kind = _KINDS.get(name)
+    kind = KINDS.get(name)
     if kind is None:
-        raise InputError(unknown("built-in object", name, _KINDS))
+        raise InputError(unknown("built-in object", name, KINDS))
     mesh = kind.make()
     if not kind.is_centred:
         middle = (mesh.vertices_m.min(axis=0) + mesh.vertices_m.max(axis=0)) / 2
@@ -300,9 +292,4 @@ def demo_model(name: str, n_points: int, seed: int) -> ObjectModel:
 
 def demo_obj_id(name: str) -> int:
     """The id of a built-in object, without building it."""
-    return _KINDS[name].obj_id
-
-
-def demo_model_names() -> tuple[str, ...]:
-    """All built-in objects."""
-    return tuple(_KINDS)
+    return KINDS[name].obj_id

@@ -1,4 +1,7 @@
-"""The built-in scenes that show how refinement works; those that show how it fails are in :mod:`demo_failures`."""
+"""The built-in scenes: ``SCENES`` show how refinement works, ``FAILURES`` how it fails.
+
+A failure sets up the cause, never the result.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
-from verefine_viz.scenes.demo_layout import DemoScene, Item, MaskFault, Viewpoint
+from verefine_viz.scenes.demo_layout import DemoScene, Item, Viewpoint
 
 _AROUND = (
     Viewpoint(azimuth_deg=-90, elevation_deg=40, distance_m=0.80),
@@ -53,8 +56,6 @@ SCENES: dict[str, DemoScene] = {
 }
 """By name; the first is what the app opens with."""
 
-
-# Built-in scenes in which something goes wrong, one for each way: what they set up is the cause, never the result.
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -180,7 +181,7 @@ FAILURES: dict[str, DemoScene] = {
         "Failure: the mask leaks onto a neighbour",
         (Item("can", -0.03, 0.0), Item("bottle", 0.038, 0.012, is_asked_for=False)),
         (Viewpoint(elevation_deg=38, distance_m=0.55, look_at_m=(0, 0, 0.06)),),
-        mask_faults={0: MaskFault(leaks_onto=1)},
+        leaks={0: 1},
         note="the can's mask covers the bottle beside it as well",
     ),
     "failure_wrong_plane": DemoScene(

@@ -66,7 +66,7 @@ class DetectionsFile:
         Raises:
             InputError: an entry's run lengths are damaged, or made for another image size.
         """
-        found: list[Detection] = []
+        detections: list[Detection] = []
         boxes = 0
         for k, entry in self._entries.get((scene_id, im_id), ()):
             where = f"{self.path}, entry {k}"
@@ -76,11 +76,11 @@ class DetectionsFile:
             if not segmentation:
                 boxes += 1
                 continue
-            found.append(Detection(obj_id, score, decode_rle(segmentation, shape, where)))
+            detections.append(Detection(obj_id, score, decode_rle(segmentation, shape, where)))
         notes = ()
         if boxes:
             notes = (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
-        return tuple(sorted(found, key=lambda d: -d.score)), notes
+        return tuple(sorted(detections, key=lambda d: -d.score)), notes
 
 
 def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
@@ -98,8 +98,9 @@ def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
         raise InputError(f"{where}: 'segmentation' needs 'counts' and 'size' (run-length encoding, no polygons)")
     size, counts = segmentation["size"], segmentation["counts"]
     if not isinstance(size, list) or tuple(size) != shape:
-        found = f"the mask is made for [h, w] = {quoted(size, 40)}"
-        raise InputError(f"{where}: {found}, but the image is {size_text(shape)} pixels")
+        raise InputError(
+            f"{where}: the mask is made for [h, w] = {quoted(size, 40)}, but the image is {size_text(shape)} pixels"
+        )
     runs, n_pixels = _runs(counts), shape[0] * shape[1]
     # Checked here because pycocotools leaves memory uninitialised where the runs end early.
     if runs is None or min(runs, default=0) < 0 or sum(runs) != n_pixels:
@@ -109,7 +110,7 @@ def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
     mask = np.ascontiguousarray(coco.decode(rle)).astype(bool)
-    mask.flags.writeable = False  # What freezes it takes it as it is: a frame may hold thousands.
+    mask.flags.writeable = False  # Else each of thousands is copied when it is frozen.
     return mask
 
 
@@ -122,8 +123,8 @@ def encode_rle(mask: Mask) -> dict[str, Any]:
 def _runs(counts: Any) -> list[int] | None:
     if isinstance(counts, str):
         return _string_runs(counts)
-    whole = isinstance(counts, list) and all(isinstance(r, int) and not isinstance(r, bool) for r in counts)
-    return counts if whole else None
+    are_integers = isinstance(counts, list) and all(isinstance(r, int) and not isinstance(r, bool) for r in counts)
+    return counts if are_integers else None
 
 
 def _string_runs(text: str) -> list[int] | None:

@@ -33,7 +33,7 @@ def frame_name(ids: FrameIds) -> str:
 
 
 def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:
-    """The frames that a person asked for, each once; and a note about those that were named more often.
+    """The frames that ``scene.frames`` names, each once; and a note about those that it names more often.
 
     Raises:
         SettingsError: a name is not "scene/image".
@@ -47,7 +47,7 @@ def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[tuple[Fram
 
 
 def repeated_notes(frames: Iterable[str]) -> tuple[str, ...]:
-    """What a person should know who named a frame more than once."""
+    """A note about frames that are named more than once."""
     often = [frame for frame, n in Counter(frames).items() if n > 1]
     if not often:
         return ()
@@ -64,7 +64,7 @@ def all_frames(dataset: BopDataset) -> tuple[tuple[FrameIds, ...], tuple[str, ..
     Raises:
         InputError: the split holds no image.
     """
-    targets = dataset.targets()
+    targets = dataset.targets
     if targets:
         there = tuple(ids for ids in targets if dataset.has(*ids))
         missing = len(targets) - len(there)

@@ -1,9 +1,9 @@
-"""Initial poses out of results files: whose is each row, and in which order are they tried."""
+"""Initial poses out of results files, or made from ground truth: whose each row is, and the order they are tried in."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -43,10 +43,10 @@ class ResultsFile:
 
     def objects(self) -> dict[FrameIds, set[int]]:
         """Of which objects there are rows, by frame."""
-        found: dict[FrameIds, set[int]] = {}
+        objects: dict[FrameIds, set[int]] = {}
         for scene_id, im_id, obj_id in self.rows:
-            found.setdefault((scene_id, im_id), set()).add(obj_id)
-        return found
+            objects.setdefault((scene_id, im_id), set()).add(obj_id)
+        return objects
 
 
 def open_results(path: Path | str) -> ResultsFile:
@@ -90,13 +90,10 @@ def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
         return ()
     if not hypotheses.files:
         raise SettingsError("hypotheses.source is 'results' but hypotheses.files is empty; name a BOP results CSV")
-    return _told_apart([Path(path) for path in hypotheses.files])
-
-
-def _told_apart(paths: Sequence[Path]) -> tuple[ResultsFile, ...]:
-    """The files; where two methods have the same name, each with its folder: "posecnn/results"."""
+    paths = [Path(path) for path in hypotheses.files]
     files = [open_results(path) for path in paths]
     often = Counter(file.method for file in files)
+    # Methods of the same name are called by their folders as well: "posecnn/results".
     return tuple(
         replace(file, method=f"{path.resolve().parent.name}/{file.method}") if often[file.method] > 1 else file
         for path, file in zip(paths, files, strict=True)
@@ -133,19 +130,19 @@ def check_covered(
     frames: Sequence[FrameIds],
     objects_of: Callable[[FrameIds], Collection[int] | None],
 ) -> tuple[str, ...]:
-    """Looks whether the rows of ``files`` are of objects that are asked for in ``frames``.
+    """Checks that the rows of ``files`` are of objects that are asked for in ``frames``.
 
     Args:
         files: none where initial poses come from elsewhere.
         hypotheses: whose files they are.
         frames: the chosen ones.
-        objects_of: the objects that are asked for in a frame; None where nobody can tell.
+        objects_of: the objects that are asked for in a frame; None where that is unknown.
 
     Returns:
         Which files have no such row, where others do.
 
     Raises:
-        InputError: not a single row is; the message says what they hold and what is needed.
+        InputError: not a single row is; the message names what they hold and what is needed.
     """
     if not files or hypotheses.estimate:  # An estimator is asked for what the files do not have.
         return ()
@@ -162,7 +159,7 @@ def check_covered(
         return tuple(
             f"{file.name} has no row for an object of the chosen frames and gives no pose" for file, _ in unused
         )
-    if there and not needed:  # Why a frame holds nothing is said when it is read.
+    if there and not needed:  # Why a frame holds nothing is reported when it is read.
         return ()
     who = f"{', '.join(file.name for file in files)} {'has' if len(files) == 1 else 'have'} no row"
     if not there:
@@ -179,35 +176,60 @@ def _has_any(objects: set[int] | None, wanted: Collection[int] | None) -> bool:
     return objects is not None and (wanted is None or not objects.isdisjoint(wanted))
 
 
-def pools_of_object(
+def pools_of_frame(
     files: Sequence[ResultsFile],
-    scene_id: int,
-    im_id: int,
+    ids: FrameIds,
+    segments: Sequence[Segment],
+    models: Mapping[int, ObjectModel],
+    camera: Camera,
+    hypotheses: HypothesesSettings,
+) -> dict[int, tuple[Hypothesis, ...]]:
+    """The hypotheses of the instances of a frame, by instance_id; none where an estimator makes them later.
+
+    Args:
+        files: those of ``hypotheses``, in the order of trust.
+        ids: of the frame.
+        segments: all instances, also those not asked for.
+        models: by obj_id; instances of other objects get no row of the files.
+        camera: of the frame.
+        hypotheses: where they come from.
+    """
+    pools: dict[int, tuple[Hypothesis, ...]] = {s.instance_id: () for s in segments}
+    h = hypotheses
+    if h.source == "results":
+        for obj_id, model in models.items():
+            same = [s for s in segments if s.obj_id == obj_id]
+            of_object = _pools_of_object(files, ids, same, model, camera, h.max_per_object)
+            pools |= {s.instance_id: pool for s, pool in zip(same, of_object, strict=True)}
+    elif h.source == "perturb":
+        for s in segments:
+            if s.T_cam_obj_gt is not None:
+                seed = (h.seed, *ids, s.instance_id)
+                pools[s.instance_id] = perturbed(
+                    s.T_cam_obj_gt, h.max_per_object, h.rotation_deg, h.translation_mm, seed
+                )
+    return pools
+
+
+def _pools_of_object(
+    files: Sequence[ResultsFile],
+    ids: FrameIds,
     segments: Sequence[Segment],
     model: ObjectModel,
     camera: Camera,
     max_per_object: int,
 ) -> tuple[tuple[Hypothesis, ...], ...]:
-    """The hypotheses of each instance of one object in a frame, best first.
+    """The hypotheses of each instance of one object, best first.
 
     The files take turns: the best row of the first file, the best of the second, …, then their second bests. Scores of
     different methods cannot be compared, and so the cut at ``max_per_object`` starves no file; the order of the files
-    is the order of trust.
-
-    Args:
-        files: in the order of trust.
-        scene_id: BOP scene.
-        im_id: BOP image.
-        segments: all instances of this object in the frame, also those nobody asked for. Where there are several, a row
-            belongs to the one whose mask its outline overlaps most.
-        model: the object.
-        camera: of the frame.
-        max_per_object: H, most hypotheses per instance.
+    is the order of trust. Where there are several instances, a row belongs to the one whose mask its outline overlaps
+    most.
     """
     per_file: list[list[list[Hypothesis]]] = []
     for file in files:
         owned: list[list[Hypothesis]] = [[] for _ in segments]
-        for row in file.rows.get((scene_id, im_id, model.obj_id), ()):
+        for row in file.rows.get((*ids, model.obj_id), ()):
             k = 0
             if len(segments) > 1:
                 k = best_owner(silhouette(model, row.T_cam_obj, camera), [s.mask for s in segments])
@@ -218,9 +240,6 @@ def pools_of_object(
         turns = chain.from_iterable(zip_longest(*(owned[k] for owned in per_file)))
         pools.append(tuple(h for h in turns if h is not None)[:max_per_object])
     return tuple(pools)
-
-
-# Ground truth, disturbed: initial poses with a known error, as in the paper's ablation.
 
 
 def perturbed(
@@ -259,20 +278,20 @@ def asked_estimators(hypotheses: HypothesesSettings) -> dict[tuple[str, int], st
     Raises:
         SettingsError: a frame is something else, or an instance is named twice.
     """
-    found: dict[tuple[str, int], str] = {}
+    asked: dict[tuple[str, int], str] = {}
     for frame, instance_id, estimator in hypotheses.estimate:
         try:
             name = frame_name(parse_frame(frame))
         except SettingsError as error:
             raise SettingsError(f"hypotheses.estimate: {error}") from None
-        if (name, instance_id) in found:
+        if (name, instance_id) in asked:
             raise SettingsError(f"hypotheses.estimate names instance {instance_id} of frame {name} twice; name it once")
-        found[name, instance_id] = estimator
-    return found
+        asked[name, instance_id] = estimator
+    return asked
 
 
 def check_asked(hypotheses: HypothesesSettings, check_frame: Callable[[str], None]) -> None:
-    """Looks whether the frames of ``hypotheses.estimate`` exist; which instances they have is known when they are read.
+    """Checks that the frames of ``hypotheses.estimate`` exist; which instances they have is known when they are read.
 
     Args:
         hypotheses: what is asked for.

@@ -25,7 +25,7 @@ DEEPEST_M = 1e6
 def find_image(folder: Path, stem: str) -> Path | None:
     """The image of that name in ``folder``, whatever its format, or None.
 
-    What stands under the name and is no file (a pipe, a broken link) is said when it is read.
+    Something of that name that is no file (a pipe, a broken link) is refused when it is read.
     """
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
     return next((path for path in candidates if os.path.lexists(path)), None)
@@ -52,30 +52,14 @@ def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
     Raises:
         InputError: missing, damaged, more than one channel, negative or infinite values, or depth beyond ``DEEPEST_M``.
     """
-    steps = read_steps(path)
-    check_deepest(path, steps, scale_mm)
-    return (steps * (scale_mm * 1e-3)).astype(np.float32)
+    return (read_steps(path, scale_mm) * (scale_mm * 1e-3)).astype(np.float32)
 
 
-def check_deepest(path: Path, steps: Float, scale_mm: float) -> None:
-    """Nothing, if no depth of an image (H, W) of steps is beyond ``DEEPEST_M``.
+def read_steps(path: Path, scale_mm: float) -> Float:
+    """The values (H, W) of a depth image as the file has them, 0 = not measured.
 
     Raises:
-        InputError: some is.
-    """
-    deepest_m = float(steps.max(initial=0.0)) * scale_mm * 1e-3
-    if not deepest_m <= DEEPEST_M:
-        raise InputError(
-            f"{path} holds depth of {deepest_m:.3g} m at {scale_mm:g} mm a step, expected at most {DEEPEST_M:g} m; "
-            "check 'depth_scale' in scene_camera.json"
-        )
-
-
-def read_steps(path: Path) -> Float:
-    """The values (H, W) of a depth image as they are in the file, 0 = not measured.
-
-    Raises:
-        InputError: missing, damaged, more than one channel, or negative or infinite values.
+        InputError: as :func:`read_depth`.
     """
     image = _read(path)
     if image.mode == "P" or len(image.getbands()) != 1:
@@ -84,6 +68,12 @@ def read_steps(path: Path) -> Float:
     raw = np.where(np.isnan(raw), 0.0, raw)
     if not np.isfinite(raw).all() or (raw < 0).any():
         raise InputError(f"{path} holds negative or infinite depth, expected values ≥ 0 with 0 = not measured")
+    deepest_m = float(raw.max(initial=0.0)) * scale_mm * 1e-3
+    if not deepest_m <= DEEPEST_M:
+        raise InputError(
+            f"{path} holds depth of {deepest_m:.3g} m at {scale_mm:g} mm a step, expected at most {DEEPEST_M:g} m; "
+            "check 'depth_scale' in scene_camera.json"
+        )
     return raw
 
 
@@ -97,7 +87,7 @@ def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
     if values.shape != shape:
         raise InputError(f"{path} is {size_text(values.shape)} pixels, expected {size_text(shape)} as the depth image")
     inside = values > 0
-    inside.flags.writeable = False  # What freezes it takes it as it is: a frame may hold thousands.
+    inside.flags.writeable = False  # Else each of thousands is copied when it is frozen.
     return inside
 
 
@@ -107,7 +97,7 @@ def size_text(shape: tuple[int, ...]) -> str:
 
 
 def write_image(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-    """Writes a PNG; it appears under its name only when it is whole.
+    """Writes a PNG; it appears under its name only when it is complete.
 
     Raises:
         InputError: the file cannot be written.
@@ -138,7 +128,7 @@ def _read(path: Path) -> Image.Image:
         raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
 
 
-# ``cam_K`` of a BOP file: read with errors that say what is wrong with the matrix, and notes where it looks odd.
+# Numbers of scene_camera.json.
 
 LAST_ROW = (0.0, 0.0, 1.0)
 DEPTH_SCALE_MM = (1e-6, 1e4)

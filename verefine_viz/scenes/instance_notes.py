@@ -1,4 +1,4 @@
-"""What a person should know about single objects of a data set's frame."""
+"""Notes about single objects of a data set's frame, and about results files by the depth of its objects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def instance_notes(
     source: str,
     files: Sequence[ResultsFile],
 ) -> tuple[str, ...]:
-    """A sentence for whatever an object lacks, and where its depth is not where its poses are.
+    """A sentence for what an object lacks, and where its depth is not where its poses are.
 
     Args:
         ids: of the frame.
@@ -57,7 +57,7 @@ def instance_notes(
             )
         if len(instance.points_cam):
             seen_m = float(np.median(instance.points_cam[:, 2]))
-            notes += [f"{name}: {said}" for said in _elsewhere(instance, seen_m, model.diameter_m)]
+            notes += [f"{name}: {sentence}" for sentence in _elsewhere(instance, seen_m, model.diameter_m)]
         else:
             notes.append(f"{name} has no depth inside its mask")
     return tuple(notes)
@@ -108,7 +108,7 @@ def without(instance: Instance, model: ObjectModel) -> str:
 
 
 def is_about_initial_poses(note: str, instance: Instance, model: ObjectModel) -> bool:
-    """Whether a note says something of the initial poses that an instance has, or that it has none."""
+    """Whether a note is about the initial poses that an instance has, or that it has none."""
     is_far = note.startswith(f"{_name(instance, model)}: ") and _FAR_FROM_DEPTH in note
     return is_far or note.startswith(without(instance, model))
 
@@ -130,7 +130,7 @@ def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], 
 
 
 def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator[str]:
-    """What is not where the depth inside the mask, ``seen_m``, is: initial poses, the ground truth."""
+    """Sentences about initial poses, and ground truth, that are not where the depth inside the mask (``seen_m``) is."""
     away_m = [float(h.T_cam_obj[2, 3]) for h in instance.hypotheses]
     far = [k for k, z_m in enumerate(away_m) if z_m <= 0 or z_m > max(FAR * seen_m, seen_m + diameter_m)]
     if far:
@@ -140,11 +140,11 @@ def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator
         yield f"{n} {_FAR_FROM_DEPTH} ({seen_m:.3g} m), {such}"
     if instance.T_cam_obj_gt is None:
         return
-    true_m = float(instance.T_cam_obj_gt[2, 3])
-    if true_m <= 0:
-        yield f"its ground truth lies behind the camera ({true_m:.3g} m)"
-    elif not 0.5 < seen_m / true_m < 2 and abs(seen_m - true_m) > diameter_m:
+    gt_m = float(instance.T_cam_obj_gt[2, 3])
+    if gt_m <= 0:
+        yield f"its ground truth lies behind the camera ({gt_m:.3g} m)"
+    elif not 0.5 < seen_m / gt_m < 2 and abs(seen_m - gt_m) > diameter_m:
         yield (
-            f"depth inside its mask is {seen_m:.3g} m, its ground truth says {true_m:.3g} m; "
+            f"depth inside its mask is {seen_m:.3g} m, its ground truth says {gt_m:.3g} m; "
             "check 'depth_scale' in scene_camera.json, and that 'cam_t_m2c' in scene_gt.json is in millimetres"
         )

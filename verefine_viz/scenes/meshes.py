@@ -55,7 +55,7 @@ class Mesh:
     vertex_colors: NDArray[np.uint8] | None
     """(V, 3) RGB, or None where the file has no colours."""
     notes: tuple[str, ...] = ()
-    """Things a person should know: texture missing, …"""
+    """Texture missing, …"""
 
     @property
     def diameter_m(self) -> float:
@@ -69,17 +69,17 @@ def mesh_files(folder: Path) -> dict[int, Path]:
     Raises:
         InputError: two names are of the same object.
     """
-    found: dict[int, list[Path]] = {}
+    files: dict[int, list[Path]] = {}
     for path in folder.iterdir():
         obj_id = id_of(path.stem.removeprefix("obj_")) if path.stem.startswith("obj_") else None
         if obj_id is not None and path.suffix.lower() in FORMATS:
-            found.setdefault(obj_id, []).append(path)
-    for obj_id, paths in found.items():
+            files.setdefault(obj_id, []).append(path)
+    for obj_id, paths in files.items():
         paths.sort(key=lambda path: (FORMATS.index(path.suffix.lower()), path.name))
         other = next((path for path in paths if path.stem != paths[0].stem), None)
         if other is not None:
             raise InputError(f"{paths[0]} and {other.name} are both object {obj_id}; rename or remove one of them")
-    return {obj_id: paths[0] for obj_id, paths in sorted(found.items())}
+    return {obj_id: paths[0] for obj_id, paths in sorted(files.items())}
 
 
 def unit_of_format(path: Path) -> float:
@@ -101,7 +101,7 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     """
     _check_file(path)
     texture, notes = _texture(path)
-    # An image that cannot be used is kept from trimesh, which would log a traceback.
+    # trimesh would log a traceback of an image that cannot be used.
     loaded = _loaded(path, skip_materials=bool(notes))
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
     colors = None if notes or bare else _baked_colors(loaded)
@@ -115,7 +115,7 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
 def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """Vertices (V, 3), every one that the file has, in its order and unit, and faces (F, 3) as they are.
 
-    Numbers of ascii files keep all their digits, as the official toolkit reads them.
+    Numbers of ascii files have all their digits, as the official toolkit reads them.
 
     Raises:
         InputError: as :func:`read_mesh`.
@@ -157,8 +157,8 @@ def hull_vertices(points: Float) -> NDArray[np.intp]:
     if n <= 1:
         return _hull_at_once(points)
     # Samples of every n-th point have the shape of the whole, so that few of their hulls' vertices are inside of it.
-    found = np.concatenate([k + n * _hull_at_once(points[k::n]) for k in range(n)])
-    return found if len(found) > HULL_AT_ONCE else found[_hull_at_once(points[found])]
+    outer = np.concatenate([k + n * _hull_at_once(points[k::n]) for k in range(n)])
+    return outer if len(outer) > HULL_AT_ONCE else outer[_hull_at_once(points[outer])]
 
 
 def _hull_at_once(points: Float) -> NDArray[np.intp]:
@@ -207,15 +207,15 @@ def _ascii_vertices(path: Path) -> Float | None:
     """The vertices of an ascii PLY in double precision (trimesh rounds them to single); None for any other file."""
     if path.suffix.lower() != ".ply" or "format ascii" not in (header := _ply_header(path)):
         return None
-    found = re.search(r"^element\s+vertex\s+(\d+)((?:\s+property.*)*)", header, re.MULTILINE)
-    if found is None or header.find("element") != found.start():
+    element = re.search(r"^element\s+vertex\s+(\d+)((?:\s+property.*)*)", header, re.MULTILINE)
+    if element is None or header.find("element") != element.start():
         return None  # other elements come before the vertices
-    names = [line.split()[-1] for line in found.group(2).strip().splitlines()]
+    names = [line.split()[-1] for line in element.group(2).strip().splitlines()]
     with TextIOWrapper(open_input(path), "latin-1") as lines:
         while not next(lines).startswith("end_header"):
             pass
         body = (line for line in lines if line.strip())
-        return np.loadtxt(islice(body, int(found.group(1))), usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
+        return np.loadtxt(islice(body, int(element.group(1))), usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
 
 
 def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
@@ -267,24 +267,24 @@ def _unusable(texture: Path) -> str | None:
 def _texture_name(path: Path) -> str | None:
     """The image that a PLY header, or an OBJ's material file, names."""
     if path.suffix.lower() == ".ply":
-        found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
-        return found.group(1) if found else None
+        comment = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
+        return comment.group(1) if comment else None
     if path.suffix.lower() == ".obj":
         library = re.search(rb"^mtllib\s+(.+?)\s*$", read_input(path), re.MULTILINE)
         materials = path.parent / os.fsdecode(library.group(1)) if library else path
         if library and os.path.lexists(materials):
             material = read_input(materials).decode("latin-1")
-            found = re.search(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
-            return found.group(1) if found else None
+            texture = re.search(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
+            return texture.group(1) if texture else None
     return None
 
 
 def _promised_faces(path: Path) -> int:
-    """Faces that a PLY's header announces; an ascii file that was cut off reads without complaint. 0 = not said."""
+    """Faces that a PLY's header announces; a truncated ascii file reads without complaint. 0 = unknown."""
     if path.suffix.lower() != ".ply":
         return 0
-    found = re.search(r"^element\s+face\s+(\d+)", _ply_header(path), re.MULTILINE)
-    return int(found.group(1)) if found else 0
+    element = re.search(r"^element\s+face\s+(\d+)", _ply_header(path), re.MULTILINE)
+    return int(element.group(1)) if element else 0
 
 
 def _ply_header(path: Path) -> str:
@@ -302,8 +302,8 @@ def _merged(
     rank[order] = np.arange(len(order))
     faces = rank[inverse.ravel()][faces]
     collapsed = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    kept = first[order]
-    return vertices[kept], faces[~collapsed], None if colors is None else colors[kept]
+    chosen = first[order]
+    return vertices[chosen], faces[~collapsed], None if colors is None else colors[chosen]
 
 
 def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -377,7 +377,7 @@ def ply_bytes(vertices_m: Float, faces: NDArray[np.int32], vertex_colors: NDArra
 
 
 def size_entry(vertices_m: Float, diameter_m: float) -> dict[str, Any]:
-    """What models_info.json says of a model's size [mm]."""
+    """The size of a model [mm], as in models_info.json."""
     low, high = vertices_m.min(axis=0) * 1e3, vertices_m.max(axis=0) * 1e3
     entry: dict[str, Any] = {"diameter": diameter_m * 1e3}
     entry |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}

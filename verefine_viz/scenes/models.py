@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from verefine_viz.core.json_files import id_of, key_of, number_of, numbers_of, p
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
 
-# An object's symmetries as ``models_info.json`` tells them. Source: notes on the official toolkit's rules.
+# An object's symmetries in ``models_info.json``.
 
 CONTINUOUS_STEPS = 64
 """Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
@@ -25,8 +26,6 @@ CONTINUOUS_STEPS = 64
 
 def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int = CONTINUOUS_STEPS) -> Float:
     """All transforms (S, 4, 4) [m] of the object frame that leave the object looking the same; the identity first.
-
-    Discrete ones D and the steps C of all continuous axes (one after another, not multiplied) combine to C·D.
 
     Args:
         info: the object's entry of models_info.json (millimetres).
@@ -36,33 +35,62 @@ def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int 
     Raises:
         InputError: an entry is incomplete or no rigid transform.
     """
-    discrete = [np.eye(4)]
+    discrete, continuous = listed_symmetries(info, where, continuous_steps, 1e-3)
+    try:
+        rigid = [as_rigid(T, f"{where}: symmetries_discrete[{k}]") for k, T in enumerate(discrete)]
+    except ShapeError as error:
+        raise InputError(str(error)) from None
+    return combined_symmetries(rigid, continuous)
+
+
+def listed_symmetries(
+    info: dict[str, Any], where: str, continuous_steps: int, unit: float
+) -> tuple[list[Float], list[Float]]:
+    """The discrete symmetries (4, 4) with the digits of the file, and the steps of all continuous ones.
+
+    Args:
+        info: the object's entry of models_info.json.
+        where: what to call the entry in an error.
+        continuous_steps: rotations per continuous axis.
+        unit: of the result's translations, per millimetre.
+
+    Raises:
+        InputError: an entry is incomplete.
+    """
+    discrete = []
     for k, values in enumerate(_list(info, "symmetries_discrete", where)):
         place = f"{where}: symmetries_discrete[{k}]"
         T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4).copy()
-        T[:3, 3] *= 1e-3
         try:
-            check_reach(T[:3, 3], place)
-            discrete.append(as_rigid(T, place))
+            check_reach(T[:3, 3] * 1e-3, place)
         except ShapeError as error:
             raise InputError(str(error)) from None
+        T[:3, 3] *= unit
+        discrete.append(T)
     continuous = [
         T
         for k, entry in enumerate(_list(info, "symmetries_continuous", where))
-        for T in _rotations(entry, f"{where}: symmetries_continuous[{k}]", continuous_steps)
+        for T in _rotations(entry, f"{where}: symmetries_continuous[{k}]", continuous_steps, unit)
     ]
-    if not continuous:
-        return np.stack(discrete)
-    return np.stack([C @ D for D in discrete for C in continuous])
+    return discrete, continuous
 
 
-def _rotations(entry: Any, where: str, n_steps: int) -> list[Float]:
+def combined_symmetries(discrete: Sequence[Float], continuous: Sequence[Float]) -> Float:
+    """All C·D (S, 4, 4) of discrete transforms D, the identity before them, and the steps C of continuous ones.
+
+    Several continuous axes are put one after another, not multiplied. Source: the official BOP toolkit.
+    """
+    every = [np.eye(4), *discrete]
+    return np.stack([C @ D for D in every for C in continuous] if continuous else every)
+
+
+def _rotations(entry: Any, where: str, n_steps: int, unit: float) -> list[Float]:
     axis = numbers_of(entry, "axis", 3, where)
-    offset_m = position_of(entry, "offset", where) * 1e-3
+    offset = position_of(entry, "offset", where) * unit
     if not np.linalg.norm(axis) > 0:
         raise InputError(f"{where}: 'axis' is zero, expected a direction")
     turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))
-    return [transform(R, offset_m - R @ offset_m) for R in turns]
+    return [transform(R, offset - R @ offset) for R in turns]
 
 
 def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
@@ -75,10 +103,13 @@ def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
 # The unit of a mesh file, checked against the diameter that models_info.json states for the object.
 
 SIZE_TOLERANCE = 1.2
-"""Ratio between a mesh's own and its stated diameter above which a person is told."""
+"""Ratio between a mesh's own and its stated diameter above which there is a note."""
 
 DIAMETER_MM = (1e-3, 1e6)
 """Least and largest diameter that models_info.json may state [mm]."""
+
+LONGEST_NAME = 200
+"""Of an object [characters]."""
 
 
 def diameter_mm_of(info: Any, where: str) -> float:
@@ -92,12 +123,12 @@ def diameter_mm_of(info: Any, where: str) -> float:
 
 
 def checked_unit(file: str, own_m: float, stated_m: float | None) -> tuple[float, str]:
-    """What a mesh must be multiplied by, and what a person should know about its size.
+    """What a mesh must be multiplied by, and a note about its size (empty = none).
 
     1000 where its size says that its unit is metres and was read as millimetres, 0.001 for the reverse, else 1.
 
     Args:
-        file: name of the mesh file, for people.
+        file: name of the mesh file.
         own_m: the mesh's diameter, in the unit that its format stands for [m].
         stated_m: the object's diameter by models_info.json [m]; None = it states none.
     """
@@ -114,38 +145,6 @@ def checked_unit(file: str, own_m: float, stated_m: float | None) -> tuple[float
     return 1.0, f"{contradiction}; one of them is wrong"
 
 
-LONGEST_NAME = 200
-"""Of an object [characters]."""
-
-
-def load_model(
-    path: Path,
-    obj_id: int,
-    name: str,
-    unit_m: float,
-    n_points: int,
-    seed: int,
-    symmetries: Float | None = None,
-    diameter_m: float | None = None,
-) -> ObjectModel:
-    """One object model of a mesh file.
-
-    Args:
-        path: PLY, OBJ, GLB or STL.
-        obj_id: BOP id.
-        name: for people.
-        unit_m: metres per unit of the file (BOP: 1e-3).
-        n_points: points to sample on the surface.
-        seed: of the sampling.
-        symmetries: (S, 4, 4) [m], identity first; None = the identity only.
-        diameter_m: stated diameter; None = measured on the mesh.
-
-    Raises:
-        InputError: the file is missing, damaged, or holds no triangles.
-    """
-    return model_of_mesh(read_mesh(path, unit_m), obj_id, name, n_points, seed, symmetries, diameter_m)
-
-
 def model_of_mesh(
     mesh: Mesh,
     obj_id: int,
@@ -155,7 +154,16 @@ def model_of_mesh(
     symmetries: Float | None = None,
     diameter_m: float | None = None,
 ) -> ObjectModel:
-    """The model of a mesh that is already in memory; arguments as :func:`load_model`.
+    """The model of a mesh.
+
+    Args:
+        mesh: its surface.
+        obj_id: BOP id.
+        name: for messages and tables.
+        n_points: points to sample on the surface.
+        seed: of the sampling.
+        symmetries: (S, 4, 4) [m], identity first; None = the identity only.
+        diameter_m: stated diameter; None = measured on the mesh.
 
     Raises:
         InputError: the mesh has no surface.
@@ -182,7 +190,7 @@ def model_of_mesh(
 
 
 class ModelLibrary:
-    """The models of one data set; each is read when it is first asked for, and kept.
+    """The models of one data set, each read once, when it is first asked for.
 
     Args:
         dataset: the data set's folder; models are in ``models``, else ``models_eval``, else any ``models_*``.
@@ -219,7 +227,7 @@ class ModelLibrary:
         return self._load(obj_id)[0]
 
     def notes(self, obj_id: int) -> tuple[str, ...]:
-        """What a person should know about the model: units guessed, texture missing, …"""
+        """Notes about the model: units guessed, texture missing, …"""
         return self._load(obj_id)[1]
 
     def _load(self, obj_id: int) -> tuple[ObjectModel, tuple[str, ...]]:

@@ -77,7 +77,7 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
     lines = text.split("\n")
     if lines[-1] == "":
         lines.pop()
-    found: list[ResultLine] = []
+    estimates: list[ResultLine] = []
     first_time: dict[tuple[int, int], float] = {}
     for number, line in enumerate(lines, start=1):
         if number == 1 and HEADER in line:
@@ -86,7 +86,7 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
         if number == 1 and _is_header(line):
             raise InputError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
         new = _line_of(line, number, where)
-        found.append(new)
+        estimates.append(new)
         if new.time_s < 0:
             continue
         known = first_time.setdefault((new.scene_id, new.im_id), new.time_s)
@@ -95,13 +95,13 @@ def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
                 f"{where}: time is {new.time_s:g} s, but {known:g} s in an earlier line of scene {new.scene_id}, "
                 f"image {new.im_id}; all estimates of an image share one time"
             )
-    if not found:
+    if not estimates:
         raise InputError(f"{path} holds no estimates, expected a BOP results CSV ({HEADER})")
-    return tuple(found)
+    return tuple(estimates)
 
 
 def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
-    """Writes a results file; it appears under its name only when it is whole. Numbers keep all their digits.
+    """Writes a results file; it appears under its name only when it is complete. Numbers have all their digits.
 
     Raises:
         InputError: the file cannot be written.
@@ -119,7 +119,7 @@ def method_of(path: Path | str) -> str:
 
 
 def results_line(row: ResultRow) -> str:
-    """The line of a results file that says this."""
+    """The line of a results file for an estimate."""
     R = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, :3].ravel())
     t_mm = " ".join(repr(float(x)) for x in row.T_cam_obj[:3, 3] * 1e3)
     return f"{row.scene_id},{row.im_id},{row.obj_id},{float(row.score)!r},{R},{t_mm},{float(row.time_s)!r}\n"
@@ -139,8 +139,8 @@ def _row(line: ResultLine, where: str) -> ResultRow:
 def _line_of(line: str, number: int, where: str) -> ResultLine:
     fields = line.split(",")
     if len(fields) != 7:
-        found = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
-        raise InputError(f"{where}: found {found}, expected 7 fields ({HEADER})")
+        there = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
+        raise InputError(f"{where}: found {there}, expected 7 fields ({HEADER})")
     names = ("scene_id", "im_id", "obj_id")
     scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
     score = float(_numbers(fields[3], 1, "score", where)[0])
@@ -159,7 +159,7 @@ def _is_header(line: str) -> bool:
 
 
 def _hint(path: Path) -> str:
-    """Where the poses are of the batch run whose table of objects somebody took for them."""
+    """Where the poses of a batch are, for its table of objects that was taken for them."""
     poses = path.with_name("results.csv")
     return f"; the poses of this run are in {poses}" if path.name == "frames.csv" and poses.is_file() else ""
 
@@ -181,6 +181,6 @@ def _numbers(text: str, n: int, name: str, where: str) -> Float:
     except ValueError:
         raise InputError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
     if len(values) != n:
-        found = f"holds {len(values)} numbers" if len(values) else "is empty"
-        raise InputError(f"{where}: {name} {found}, expected {expected}")
+        wrong = f"holds {len(values)} numbers" if len(values) else "is empty"
+        raise InputError(f"{where}: {name} {wrong}, expected {expected}")
     return values

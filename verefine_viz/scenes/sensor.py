@@ -21,16 +21,6 @@ DEPTH_UNIT_M = 1e-4
 
 
 @dataclass(frozen=True)
-class Patch:
-    """A region without any measurement: glare, a dark or mirroring spot."""
-
-    u_px: float
-    v_px: float
-    radius_u_px: float
-    radius_v_px: float
-
-
-@dataclass(frozen=True)
 class Sensor:
     """How good the sensor is. The defaults are those of a good stereo camera on a table at 0.7 m."""
 
@@ -50,22 +40,17 @@ class Sensor:
     """Angle between ray and surface normal from which on pixels drop out …"""
     grazing_end_deg: float = 86.0
     """… and at which all of them do [deg]."""
-    patches: tuple[Patch, ...] = ()
-    """Regions without measurement."""
-    n_random_patches: int = 0
-    """Further ones at random places, 8 to 30 px in radius."""
 
 
-PERFECT = Sensor(noise_px=0.0, disparity_step_px=0.0, edge_dropout=0.0, grazing_start_deg=90.0, grazing_end_deg=91.0)
-"""Measures everything, exactly (to ``DEPTH_UNIT_M``)."""
+STEREO = Sensor()
 
 
 def sense(
     depth_m: NDArray[np.floating],
     normals_cam: NDArray[np.floating],
     camera: Camera,
-    sensor: Sensor,
     seed: int | Sequence[int],
+    sensor: Sensor = STEREO,
 ) -> NDArray[np.float32]:
     """The depth image (H, W) [m] that ``sensor`` gives for a scene; 0 where nothing was measured.
 
@@ -73,27 +58,17 @@ def sense(
         depth_m: true z, (H, W) [m]; 0 where there is nothing.
         normals_cam: (H, W, 3) true unit normals towards the camera.
         camera: intrinsics.
+        seed: of noise and drop-outs.
         sensor: how good it is.
-        seed: of noise, drop-outs and random patches.
     """
     # One stream per effect, so that switching one off leaves the others as they were.
-    noise_rng, edge_rng, grazing_rng, patch_rng = (
-        np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)
-    )
+    noise_rng, edge_rng, grazing_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
     z = np.asarray(depth_m, dtype=np.float64)
     measured = z > 0
     z = _with_noise(z, camera, sensor, noise_rng)
     measured &= ~(_at_edges(np.asarray(depth_m), sensor) & (edge_rng.random(z.shape) < sensor.edge_dropout))
     measured &= grazing_rng.random(z.shape) >= _grazing_dropout(normals_cam, camera, sensor)
-    for patch in (*sensor.patches, *_random_patches(sensor.n_random_patches, camera, patch_rng)):
-        measured &= ~ellipse(patch, camera.shape)
     return np.where(measured, np.rint(z / DEPTH_UNIT_M) * DEPTH_UNIT_M, 0.0).astype(np.float32)
-
-
-def ellipse(patch: Patch, shape: tuple[int, int]) -> Mask:
-    """The pixels (H, W) of a patch."""
-    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
-    return ((u - patch.u_px) / patch.radius_u_px) ** 2 + ((v - patch.v_px) / patch.radius_v_px) ** 2 <= 1.0
 
 
 def _with_noise(z: NDArray, camera: Camera, sensor: Sensor, rng: np.random.Generator) -> NDArray:
@@ -112,7 +87,7 @@ def _with_noise(z: NDArray, camera: Camera, sensor: Sensor, rng: np.random.Gener
 
 def _at_edges(z: NDArray, sensor: Sensor) -> Mask:
     """Pixels within one pixel of a depth jump; a slanted plane has none, however steep its depth changes."""
-    # In a plane 1/z is linear in the pixel: its second difference tells jumps from slants.
+    # In a plane 1/z is linear in the pixel: its second difference shows jumps, not slants.
     inv = np.divide(1.0, z, out=np.zeros(z.shape), where=z > 0)
     jump = np.zeros(z.shape, dtype=bool)
     limit = sensor.edge_jump_m * inv * inv
@@ -131,8 +106,3 @@ def _grazing_dropout(normals_cam: NDArray[np.floating], camera: Camera, sensor: 
     angle_deg = np.rad2deg(np.arccos(cosine))
     span = sensor.grazing_end_deg - sensor.grazing_start_deg
     return np.clip((angle_deg - sensor.grazing_start_deg) / span, 0.0, 1.0)
-
-
-def _random_patches(n: int, camera: Camera, rng: np.random.Generator) -> tuple[Patch, ...]:
-    rows = rng.uniform([0, 0, 8, 8], [camera.width, camera.height, 30, 30], size=(n, 4))
-    return tuple(Patch(*map(float, row)) for row in rows)

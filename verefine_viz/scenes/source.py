@@ -1,4 +1,4 @@
-"""The one door to problems: a data set's folder or a built-in scene, opened from settings."""
+"""Opens what problems come from: a data set's folder or a built-in scene, as settings name it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class SceneSource(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about the choice of frames and objects."""
+        """About the choice of frames and objects."""
         ...
 
     def check_initial_poses(self) -> tuple[str, ...]:
-        """Looks at what can be known about initial poses before a frame is read; what a person should know about them.
+        """Notes about initial poses, as far as they are known before a frame is read.
 
         Raises:
             VerefineError: they come out of results files that have none for any object of any of the frames.
@@ -42,16 +42,16 @@ class SceneSource(Protocol):
 
         Raises:
             VerefineError: the frame does not exist or cannot be used; the message is one line.
-            Cancelled: nobody waits for it any more.
+            Cancelled: ``progress`` was cancelled.
         """
         ...
 
     def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:
-        """The objects that are in a frame that cannot be solved, as ground truth has them; none where nobody knows.
+        """The objects of a frame that cannot be solved, by ground truth; none without any.
 
         Args:
             frame: which; its images need not be there.
-            why: what is the matter with it.
+            why: what is wrong with it.
 
         Raises:
             VerefineError: ground truth is damaged.
@@ -109,12 +109,7 @@ class DemoSource:
         return (*file_notes(files), *check_covered(files, self._hypotheses, frames, lambda _: self._objects))
 
     def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
-        """A frame of the scene; the same object at each call.
-
-        Raises:
-            InputError: another frame is asked for.
-            Cancelled: nobody waits for it any more.
-        """
+        """See :class:`SceneSource`; the same object at each call."""
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._problems:

@@ -18,7 +18,7 @@ from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.averages import average_recalls
 from verefine_viz.evaluation.bop_model import EvalModel, eval_model
-from verefine_viz.evaluation.ground_truth import Truth, TruthImage
+from verefine_viz.evaluation.ground_truth import GtImage, GtInstance
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
@@ -58,8 +58,8 @@ def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
     if T_est is None:
         return Quality()
     instance, observation = target.instance, problem.observation
-    truth = Truth(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
-    image = TruthImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (truth,))
+    truth = GtInstance(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
+    image = GtImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (truth,))
     estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
     pair = pair_errors(Drawn(image), _model(target.model), [estimate], [truth], DELTA_MM)
     recalls = average_recalls(pair.kinds[:, 0])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title
+from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -16,12 +17,7 @@ from verefine_viz.viewer.text.plausibility_verdict import (
     unsupported_stacking,
     unsupported_stacking_warning,
 )
-from verefine_viz.viewer.text.pose_words import preferred_wrong, prefers, start_errors
-
-FAR = 0.25
-"""A start further away than this share of the diameter is not near (ADD(-S))."""
-LOW_SCORE = 0.45
-LEAK_SHARE = 0.25
+from verefine_viz.viewer.text.pose_words import preferred_wrong, start_errors
 
 
 @dataclass(frozen=True)
@@ -94,15 +90,26 @@ def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     return [Finding(f"{turn} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
 
 
+def _course(snapshot: Snapshot) -> Course:
+    """How the object in focus has fared up to the cursor."""
+    best, ground_truth = snapshot.poses.get("best"), snapshot.ground_truth
+    n_arms = len(snapshot.state.arms) if snapshot.state is not None else 0
+    return Course(
+        tuple(start_errors(snapshot)),
+        tuple(sum(i.arm == j for i in snapshot.own_iterations) for j in range(n_arms)),
+        best.errors if best is not None else None,
+        best.score if best is not None else None,
+        ground_truth.score if ground_truth is not None else None,
+    )
+
+
 def _far_start(snapshot: Snapshot) -> list[Finding]:
-    known = [(e.add_s_mm, j, e) for j, e in enumerate(start_errors(snapshot)) if e is not None]
-    if not known:
+    course = _course(snapshot)
+    start = far_start(course)
+    reached = (course.answer, *(errors for _, _, errors in snapshot.error_series[-1:]))
+    if start is None or any(is_correct(errors) for errors in reached):
         return []
-    _, j, errors = min(known, key=lambda k: k[0])
-    best = snapshot.poses.get("best")
-    reached = [best.errors if best is not None else None, *(errors for _, _, errors in snapshot.error_series[-1:])]
-    if errors.relative < FAR or any(is_correct(e) for e in reached):
-        return []
+    j, errors = start
     off = (
         f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
         f"{errors.relative:.0%} of the diameter."
@@ -145,43 +152,31 @@ def _is_over(snapshot: Snapshot) -> bool:
 
 def _starved(snapshot: Snapshot) -> list[Finding]:
     """A hypothesis that was the best start, by ground truth or by score, and got next to no iterations."""
-    if not _is_over(snapshot) or snapshot.state is None or len(snapshot.state.arms) < 2:
+    course, shown = _course(snapshot), snapshot.shown
+    start = starved(course) if _is_over(snapshot) else None
+    if start is None or shown is None or shown.choice is None or not shown.choice.exploration.any():
         return []
-    pulls = [sum(i.arm == j for i in snapshot.own_iterations) for j in range(len(snapshot.state.arms))]
-    if snapshot.shown is None or snapshot.shown.choice is None or not snapshot.shown.choice.exploration.any():
-        return []
-    known = [(e.add_s_mm, j) for j, e in enumerate(start_errors(snapshot)) if e is not None]
-    if not known:
-        return []
-    error, j = min(known)
-    fair = len(snapshot.own_iterations) / len(pulls)
-    best = snapshot.poses["best"]
-    if pulls[j] > max(1, 0.3 * fair) or best.errors is None or is_correct(best.errors):
-        return []
-    if prefers(snapshot.poses["best"], snapshot.ground_truth):
-        return []  # More turns would not have helped it.
+    j, errors = start
     wider = max(2 * snapshot.session.method.exploration, 0.05)
     text = (
-        f"Hypothesis {j + 1}{_whose(snapshot)} started nearest to ground truth ({error:.0f} mm) but was tried "
-        f"{pulls[j]} of {sum(pulls)} times: its exploration bonus never won."
+        f"Hypothesis {j + 1}{_whose(snapshot)} started nearest to ground truth ({errors.add_s_mm:.0f} mm) but was "
+        f"tried {course.n_tried[j]} of {sum(course.n_tried)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
     return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
 
 
 def _wrong_score(snapshot: Snapshot) -> list[Finding]:
-    best, truth = snapshot.poses.get("best"), snapshot.ground_truth
-    if not _is_over(snapshot) or best is None or truth is None or truth.score is None:
+    course = _course(snapshot)
+    wrong, at_gt = course.score, course.score_at_gt
+    if not _is_over(snapshot) or not course.is_wrong or course.answer is None or wrong is None or at_gt is None:
         return []
-    if best.errors is None or best.score is None or is_correct(best.errors):
-        return []
-    wrong, true = best.score, truth.score
-    if prefers(best, truth):
-        text = preferred_wrong(snapshot, wrong, true)
+    if course.is_misled:
+        text = preferred_wrong(snapshot, wrong, at_gt)
         return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
-    how = f"{best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off"
+    how = f"{course.answer.rotation_deg:.0f}° and {course.answer.translation_mm:.0f} mm off"
     text = (
-        f"The search missed it: the ground truth would score {true.score:.2f}, the best pose found {wrong.score:.2f} "
+        f"The search missed it: the ground truth would score {at_gt.score:.2f}, the best pose found {wrong.score:.2f} "
         f"({how}). More iterations or better hypotheses can help; another score cannot."
     )
     return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
@@ -189,11 +184,9 @@ def _wrong_score(snapshot: Snapshot) -> list[Finding]:
 
 def _leak(snapshot: Snapshot) -> list[Finding]:
     best = snapshot.poses.get("best")
-    if not _is_over(snapshot) or best is None or best.score is None:
+    if not _is_over(snapshot) or best is None or best.score is None or not leaks(best.score):
         return []
     missed = best.score.shares["missed"]
-    if missed < LEAK_SHARE:
-        return []
     text = (
         f"{missed:.0%} of the pixels are missed (red): the mask holds surface that the pose does not explain. "
         "If the red pixels form another object, the mask leaks onto it."
@@ -202,11 +195,9 @@ def _leak(snapshot: Snapshot) -> list[Finding]:
 
 
 def _low(snapshot: Snapshot) -> list[Finding]:
-    if not _is_over(snapshot) or snapshot.state is None:
+    if not _is_over(snapshot) or snapshot.state is None or not is_low(snapshot.state.best.score):
         return []
     score = snapshot.state.best.score.score
-    if score >= LOW_SCORE:
-        return []
     text = f"All hypotheses{_whose(snapshot)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
     return [Finding(text)]
 

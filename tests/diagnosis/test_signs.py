@@ -1,0 +1,54 @@
+"""Signs of a fault that need no re-run."""
+
+from __future__ import annotations
+
+import pytest
+
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, prefers, starved
+from verefine_viz.evaluation.pose_errors import PoseErrors
+
+
+def errors(relative: float) -> PoseErrors:
+    """Of an object of 100 mm."""
+    mm = 100 * relative
+    return PoseErrors(0.0, mm, mm, mm, mm, relative)
+
+
+def score(value: float, missed: int = 0) -> PoseScore:
+    return PoseScore(value, value, value, 100, 100, (100 - missed, missed, 0, 0, 0))
+
+
+def course(n_tried: tuple[int, ...] = (9, 1), answer: float = 0.5, at_gt: float = 0.9) -> Course:
+    """The second hypothesis starts nearest, and the answer scores 0.8."""
+    return Course((errors(0.6), errors(0.2)), n_tried, errors(answer), score(0.8), score(at_gt))
+
+
+def test_the_nearest_start_is_far_from_a_quarter_of_the_diameter_on() -> None:
+    assert far_start(course()) is None
+    assert far_start(Course((errors(0.6), None, errors(0.3)), (1, 1, 1), None, None, None)) == (2, errors(0.3))
+    assert far_start(Course((None,), (1,), None, None, None)) is None
+
+
+@pytest.mark.parametrize(
+    ("case", "is_starved"),
+    [
+        (course(), True),
+        (course(n_tried=(8, 2)), False),
+        (course(n_tried=(17, 3)), True),
+        (course(answer=0.05), False),
+        (course(at_gt=0.8), False),
+        (Course((errors(0.2),), (9,), errors(0.5), None, None), False),
+    ],
+)
+def test_a_near_start_with_next_to_no_iterations_is_starved_if_the_answer_is_wrong(
+    case: Course, is_starved: bool
+) -> None:
+    assert starved(case) == ((1, errors(0.2)) if is_starved else None)
+
+
+def test_signs_of_a_score() -> None:
+    assert prefers(score(0.8), score(0.8))
+    assert not prefers(score(0.7), score(0.8))
+    assert [leaks(score(0.8, missed)) for missed in (24, 25)] == [False, True]
+    assert [is_low(score(value)) for value in (0.44, 0.45)] == [True, False]

@@ -1,0 +1,88 @@
+"""Signs of a fault that a run shows by itself, for the page, which cannot wait for the re-runs of a diagnosis.
+
+What needs no re-run is decided by the same functions in both: undeclared symmetries, data in doubt, and whether the
+score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign alone must be clearer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.pose_errors import PoseErrors
+
+FAR = 0.25
+"""A start further away than this share of the diameter is not near (ADD(-S))."""
+STARVED = 0.3
+"""A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
+LOW_SCORE = 0.45
+LEAK_SHARE = 0.25
+"""More of the pixels without the model may be a mask that leaks."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """How one object has fared so far. Errors are None where they are unknown."""
+
+    starts: tuple[PoseErrors | None, ...]
+    """Of each hypothesis."""
+    n_tried: tuple[int, ...]
+    """Iterations of each hypothesis."""
+    answer: PoseErrors | None
+    """Of the best pose so far."""
+    score: PoseScore | None
+    """The same pose's."""
+    score_at_gt: PoseScore | None
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the best pose so far is known to be wrong."""
+        return self.answer is not None and self.answer.relative >= CORRECT
+
+    @property
+    def nearest(self) -> tuple[int, PoseErrors] | None:
+        """The hypothesis that started nearest to ground truth, and how far that was."""
+        known = [(errors.add_s_mm, j) for j, errors in enumerate(self.starts) if errors is not None]
+        if not known:
+            return None
+        _, j = min(known)
+        errors = self.starts[j]
+        assert errors is not None
+        return j, errors
+
+    @property
+    def is_misled(self) -> bool:
+        """Whether the score prefers the best pose so far to ground truth."""
+        return self.score is not None and self.score_at_gt is not None and prefers(self.score, self.score_at_gt)
+
+
+def prefers(score: PoseScore, score_at_gt: PoseScore) -> bool:
+    """Whether a pose scores at least as much as ground truth: then more iterations need not help."""
+    return score.score >= score_at_gt.score
+
+
+def far_start(course: Course) -> tuple[int, PoseErrors] | None:
+    """The nearest start, where it is not near."""
+    return course.nearest if course.nearest is not None and course.nearest[1].relative >= FAR else None
+
+
+def starved(course: Course) -> tuple[int, PoseErrors] | None:
+    """The nearest start, where it got next to no iterations and the answer is wrong.
+
+    Not where the score prefers that answer to ground truth: more iterations would not have helped.
+    """
+    if course.nearest is None or len(course.n_tried) < 2 or not course.is_wrong or course.is_misled:
+        return None
+    even_split = sum(course.n_tried) / len(course.n_tried)
+    return course.nearest if course.n_tried[course.nearest[0]] <= max(1, STARVED * even_split) else None
+
+
+def leaks(score: PoseScore) -> bool:
+    """Whether much of the mask is surface that the pose does not explain."""
+    return score.shares["missed"] >= LEAK_SHARE
+
+
+def is_low(score: PoseScore) -> bool:
+    """Whether a score is so low that its pose is likely to be wrong."""
+    return score.score < LOW_SCORE
