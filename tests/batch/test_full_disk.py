@@ -20,7 +20,7 @@ import pytest
 
 from bench.kills import without_times
 from tests.batch import answering
-from tests.batch.at_once import AtOnce, AtOncePlace, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, batch_here, command, started_batch
 from tests.batch.outputs import journal, stop_in_the_middle
@@ -130,13 +130,13 @@ def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
     with pytest.raises(InputError) as caught:
-        run_here(Session(), tmp_path, AtOncePlace(made=refused))
+        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
     assert str(caught.value) == (
         f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
-        "what is done is kept: make room and repeat the command"
+        "what is done is saved: free some space and repeat the command"
     )
     assert journal(tmp_path) == ["000000_000000.json"]
-    outcome = run_here(Session(), tmp_path, AtOncePlace(made=AtOnce()))
+    outcome = run_here(Session(), tmp_path, AtOnceBackend(made=AtOnce()))
     assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
 
 
@@ -151,7 +151,7 @@ def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()))
     with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):
-        run_here(Session(), tmp_path, AtOncePlace(made=refused))
+        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
     assert journal(tmp_path) == []
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.report.runs import row, write_run
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError
-from verefine_viz.report.bop_recalls import result_rows
+from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.run_results import load, load_pair
 
 DEMO = {"scene": {"source": "demo", "demo": "mug"}}
@@ -93,5 +93,5 @@ def test_answers_that_the_journal_has_lost_are_not_scored_as_missing(
     folder = write_run(tmp_path / "run", [row(0), row(1)])
     damage(folder / "frames" / "000001_000001.json")
     with pytest.raises(InputError) as caught:
-        list(result_rows(load(folder), ("1/0", "1/1")))
+        list(run_rows(load(folder), ("1/0", "1/1")))
     assert why in str(caught.value)

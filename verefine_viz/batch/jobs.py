@@ -1,4 +1,4 @@
-"""What one command is to run: several sessions, or every method with every seed of each; a folder for each run."""
+"""The runs of one ``batch`` command: several sessions, or every method with every seed of each; a folder for each."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
 
     Raises:
-        VerefineError: a session cannot be used, two would write to the same folder, or to a place among its images.
+        VerefineError: a session cannot be used, two would write to the same folder, or ``out`` is among its images.
     """
     names = _stems(paths, out)
     jobs = [
@@ -75,7 +75,7 @@ def sweep_jobs(
 
 
 def check_jobs(jobs: Sequence[Job]) -> None:
-    """Looks at everything that can be wrong: a mistake in the last of many runs should not show after hours.
+    """Checks everything that can be wrong: a mistake in the last of many runs should not show after hours.
 
     Raises:
         VerefineError: a session cannot be used, or a folder holds another run.

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from verefine_viz.batch.rows import frame_ids
+from verefine_viz.batch.completeness import result_rows
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.evaluation.averages import Recalls
 from verefine_viz.evaluation.bop_scores import bop_scores
@@ -24,6 +22,7 @@ from verefine_viz.evaluation.ground_truth import (
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.report.run_results import Loaded
 from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow
 from verefine_viz.scenes.source import open_scene
 
@@ -55,7 +54,7 @@ def bop_recalls(run: Loaded, workers: int = 1, tell: Callable[[int, int], None] 
         return BopRecalls(note="BOP scores need ground truth, which this data does not have.")
     try:
         truth, targets = asked(run, run.frames)
-        table = pose_table(run.method, list(result_rows(run, run.frames)))
+        table = pose_table(run.method, list(run_rows(run, run.frames)))
         scores = bop_scores([table], truth, targets, "localization", workers, tell)
     except VerefineError as error:
         return BopRecalls(note=f"No BOP scores: {error}.")
@@ -76,7 +75,7 @@ def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
         VerefineError: the data cannot be read.
     """
     scene = run.index.session.scene.model_copy(update={"frames": tuple(frames)})
-    images = [frame_ids(frame) for frame in frames]
+    images = [parse_frame(frame) for frame in frames]
     if scene.source == "demo":
         source = open_scene(scene, run.index.session.hypotheses)
         truth = ProblemTruth(scene.demo, [source.problem(frame) for frame in frames])
@@ -98,7 +97,7 @@ def asked(run: Loaded, frames: Sequence[str]) -> tuple[TruthSource, Targets]:
     return truth, Targets(f"{name} in these frames", counts, "localization")
 
 
-def result_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
+def run_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
     """The answers of a run in ``frames``, as results.csv has them.
 
     Raises:
@@ -110,6 +109,4 @@ def result_rows(run: Loaded, frames: Sequence[str]) -> Iterator[ResultRow]:
             raise InputError(
                 f"{run.journal.folder} says nothing about frame {frame}; the same batch command solves it again"
             )
-        for e in result.estimates:
-            T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-            yield ResultRow(*frame_ids(result.frame), e.obj_id, e.score, T_cam_obj, result.solving_s)
+        yield from result_rows(result)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from verefine_viz.batch.rows import frame_ids
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.evaluation.bop_scores import bop_scores
@@ -18,10 +17,11 @@ from verefine_viz.evaluation.ground_truth import Targets
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.methods.registry import method_of
 from verefine_viz.report.bootstrap import Cells, Draws, Spread, draws
-from verefine_viz.report.bop_recalls import asked, measured_on, result_rows
+from verefine_viz.report.bop_recalls import asked, measured_on, run_rows
 from verefine_viz.report.groups import Group, seeds_of
 from verefine_viz.report.object_results import Axes, Outcomes, axes_of, outcomes_of
 from verefine_viz.report.run_results import Loaded, stage_times
+from verefine_viz.scenes.frames import parse_frame
 
 # BOP's average recall frame by frame, of many runs at once.
 
@@ -68,8 +68,8 @@ def frame_recalls(
             truth.model(obj_id)
 
         def solve(frame: str) -> dict[tuple[Path, str], tuple[int, float]]:
-            image = frame_ids(frame)
-            tables = [pose_table(run.method, list(result_rows(run, (frame,)))) for run in having[frame]]
+            image = parse_frame(frame)
+            tables = [pose_table(run.method, list(run_rows(run, (frame,)))) for run in having[frame]]
             alone = Targets(targets.name, {image: targets.counts[image]}, targets.task)
             recalls = [scores.recalls for scores in bop_scores(tables, truth, alone, "localization")]
             return {

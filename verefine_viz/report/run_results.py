@@ -12,8 +12,7 @@ import numpy as np
 
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.ranking_auc import misled
-from verefine_viz.batch.rows import FrameResult, ObjectRow, frame_name
+from verefine_viz.batch.rows import FrameResult, ObjectRow, file_stem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.methods.registry import method_of
@@ -102,7 +101,7 @@ class Loaded:
 
     def recording(self, frame: str) -> Path:
         """Where the frame's recording is, if it was kept."""
-        return self.folder / "recordings" / f"{frame_name(frame)}.rrd"
+        return self.folder / "recordings" / f"{file_stem(frame)}.rrd"
 
 
 def load(folder: Path, label: str = "") -> Loaded:
@@ -214,14 +213,6 @@ def recall_curve(rows: Iterable[ObjectRow]) -> Float:
     """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is found at no threshold."""
     errors = np.array([error_or_infinite(row) for row in rows])
     return (errors[:, None] < THRESHOLDS).mean(axis=0) if len(errors) else np.full(len(THRESHOLDS), np.nan)
-
-
-def lies(run: Loaded) -> float | None:
-    """How often the score misleads: the share of pairs (wrong, right answer) in which the wrong one scores higher.
-
-    0 = the score tells them apart, ½ = it knows nothing; None where there are no such pairs.
-    """
-    return misled(run.objects)
 
 
 def stage_times(run: Loaded) -> dict[str, float]:

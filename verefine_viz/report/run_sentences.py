@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.batch.totals import doubts_in_words, misranked_share
 from verefine_viz.diagnosis.causes import DECLARE, Cause, cause_title
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.report.failure_cards import BOTH, ONLY_A, ONLY_B, Gallery
 from verefine_viz.report.groups import names, seed_words
 from verefine_viz.report.run_difference import Difference
-from verefine_viz.report.run_results import Loaded, Numbers, data_set, lies
+from verefine_viz.report.run_results import Loaded, Numbers, data_set
 
 DASH = "–"
 
@@ -96,7 +96,7 @@ def headline(run: Loaded, n: Numbers) -> str:
 
 def score_sentence(run: Loaded) -> str:
     """Whether the score can be trusted."""
-    share = lies(run)
+    share = misranked_share(run.objects)
     if share is None:
         return "There are not both right and wrong answers with a score, so nothing can be said about the score."
     n_right = sum(row.is_correct is True for row in run.objects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from verefine_viz.batch.ranking_auc import misled
+from verefine_viz.batch.totals import misranked_share
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer.commands import OpenPoint
 from verefine_viz.viewer.drawing.markup import carries, text
@@ -15,7 +15,7 @@ _TICKS = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 def words(plot: ScorePlot) -> str:
     """How far the score can be trusted, in a sentence."""
-    share = misled(entry.row for entry in plot.entries)
+    share = misranked_share(entry.row for entry in plot.entries)
     if share is None:
         return "Score over error. Whether the score lies shows once there are right and wrong answers."
     verdict = "it tells them apart" if share < 0.05 else "it knows nothing" if share > 0.45 else "it lies at times"
