@@ -8,7 +8,7 @@ import pytest
 
 from tests.batch.frames import SCENE_ID, make_frames
 from tests.report.runs import row, write_run
-from verefine_viz.report.group_comparison import frame_recalls
+from verefine_viz.report.bop_recalls import frame_recalls
 from verefine_viz.report.groups import load_groups
 from verefine_viz.report.object_results import axes_of
 

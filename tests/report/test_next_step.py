@@ -12,7 +12,7 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.report.run_results import Loaded
+from verefine_viz.report.run_results import LoadedRun
 from verefine_viz.report.run_sentences import ADVICE, NextStep, advice, next_step
 from verefine_viz.session.files import resolve
 
@@ -22,7 +22,7 @@ def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> 
     known = ({"im_id": k, "add_s_mm": 90.0 - k, "name": f"box {k}", "cause": cause} for k, cause in enumerate(causes))
     wrong = [row(**(mine | values)) for mine in known]
     rows = (*(row(90 + k) for k in range(n_right)), *reversed(wrong))
-    return next_step(Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), RunFile(), rows)))
+    return next_step(LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), RunFile(), rows)))
 
 
 def said(*causes: str, **values: Any) -> str:
@@ -76,7 +76,7 @@ def test_nothing_wrong_nothing_to_do() -> None:
 
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     rows = tuple(row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1)))
-    found = next_step(Loaded("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
+    found = next_step(LoadedRun("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
     assert found is not None
     assert (found.said, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
 

@@ -19,7 +19,7 @@ from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.run_difference import difference
 from verefine_viz.report.run_results import (
     THRESHOLDS,
-    Loaded,
+    LoadedRun,
     by_object,
     load,
     load_pair,
@@ -35,8 +35,8 @@ WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run_of(*rows: ObjectRow, label: str = "") -> Loaded:
-    return Loaded(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
+def run_of(*rows: ObjectRow, label: str = "") -> LoadedRun:
+    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
 
 
 def test_an_object_without_an_answer_is_not_found() -> None:
@@ -82,7 +82,7 @@ def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
+    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
     assert numbers_of(run).calls_per_object is None
     assert numbers_of(run_of(row(1))).calls_per_object == 25.0
 

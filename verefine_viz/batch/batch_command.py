@@ -228,7 +228,7 @@ def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
     counts: list[tuple[int, int]] = []
     for rows in runs:
         objects = [row for row in rows if row.is_object]
-        with_truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
+        with_truth = [row for row in objects if row.can_be_right]
         counts.append((sum(row.is_correct is True for row in with_truth), len(with_truth)))
         solved = [row for row in objects if row.status == "ok"]
         errors_mm.extend(row.add_s_mm for row in solved if row.add_s_mm is not None)

@@ -94,8 +94,13 @@ class ObjectRow(Row):
         return self.status != "failed" or self.obj_id is not None
 
     @property
+    def can_be_right(self) -> bool:
+        """Whether there is ground truth to compare an answer with; without an answer it is missed."""
+        return self.has_truth or self.add_s_mm is not None
+
+    @property
     def was_asked_for(self) -> bool:
-        """Whether the method got to see it: neither was it left out nor did its frame fail."""
+        """Whether the method got it to solve: neither was it left out nor did its frame fail."""
         return self.status in ("ok", "no_answer")
 
     @property

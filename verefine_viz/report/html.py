@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
@@ -15,7 +14,6 @@ from plotly.offline import get_plotlyjs
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
-from verefine_viz.core.paths import atomic
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.report import charts
 from verefine_viz.report import run_sentences as words
@@ -26,7 +24,7 @@ from verefine_viz.report.run_results import Key, key
 
 
 def filled(template: str, context: Mapping[str, Any]) -> str:
-    """A template's page, as one HTML document that asks nobody for anything."""
+    """A template's page, as one HTML document that loads nothing from elsewhere."""
     environment = Environment(
         loader=PackageLoader("verefine_viz.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
@@ -42,18 +40,8 @@ def filled(template: str, context: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
 
 
-def write(path: Path, html: str) -> None:
-    """Writes the page, whole or not at all.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    with atomic(path) as part:
-        part.write_text(html, encoding="utf-8")
-
-
 def breakable(name: str) -> Markup:
-    """A name that may be broken after an underline or a dot, but not within a number, to fit into a narrow column."""
+    """A name that a narrow column may break after an underline or a dot, but not within a number."""
     return Markup(re.sub(r"(_|\.(?!\d))", r"\1<wbr>", str(escape(name))))
 
 
