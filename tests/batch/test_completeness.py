@@ -50,7 +50,7 @@ def test_a_table_of_a_finished_batch_is_written_again_from_the_journal(
     damage(tmp_path / table)
     again = run_batch(Session(), tmp_path, AtOnceBackend(made=AtOnce(never)))
     assert (again.was_finished, again.is_whole) == (False, True)
-    assert again.notes == (f"written again from the journal, as it differed from the journal: {table}",)
+    assert again.notes == (f"written again, as it differed from the journal: {table}",)
     assert (tmp_path / table).read_bytes() == whole
     assert run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
 

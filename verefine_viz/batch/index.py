@@ -125,12 +125,7 @@ def _why_unreadable(path: Path) -> str:
 
 
 def named_runs(folder: Path, inside: str = "") -> str:
-    """All runs in ``folder`` and below, for a hint in a message: ``a/rir, a/sir and 3 more``.
-
-    Args:
-        folder: what the user named.
-        inside: a path in each run that is named instead of its folder.
-    """
+    """All runs in ``folder`` and below, or the path ``inside`` each, for a message: ``a/rir, a/sir and 3 more``."""
     in_folder = _runs_below(folder, LEVELS_BELOW).values()
     runs = [folder] if is_batch_folder(folder) else [run for runs in in_folder for run in runs]
     return first_of([run / inside for run in runs], MOST_NAMED)

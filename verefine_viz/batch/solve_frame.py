@@ -10,7 +10,7 @@ from pathlib import Path
 
 from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, file_stem
-from verefine_viz.batch.summary import frame_result, left_out_row
+from verefine_viz.batch.summary import frame_result, left_out_row, object_facts
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.paths import NO_ROOM, atomic
@@ -169,16 +169,8 @@ def _estimates(problem: Problem, estimator: str) -> FrameResult:
         instance = target.instance
         rows.append(
             ObjectRow(
-                scene_id=problem.scene_id,
-                im_id=problem.im_id,
-                instance_id=instance.instance_id,
-                obj_id=instance.obj_id,
-                name=target.model.name,
-                method=estimator,
+                **object_facts(problem, target, estimator),
                 status="ok" if instance.hypotheses else "no_answer",
-                diameter_mm=target.model.diameter_m * 1e3,
-                visib_fract=instance.visib_fract,
-                n_hypotheses=len(instance.hypotheses),
                 message="" if instance.hypotheses else f"{estimator} found no hypothesis",
             )
         )

@@ -75,25 +75,16 @@ def _object_row(
     all_iterations: Sequence[Iteration],
     session: Session,
 ) -> ObjectRow:
-    instance, model = target.instance, target.model
-    iterations = [i for i in all_iterations if i.instance_id == instance.instance_id]
-    known: dict[str, Any] = {
-        "method": session.method.name,
+    iterations = [i for i in all_iterations if i.instance_id == target.instance.instance_id]
+    facts = {
+        **object_facts(problem, target, session.method.name),
         "seed": session.hypotheses.seed,
-        "scene_id": problem.scene_id,
-        "im_id": problem.im_id,
-        "instance_id": instance.instance_id,
-        "obj_id": instance.obj_id,
-        "name": model.name,
-        "diameter_mm": model.diameter_m * 1e3,
-        "visib_fract": instance.visib_fract,
-        "has_truth": instance.T_cam_obj_gt is not None,
-        "n_hypotheses": len(instance.hypotheses),
+        "has_truth": target.instance.T_cam_obj_gt is not None,
     }
     if best is None or initial is None:
-        return ObjectRow(**known, status="no_answer", message="no hypothesis to start from")
+        return ObjectRow(**facts, status="no_answer", message="no hypothesis to start from")
     return ObjectRow(
-        **known,
+        **facts,
         status="ok",
         score=best.score.score,
         initial_score=float(initial.score.max()),
@@ -108,12 +99,33 @@ def _object_row(
     )
 
 
+def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any]:
+    """The columns about an object that do not depend on its answer."""
+    instance = target.instance
+    return {
+        "scene_id": problem.scene_id,
+        "im_id": problem.im_id,
+        "instance_id": instance.instance_id,
+        "obj_id": instance.obj_id,
+        "name": target.model.name,
+        "method": method,
+        "diameter_mm": target.model.diameter_m * 1e3,
+        "visib_fract": instance.visib_fract,
+        "n_hypotheses": len(instance.hypotheses),
+    }
+
+
 def left_out_row(problem: Problem, one: LeftOut, method: str, seed: int | None = None) -> ObjectRow:
     """The row of an object that was left out of the frame's problem."""
-    made_by = {"method": method, "seed": seed}
-    ids = {"scene_id": problem.scene_id, "im_id": problem.im_id}
-    message = f"left out: {' '.join(one.why.split())}"
-    return ObjectRow(**made_by, **ids, **left_out_facts(one), status="left_out", message=message)
+    return ObjectRow(
+        scene_id=problem.scene_id,
+        im_id=problem.im_id,
+        method=method,
+        seed=seed,
+        status="left_out",
+        message=f"left out: {' '.join(one.why.split())}",
+        **left_out_facts(one),
+    )
 
 
 def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:

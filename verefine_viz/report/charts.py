@@ -21,6 +21,8 @@ MOST_POINTS = 4000
 SMALLEST_PERCENT = 0.05
 """Errors below this share of the diameter are drawn there: a logarithmic axis has no zero."""
 RIGHT, WRONG = EVENT_COLORS["new_best"], EVENT_COLORS["score_fell"]
+DOTTED = {"width": 1, "dash": "dot", "color": "#888"}
+"""A line at a threshold."""
 PERCENT_TICKS = (0.1, 0.3, 1, 3, 10, 30, 100)
 PERCENT_AXIS = {"type": "log", "tickvals": PERCENT_TICKS, "ticktext": [f"{t:g}" for t in PERCENT_TICKS]}
 STAGE_WORDS = {
@@ -61,7 +63,7 @@ def recall_figure(runs: Sequence[LoadedRun]) -> go.Figure:
             line={"color": color(run), "width": 2.5, "dash": "dash" if run.label == "B" else "solid"},
             hovertemplate="below %{x} %: %{y} %<extra></extra>",
         )
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.add_vline(x=10, line=DOTTED)
     figure.update_yaxes(range=[0, 103])
     figure.update_xaxes(range=[0, 50])
     figure.update_layout(showlegend=len(runs) > 1)
@@ -83,7 +85,7 @@ def score_figure(run: LoadedRun) -> go.Figure:
             marker={"color": css(RIGHT if is_right else WRONG), "symbol": symbol, "size": 7, "opacity": 0.75},
             hovertemplate="%{text}<br>error %{x} %, score %{y}<extra></extra>",
         )
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.add_vline(x=10, line=DOTTED)
     figure.update_xaxes(PERCENT_AXIS)
     figure.update_yaxes(range=[0, 1.02])
     return figure
@@ -163,9 +165,8 @@ def change_figure(difference: Difference) -> go.Figure:
             marker={"color": shade, "size": 7, "opacity": 0.75, "symbol": symbol},
             hovertemplate="%{text}<br>A %{x} %, B %{y} %<extra></extra>",
         )
-    line = {"width": 1, "dash": "dot", "color": "#888"}
-    figure.add_vline(x=10, line=line)
-    figure.add_hline(y=10, line=line)
+    figure.add_vline(x=10, line=DOTTED)
+    figure.add_hline(y=10, line=DOTTED)
     figure.update_xaxes(PERCENT_AXIS)
     figure.update_yaxes(PERCENT_AXIS)
     return figure
@@ -214,7 +215,7 @@ def curve_figure(curve: ScoreCurve, worst_iteration: int | None) -> go.Figure:
             }
         )
     if worst_iteration:
-        figure.add_vline(x=worst_iteration, line={"width": 1, "dash": "dot", "color": "#888"})
+        figure.add_vline(x=worst_iteration, line=DOTTED)
     figure.update_yaxes(range=[0, 1], selector={"anchor": "x"})
     figure.update_layout(yaxis={"range": [0, 1.02]}, margin={"l": 44, "r": 44, "t": 6, "b": 34}, showlegend=False)
     return figure

@@ -97,24 +97,12 @@ class Gallery:
 
 
 def gallery(run: LoadedRun, most: int, progress: Progress) -> Gallery:
-    """The failures of a run, worst first.
-
-    Args:
-        run: whose failures.
-        most: how many are shown.
-        progress: called with how many cards are done, and how many there are.
-    """
+    """The failures of a run, worst first, at most ``most``."""
     return gallery_of([Pick(run, row) for row in run.failures[:most]], len(run.failures), progress)
 
 
 def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Gallery:
-    """The cards of some answers, in their order; all runs are about the same data, so a frame is read once.
-
-    Args:
-        picks: the answers.
-        n_failures: how many there are to pick from.
-        progress: called with how many cards are done, and how many there are.
-    """
+    """The cards of some of ``n_failures`` answers, in their order; the runs share their data: a frame is read once."""
     cards: dict[int, Failure] = {}
     notes: list[str] = []
     frames = list(dict.fromkeys(pick.row.frame for pick in picks))
@@ -213,10 +201,7 @@ def _curve(entries: Sequence[Entry]) -> ScoreCurve:
 def group_gallery(groups: Sequence[Group], most: int, progress: Progress) -> Gallery:
     """The worst failures of each group, as many of each; an object comes once a group, with its worst seed.
 
-    Args:
-        groups: in the order in which they take what does not divide evenly.
-        most: cards of all groups together.
-        progress: called with how many cards are done, and how many there are.
+    ``most`` counts all groups together; what does not divide evenly goes to the first ones.
     """
     shares = [most // len(groups) + (k < most % len(groups)) for k in range(len(groups))]
     picks = [pick for group, share in zip(groups, shares, strict=True) for pick in _picks(group, share)]
@@ -252,12 +237,6 @@ def pair_gallery(a: LoadedRun, b: LoadedRun, most: int, progress: Progress) -> G
     """What the runs got wrong, an object once, worst first; what only one got wrong is shown as often as what both did.
 
     Without ground truth it is unknown what is wrong: then the lowest scores of A.
-
-    Args:
-        a: one run.
-        b: the other.
-        most: how many are shown.
-        progress: called with how many cards are done, and how many there are.
     """
     if not a.with_truth and not b.with_truth:
         return gallery_of([Pick(a, row, b) for row in a.failures[:most]], len(a.failures), progress)

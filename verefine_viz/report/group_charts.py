@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.report.charts import css, new_figure, rounded, stage_bars
+from verefine_viz.report.charts import DOTTED, css, new_figure, rounded, stage_bars
 from verefine_viz.report.group_comparison import Line, RecallCurve
 from verefine_viz.report.run_results import THRESHOLDS
 
@@ -75,7 +75,7 @@ def forest_figure(lines: Sequence[Line]) -> go.Figure:
             showlegend=False,
         )
     if known:
-        figure.add_vline(x=100 * known[0][1].value, line={"width": 1, "dash": "dot", "color": "#888"})
+        figure.add_vline(x=100 * known[0][1].value, line=DOTTED)
     figure.update_yaxes(autorange="reversed", automargin=True, ticksuffix=" ")
     return figure
 
@@ -94,7 +94,7 @@ def recall_figure(lines: Sequence[Line]) -> go.Figure:
             if not needs_panels(lines):
                 _add_band(figure, line.curve, shades[line.name][0], legendgroup=line.name)
             _add_curve(figure, line.curve, line.name, shades[line.name], legendgroup=line.name, name=line.name)
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.add_vline(x=10, line=DOTTED)
     figure.update_yaxes(range=[0, 103])
     figure.update_xaxes(range=[0, 50])
     figure.update_layout(legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left", "yanchor": "top"})
@@ -122,7 +122,7 @@ def panel_figure(lines: Sequence[Line]) -> go.Figure:
         if k:
             _add_curve(figure, best, best_name, (GREY, "solid"), showlegend=False, **place)
         _add_curve(figure, curve, name, (shades[name][0], "solid"), showlegend=False, **place)
-        figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"}, **place)
+        figure.add_vline(x=10, line=DOTTED, **place)
     layout = new_figure("", "", height=40 + PANEL_PX * n_rows).to_dict()["layout"]
     figure.update_layout({name: value for name, value in layout.items() if name not in ("xaxis", "yaxis", "legend")})
     figure.update_layout(template=go.layout.Template(), margin={"l": 40, "r": 10, "t": 26, "b": 30})

@@ -92,8 +92,6 @@ class Card:
     anchor: str
     """Its place on the page."""
     curve: Markup | None
-    causes: tuple[str, ...]
-    """What the filter finds it by."""
     elsewhere: tuple[tuple[str, Share, str | None], ...]
     """Where groups are compared: how often each gets this object right, and where its card is, if it has one."""
 
@@ -101,7 +99,7 @@ class Card:
 def _card(card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
     curve = charts.curve_figure(card.curve, card.row.worst_iteration) if card.curve else None
     elsewhere = tuple((name, share, anchors.get((name, key(card.row)))) for name, share in shares.items())
-    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, card.causes, elsewhere)
+    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, elsewhere)
 
 
 def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:
