@@ -70,8 +70,8 @@ def test_without_ground_truth_the_lowest_scores_come_first(tmp_path: Path) -> No
 def test_answers_belong_to_their_instances(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1, status="no_answer", add_s_mm=None), row(1, 2)]
     run = load(write_run(tmp_path / "a", rows))
-    assert sorted(run.answers("1/1")) == [0, 2]
-    assert run.answers("1/99") == {}
+    assert sorted(run.index.answers("1/1")) == [0, 2]
+    assert run.index.answers("1/99") == {}
 
 
 def test_two_runs_are_called_a_and_b(tmp_path: Path) -> None:
