@@ -41,20 +41,6 @@ AHEAD = 2
 """Frames per worker that are handed to the scheduler, so that none waits for the next one."""
 
 
-def check_address(address: str) -> None:
-    """
-    Raises:
-        SettingsError: it is no address, whether or not something answers there.
-    """
-    try:
-        with suppress(OSError, ImportError, FutureWarning):  # Reported when it does not answer.
-            resolve_address(address)
-    except ValueError:
-        raise SettingsError(
-            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
-        ) from None
-
-
 def must_answer(address: str) -> None:
     """Returns when a Dask scheduler answers; without this check its client could wait for ever.
 
@@ -94,8 +80,14 @@ def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_wo
         SettingsError: it is no address.
         UnavailableError: nothing answers there.
     """
-    if address != "local":
-        check_address(address)
+    try:
+        with suppress(OSError, ImportError, FutureWarning):  # Reported when it does not answer.
+            if address != "local":
+                resolve_address(address)
+    except ValueError:
+        raise SettingsError(
+            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
+        ) from None
     # Trouble is reported in one line of our own; Dask would add pages.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     own = _local(n_workers) if address == "local" else None

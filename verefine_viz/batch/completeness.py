@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -79,7 +78,7 @@ def check_files(folder: Path, frames: Sequence[str], keep: Keep) -> BatchFiles:
         keep: which recordings there should be.
     """
     journal, totals = Journal(folder / "frames"), Totals()
-    recorded = _names(folder / "recordings")
+    recorded = {file.name for file in (folder / "recordings").glob("*.rrd")}
     missing, damaged, can_be_mended, without_recording = list[str](), list[str](), list[str](), list[str]()
 
     def results() -> Iterator[FrameResult]:
@@ -152,10 +151,3 @@ class _Compared:
 def _is_recorded(result: FrameResult, keep: Keep) -> bool:
     """Whether a frame leaves a recording; one that failed may leave none."""
     return not result.failed and (keep == "all" or (keep == "failures" and result.is_failure))
-
-
-def _names(folder: Path) -> set[str]:
-    try:
-        return set(os.listdir(folder))  # noqa: PTH208
-    except OSError:
-        return set()

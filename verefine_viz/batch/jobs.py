@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,21 +112,14 @@ def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str]
             raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
         if methods.count(name) > 1:
             raise SettingsError(f"--methods names {name!r} twice; name each method once")
-    for option, field in _doubled(overrides, methods, n_seeds):
-        raise SettingsError(f"--{field} and {option} say different things; leave --{field} out")
+    doubled = [("--methods", "method", "name")] if methods else []
+    doubled += [("--seeds", "method", "seed"), ("--seeds", "hypotheses", "seed")] if n_seeds is not None else []
+    for option, section, name in doubled:
+        if name in overrides.get(section, {}):
+            field = f"--{section}.{name}"
+            raise SettingsError(f"{field} and {option} contradict each other; leave {field} out")
     if (out / SESSION_FILE).exists():
         raise SettingsError(f"{out} holds a single run; choose another --out for the runs of --methods and --seeds")
-
-
-def _doubled(overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> Iterator[tuple[str, str]]:
-    for option, field, is_given in (
-        ("--methods", "method.name", bool(methods)),
-        ("--seeds", "method.seed", n_seeds is not None),
-        ("--seeds", "hypotheses.seed", n_seeds is not None),
-    ):
-        section, _, name = field.partition(".")
-        if is_given and name in overrides.get(section, {}):
-            yield option, field
 
 
 def _with(session: Session, method: str, seed: int | None) -> Session:

@@ -106,9 +106,9 @@ def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Ga
     cards: dict[int, Failure] = {}
     notes: list[str] = []
     frames = list(dict.fromkeys(pick.row.frame for pick in picks))
-    source = _Source(picks[0].run, frames, notes) if picks else None
+    source = _opened(picks[0].run, frames, notes) if picks else None
     for frame in frames:
-        problem = source.problem(frame) if source else None
+        problem = _problem(source, frame, notes)
         of_frame = [(k, pick) for k, pick in enumerate(picks) if pick.row.frame == frame]
         runs = {id(pick.run): pick for _, pick in of_frame}
         answers = {i: _answers(pick, frame) for i, pick in runs.items()}
@@ -128,22 +128,6 @@ def _answers(pick: Pick, frame: str) -> list[tuple[LoadedRun, Mapping[int, Float
     return [(run, run.index.answers(frame)) for run in runs]
 
 
-class _Source:
-    """Frames of the run's data set; one note says why there are none."""
-
-    def __init__(self, run: LoadedRun, frames: Sequence[str], notes: list[str]) -> None:
-        self._notes, self._source = notes, _opened(run, frames, notes)
-
-    def problem(self, frame: str) -> Problem | None:
-        if self._source is None:
-            return None
-        try:
-            return self._source.problem(frame)
-        except VerefineError as error:
-            self._notes.append(f"No pictures of frame {frame}: {error}.")
-            return None
-
-
 def _opened(run: LoadedRun, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
     session = run.index.session
     try:
@@ -153,6 +137,16 @@ def _opened(run: LoadedRun, frames: Sequence[str], notes: list[str]) -> SceneSou
         return open_scene(scene, hypotheses)
     except VerefineError as error:
         notes.append(f"No pictures: {error}.")
+        return None
+
+
+def _problem(source: SceneSource | None, frame: str, notes: list[str]) -> Problem | None:
+    if source is None:
+        return None
+    try:
+        return source.problem(frame)
+    except VerefineError as error:
+        notes.append(f"No pictures of frame {frame}: {error}.")
         return None
 
 

@@ -183,7 +183,7 @@ class HeatRow:
 
 
 @dataclass
-class Instance:
+class ObjectOverGroups:
     """One object of one frame over all groups and seeds."""
 
     row: ObjectRow
@@ -226,13 +226,13 @@ def heat(groups: Sequence[Group]) -> tuple[HeatRow, ...]:
     return tuple(rows[obj_id] for obj_id in sorted(rows))
 
 
-def by_frame(groups: Sequence[Group]) -> dict[Key, Instance]:
+def by_frame(groups: Sequence[Group]) -> dict[Key, ObjectOverGroups]:
     """Each object of each frame over all groups and seeds; only objects with ground truth."""
-    instances: dict[Key, Instance] = {}
+    instances: dict[Key, ObjectOverGroups] = {}
     for group in groups:
         for run in group.runs:
             for row in run.with_truth:
-                instance = instances.setdefault(key(row), Instance(row, Share()))
+                instance = instances.setdefault(key(row), ObjectOverGroups(row, Share()))
                 instance.total.add(row.is_correct is True)
                 instance.by_group.setdefault(group.name, Share()).add(row.is_correct is True)
                 if row.cause:
@@ -240,7 +240,7 @@ def by_frame(groups: Sequence[Group]) -> dict[Key, Instance]:
     return instances
 
 
-def hardest(objects: Iterable[Instance]) -> tuple[Instance, ...]:
+def hardest(objects: Iterable[ObjectOverGroups]) -> tuple[ObjectOverGroups, ...]:
     """Those that most groups get wrong with most seeds, the hardest first."""
     most = [hard for hard in objects if 2 * hard.wrong_groups > len(hard.by_group)]
     return tuple(sorted(most, key=lambda hard: (-hard.wrong_groups, hard.total.value or 0.0, key(hard.row))))
