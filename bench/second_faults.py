@@ -12,7 +12,7 @@ from tests.failing_scenes import GENERATORS
 from tests.made_up_frames import SETTINGS, Broken, leaning, level, seen_through
 from verefine_viz.core.arrays import Mask
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.studies.disturb import without_depth
+from verefine_viz.studies.disturbance import without_depth
 
 
 def lost_depth(broken: Broken, rng: np.random.Generator) -> Broken:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.batch.answering import POSE
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, frame_name
-from verefine_viz.batch.run_batch import Place
-from verefine_viz.batch.tasks import TaskName, Workers
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, file_stem
+from verefine_viz.batch.run_batch import Backend, Workers
+from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
 
 
@@ -39,7 +39,7 @@ class AtOnce:
         answer = self.answer(frame)
         if self.recordings is not None:
             self.recordings.mkdir(parents=True, exist_ok=True)
-            (self.recordings / f"{frame_name(frame)}.rrd").touch()
+            (self.recordings / f"{file_stem(frame)}.rrd").touch()
         return answer
 
     def close(self) -> None:
@@ -47,7 +47,7 @@ class AtOnce:
 
 
 @dataclass(frozen=True)
-class AtOncePlace(Place):
+class AtOnceBackend(Backend):
     """Where they are."""
 
     made: AtOnce = field(default_factory=AtOnce)

@@ -26,9 +26,9 @@ from tests.batch.outputs import journal, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
-from verefine_viz.batch.run_batch import Place, Progress
+from verefine_viz.batch.run_batch import Backend, Progress
 from verefine_viz.batch.run_batch import run_batch as run_here
-from verefine_viz.batch.worker import ONE_THREAD
+from verefine_viz.batch.worker_process import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
@@ -90,7 +90,7 @@ def test_a_running_cluster_gives_the_same_and_keeps_nothing_of_ours(
 def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "LOOK_S", 0.5)
+    monkeypatch.setattr(cluster, "COUNT_S", 0.5)
     loaded, out = load_session(session), tmp_path / "out"
     with somebodys() as lost:
 
@@ -98,15 +98,15 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
             if now.counts.frames_done == 1:
                 lost.close()
 
-        place = Place(cluster=lost.scheduler_address)
+        backend = Backend(cluster=lost.scheduler_address)
         with pytest.raises(UnavailableError) as caught:
-            run_here(loaded, out, place, tell)
+            run_here(loaded, out, backend, tell)
     assert str(caught.value) == (
-        f"the scheduler at {place.cluster} is gone; what is done is kept: start it again and repeat the command"
+        f"the scheduler at {backend.cluster} is gone; what is done is saved: start it again and repeat the command"
     )
     n_done = len(journal(out))
     assert 1 <= n_done < N_FRAMES
-    outcome = run_here(loaded, out, Place())
+    outcome = run_here(loaded, out, Backend())
     assert (outcome.n_resumed, outcome.n_failed) == (n_done, 0)
     assert without_times(out)[0] == without_times(whole)[0]
 
@@ -114,7 +114,7 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
 def test_a_cluster_without_workers_is_waited_for_and_said(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "LOOK_S", 0.2)
+    monkeypatch.setattr(cluster, "COUNT_S", 0.2)
     monkeypatch.setattr(cluster, "START_LIMIT_S", 0.1)
     said: list[str] = []
     with somebodys(n_workers=0) as empty:
@@ -124,9 +124,9 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
                 said.append(now.warning)
                 empty.scale(1)
 
-        place = Place(cluster=empty.scheduler_address)
-        outcome = run_here(load_session(session), tmp_path / "out", place, tell)
-    assert said == [f"the cluster at {place.cluster} has no workers; waiting for the first"]
+        backend = Backend(cluster=empty.scheduler_address)
+        outcome = run_here(load_session(session), tmp_path / "out", backend, tell)
+    assert said == [f"the cluster at {backend.cluster} has no workers; waiting for the first"]
     assert outcome.totals["frames_done"] == N_FRAMES
     assert without_times(tmp_path / "out")[0] == without_times(whole)[0]
 

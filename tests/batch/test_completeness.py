@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.batch.at_once import AtOnce, AtOncePlace, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.test_runner import contents, frames
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.jobs import Job
@@ -45,14 +45,14 @@ def test_a_table_of_a_finished_batch_is_written_again_from_the_journal(
     table: str, damage: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(4, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     whole = (tmp_path / table).read_bytes()
     damage(tmp_path / table)
-    again = run_batch(Session(), tmp_path, AtOncePlace(made=AtOnce(never)))
+    again = run_batch(Session(), tmp_path, AtOnceBackend(made=AtOnce(never)))
     assert (again.was_finished, again.is_whole) == (False, True)
-    assert again.notes == (f"written again from the journal, as it said something else: {table}",)
+    assert again.notes == (f"written again, as it differed from the journal: {table}",)
     assert (tmp_path / table).read_bytes() == whole
-    assert run_batch(Session(), tmp_path, AtOncePlace()).was_finished
+    assert run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
 
 
 def never(frame: str) -> FrameResult:
@@ -61,10 +61,10 @@ def never(frame: str) -> FrameResult:
 
 def test_a_folder_in_place_of_a_table_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(2, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     put_a_folder(tmp_path / "results.csv")
     with pytest.raises(InputError, match=r"cannot write .*results\.csv: .*results\.csv is a folder"):
-        run_batch(Session(), tmp_path, AtOncePlace())
+        run_batch(Session(), tmp_path, AtOnceBackend())
 
 
 @pytest.mark.parametrize("at", ["0/2", "0/4"])
@@ -80,14 +80,14 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
         return solved(frame)
 
     job = Job(Session(), out, "")
-    assert run_jobs([job], out, AtOncePlace(made=AtOnce(answer))) == 1
+    assert run_jobs([job], out, AtOnceBackend(made=AtOnce(answer))) == 1
     lost = [f"0/{k}" for k in range(int(at[2:]))]
     assert f"{len(lost)} frames of the session are missing ({', '.join(lost)})" in capsys.readouterr().out
     assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
     assert [row.frame for row in read_frames_csv(out / "frames.csv")] == [f"0/{k}" for k in range(len(lost), 5)]
     # The same command solves what is missing, and nothing else.
     asked: list[str] = []
-    again = AtOncePlace(made=AtOnce(lambda frame: asked.append(frame) or solved(frame)))
+    again = AtOnceBackend(made=AtOnce(lambda frame: asked.append(frame) or solved(frame)))
     assert run_jobs([job], out, again) == 0
     assert asked == lost
     assert len(read_frames_csv(out / "frames.csv")) == 5
@@ -97,17 +97,17 @@ def test_recordings_that_are_gone_are_named_and_made_again_when_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     frames(4, monkeypatch)
-    job, place = Job(Session(), tmp_path, ""), AtOncePlace()
-    assert run_jobs([job], tmp_path, place) == 0
+    job, backend = Job(Session(), tmp_path, ""), AtOnceBackend()
+    assert run_jobs([job], tmp_path, backend) == 0
     assert "note:" not in capsys.readouterr().out
     for k in (1, 3):
         (tmp_path / "recordings" / f"000000_00000{k}.rrd").unlink()
     before = contents(tmp_path)
-    assert run_jobs([job], tmp_path, place) == 0
+    assert run_jobs([job], tmp_path, backend) == 0
     said = "note: recordings of 2 frames are missing (0/1, 0/3); the same command with --retry-failed makes them again"
     assert said in capsys.readouterr().out
     assert contents(tmp_path) == before
-    assert run_jobs([job], tmp_path, place, retry_failed=True) == 0
+    assert run_jobs([job], tmp_path, backend, retry_failed=True) == 0
     assert len(list((tmp_path / "recordings").iterdir())) == 4
     assert "note:" not in capsys.readouterr().out
 
@@ -120,7 +120,7 @@ def test_recordings_that_were_not_asked_for_are_not_missed(
     session = Session.model_validate({"recording": {"keep": keep}})
     made = AtOnce()
     made.solve = lambda frames: map(solved, frames)  # type: ignore[method-assign]
-    assert run_batch(session, tmp_path, AtOncePlace(made=made)).notes == ()
+    assert run_batch(session, tmp_path, AtOnceBackend(made=made)).notes == ()
 
 
 def pose(value: Any) -> Callable[[dict[str, Any]], Any]:
@@ -148,7 +148,7 @@ def test_a_damaged_entry_of_the_journal_is_said_and_its_frame_solved_again(
     change: Callable[[dict[str, Any]], Any], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(3, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     before = {name: (tmp_path / name).read_bytes() for name in ("frames.csv", "results.csv")}
     file = tmp_path / "frames" / "000000_000001.json"
     entry = json.loads(file.read_text())
@@ -162,7 +162,7 @@ def test_a_damaged_entry_of_the_journal_is_said_and_its_frame_solved_again(
         told.append(now.doing)
 
     made = AtOnce(lambda frame: asked.append(frame) or solved(frame))
-    assert run_batch(Session(), tmp_path, AtOncePlace(made=made), look).is_whole
+    assert run_batch(Session(), tmp_path, AtOnceBackend(made=made), look).is_whole
     assert asked == ["0/1"]
     (note,) = [one for one in told if one.startswith("note: ")]
     assert note.startswith(f"note: {file} is damaged: ")
@@ -176,10 +176,10 @@ def test_a_damaged_run_json_stops_a_repeated_batch_with_one_line(
     run: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(3, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     (tmp_path / "run.json").write_text(run)
     with pytest.raises(InputError, match=r"run\.json cannot be read: .*: delete it, and the same"):
-        run_batch(Session(), tmp_path, AtOncePlace())
+        run_batch(Session(), tmp_path, AtOnceBackend())
     (tmp_path / "run.json").unlink()
-    assert run_batch(Session(), tmp_path, AtOncePlace(made=AtOnce(never))).is_whole
+    assert run_batch(Session(), tmp_path, AtOnceBackend(made=AtOnce(never))).is_whole
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "finished"

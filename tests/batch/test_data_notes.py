@@ -54,7 +54,7 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     assert len(result.doubts) == in_doubt
     assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.objects)
     journal = Journal(tmp_path)
-    journal.keep(result)
+    journal.save(result)
     assert journal.read("0/0") == result, "a batch that goes on later still knows"
     totals = Totals()
     rows = [row for one in totals.passing(journal.results(["0/0"])) for row in one.objects]

@@ -35,8 +35,8 @@ def test_a_new_folder_holds_the_session_that_runs(tmp_path: Path) -> None:
 
 def test_finished_frames_are_found_again(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.journal.keep(finished("1/2", 1 / 3))
-    folder.journal.keep(finished("1/3"))
+    folder.journal.save(finished("1/2", 1 / 3))
+    folder.journal.save(finished("1/3"))
     folder.close()
     again = RunFolder(tmp_path, SESSION)
     assert list(again.journal.results(["1/3", "1/4", "1/2"])) == [finished("1/3"), finished("1/2", 1 / 3)]
@@ -46,8 +46,8 @@ def test_finished_frames_are_found_again(tmp_path: Path) -> None:
 def test_damaged_entries_do_not_count(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
     failed = failed_frame("1/2", "no depth", SESSION)
-    folder.journal.keep(failed)
-    folder.journal.keep(finished("1/3"))
+    folder.journal.save(failed)
+    folder.journal.save(finished("1/3"))
     (tmp_path / "frames" / "000001_000004.json").write_text('{"frame": "1/4", "fai')
     (tmp_path / "frames" / "000001_000005.json").write_text(finished("1/6").model_dump_json())
     half = tmp_path / "frames" / "000001_000007.json.12-34.part"
@@ -173,7 +173,8 @@ def test_a_killed_writer_leaves_no_lock(tmp_path: Path) -> None:
 
 def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.write("run.json", "old")
+    folder.write_json("run.json", {"version": "old"})
+    before = (tmp_path / "run.json").read_text()
 
     def full(self: Path, *_: object, **__: object) -> int:
         self.touch()
@@ -181,10 +182,10 @@ def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(InputError, match=r"cannot write .*run\.json: No space left on device"):
-        folder.write("run.json", "new")
+        folder.write_json("run.json", {"version": "new"})
     with pytest.raises(InputError, match=r"cannot write .*000001_000002\.json: No space left on device"):
-        folder.journal.keep(finished("1/2"))
-    assert (tmp_path / "run.json").read_text() == "old"
+        folder.journal.save(finished("1/2"))
+    assert (tmp_path / "run.json").read_text() == before
     assert list((tmp_path / "frames").iterdir()) == []
     folder.close()
 

@@ -19,7 +19,7 @@ import psutil
 import pytest
 
 from tests.batch import answering
-from tests.batch.at_once import AtOnce, AtOncePlace, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, batch_here, command, started_batch
 from tests.batch.killed_batches import without_times
@@ -132,13 +132,13 @@ def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
     with pytest.raises(InputError) as caught:
-        run_here(Session(), tmp_path, AtOncePlace(made=refused))
+        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
     assert str(caught.value) == (
         f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
-        "what is done is kept: make room and repeat the command"
+        "what is done is saved: free some space and repeat the command"
     )
     assert journal(tmp_path) == ["000000_000000.json"]
-    outcome = run_here(Session(), tmp_path, AtOncePlace(made=AtOnce()))
+    outcome = run_here(Session(), tmp_path, AtOnceBackend(made=AtOnce()))
     assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
 
 
@@ -153,7 +153,7 @@ def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
     refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()))
     with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):
-        run_here(Session(), tmp_path, AtOncePlace(made=refused))
+        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
     assert journal(tmp_path) == []
 
 
@@ -175,21 +175,21 @@ def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsy
     assert cli.main([*words, str(tmp_path / "whole")]) == 0
     capsys.readouterr()
     out = tmp_path / "out"
-    with file_limit(5_000):
+    with file_limit(1_000):
         assert cli.main([*words, str(out)]) == 2
-    assert capsys.readouterr().err.splitlines()[-1] == (
-        f"verefine-viz: cannot write {out / 'robustness.journal.jsonl'}: File too large"
-    )
-    assert [p.name for p in out.iterdir()] == ["robustness.journal.jsonl"]
-    begun = (out / "robustness.journal.jsonl").read_bytes()
-    assert begun.count(b"\n") > 1
-    assert begun.endswith(b"\n")
+    refused = capsys.readouterr().err.splitlines()[-1]
+    assert refused.startswith(f"verefine-viz: cannot write {out / 'robustness.journal'}/")
+    assert refused.endswith(": File too large")
+    assert [p.name for p in out.iterdir()] == ["robustness.journal"]
+    assert [p.name for p in (out / "robustness.journal").iterdir()] == [".lock"]
     with file_limit(100_000):  # The numbers fit, the figure does not.
         assert cli.main([*words, str(out)]) == 2
     assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
     assert not list(out.glob("*.part"))
+    done = {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")}
+    assert len(done) > 1
     assert cli.main([*words, str(out)]) == 0
-    assert (out / "robustness.journal.jsonl").read_bytes().startswith(begun)
+    assert {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")} == done
     assert _objects(out) == _objects(tmp_path / "whole")
 
 

@@ -53,7 +53,7 @@ def orders(folder: Path, content: object) -> str:
     ("order", "words"),
     [
         ([[2, 99]], "dependency.order: unknown object 99; available: 2, 5"),
-        ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what carries others first"),
+        ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what supports others first"),
         ([["#1"], [2, "#1"]], "dependency.order runs in a circle: it names '#1' twice"),
         ([["mug"]], "dependency.order: entry 'mug'; expected a list of clusters"),
     ],

@@ -12,14 +12,12 @@ import pytest
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import (
     BatchIndex,
-    FoundRuns,
     Order,
+    RunSelection,
     find_runs,
     is_batch_folder,
     named_runs,
     read_batch,
-    run_folders,
-    runs_in,
 )
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
@@ -104,10 +102,10 @@ def test_several_runs_in_a_folder_are_found_by_name(
     for name in ("sir", "rir"):
         shutil.copytree(index.folder, several / name)
     (several / "notes").mkdir()
-    assert run_folders(several) == (several / "rir", several / "sir")
-    assert run_folders(index.folder) == (index.folder,)
+    assert find_runs(several) == RunSelection((several / "rir", several / "sir"), "")
+    assert find_runs(index.folder) == RunSelection((index.folder,), "")
     with pytest.raises(InputError, match="no folder of a batch"):
-        run_folders(several / "notes")
+        find_runs(several / "notes")
 
 
 def test_runs_further_down_are_taken_where_they_lie_together(
@@ -137,12 +135,12 @@ def test_runs_further_down_are_never_left_out_silently(
     found = find_runs(top)
     assert found.runs == (top / "refine",)
     listed = f"{top / 'a'} (1 run), {top / 'b'} (2 runs)"
-    assert found.note == f"Runs further down are left out; to look at them, name their folder: {listed}."
+    assert found.note == f"Runs further down are left out; to view them, name their folder: {listed}."
 
 
 def test_what_lies_in_a_run_is_no_run_of_its_own(index: BatchIndex) -> None:
     shutil.copytree(index.folder, index.folder / "recordings" / "copy", ignore=lambda *_: ["recordings"])
-    assert find_runs(index.folder) == FoundRuns((index.folder,), "")
+    assert find_runs(index.folder) == RunSelection((index.folder,), "")
 
 
 def test_a_folder_that_nobody_may_look_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,9 +148,7 @@ def test_a_folder_that_nobody_may_look_into(tmp_path: Path, monkeypatch: pytest.
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "iterdir", refuse)
-    with pytest.raises(
-        InputError, match=r"cannot be looked into \(Permission denied\); expected the folder of a batch"
-    ):
+    with pytest.raises(InputError, match=r"cannot be read \(Permission denied\); expected the folder of a batch"):
         find_runs(tmp_path)
 
 
@@ -165,8 +161,7 @@ def test_runs_in_a_folder_named_by_mistake_are_listed(
     for name in names:
         (top / name).mkdir(parents=True)
         (top / name / "run.json").write_text("{}")
-    assert runs_in(top) == tuple(top / name for name in names)
-    assert runs_in(top / "a/1") == (top / "a/1",)
+    assert named_runs(top / "a/1") == str(top / "a/1")
     listed = ", ".join(str(top / name / "recordings") for name in names[:6])
     assert named_runs(top, "recordings") == f"{listed} and 2 more"
     assert named_runs(top / "none") == ""

@@ -69,9 +69,9 @@ def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tm
         (("--worker-memory-gb", "1e300"), "--worker-memory-gb is 1e+300, expected 100000 or less"),
         (("--worker-memory-gb", "nan"), "--worker-memory-gb is nan, expected more than 0"),
         (("--worker-memory-gb", "-1"), "--worker-memory-gb is -1, expected more than 0"),
-        (("--methods", "pir", "--method.name", "sir"), "--method.name and --methods say different things"),
-        (("--seeds", "2", "--hypotheses.seed", "4"), "--hypotheses.seed and --seeds say different things"),
-        (("--seeds", "2", "--method.seed", "4"), "--method.seed and --seeds say different things"),
+        (("--methods", "pir", "--method.name", "sir"), "--method.name and --methods contradict each other"),
+        (("--seeds", "2", "--hypotheses.seed", "4"), "--hypotheses.seed and --seeds contradict each other"),
+        (("--seeds", "2", "--method.seed", "4"), "--method.seed and --seeds contradict each other"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(

@@ -76,7 +76,7 @@ def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
     pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
     pool.close()
     assert len(set(pids)) == 3
-    assert "3 were started anew to free memory; fewer --workers" in pool.warning
+    assert "3 were restarted to free memory; fewer --workers" in pool.warning
     assert pool.needs.startswith("1 × ")
 
 

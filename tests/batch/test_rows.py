@@ -18,8 +18,7 @@ from verefine_viz.batch.rows import (
     FrameResult,
     ObjectRow,
     failed_frame,
-    frame_ids,
-    frame_name,
+    file_stem,
     read_frames_csv,
     with_objects,
     write_frames_csv,
@@ -138,8 +137,7 @@ def test_frames_csv_is_read_as_it_was_written(tmp_path_factory: pytest.TempPathF
 
 
 def test_frame_names() -> None:
-    assert frame_ids("50/1") == (50, 1)
-    assert frame_name("50/1") == "000050_000001"
+    assert file_stem("50/1") == "000050_000001"
 
 
 def test_a_failed_frame_is_one_row_with_one_line() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.batch.at_once import AtOnce, AtOncePlace, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch.rows import FrameResult, failed_frame, read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
@@ -27,7 +27,7 @@ def frames(n: int, monkeypatch: pytest.MonkeyPatch, *notes: str) -> tuple[str, .
 def test_what_is_odd_about_the_choice_is_said_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(2, monkeypatch, "a.csv gives no pose", "object 5 is nowhere")
     told: list[tuple[str, int]] = []
-    run_batch(Session(), tmp_path, AtOncePlace(), lambda now: told.append((now.doing, now.counts.frames_done)))
+    run_batch(Session(), tmp_path, AtOnceBackend(), lambda now: told.append((now.doing, now.counts.frames_done)))
     assert [one for one in told if one[0]] == [("note: a.csv gives no pose", 0), ("note: object 5 is nowhere", 0)]
 
 
@@ -44,7 +44,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monk
 
     tracemalloc.start()
     try:
-        run_batch(Session(), tmp_path / "out", AtOncePlace(), look)
+        run_batch(Session(), tmp_path / "out", AtOnceBackend(), look)
     finally:
         tracemalloc.stop()
     # A single result is about 5 kB of Python objects; 1100 of them would be 5 MB.
@@ -58,7 +58,7 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
     names = frames(9, monkeypatch)
     backwards = AtOnce()
     backwards.solve = lambda frames: map(solved, reversed(list(frames)))  # type: ignore[method-assign]
-    outcome = run_batch(Session(), tmp_path, AtOncePlace(made=backwards))
+    outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=backwards))
     assert backwards.is_closed
     assert outcome.totals["frames_done"] == len(names)
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))
@@ -72,18 +72,20 @@ def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 def test_a_finished_batch_is_left_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(4, monkeypatch)
-    place = AtOncePlace(made=AtOnce(lambda frame: failed_frame(frame, "no depth") if frame == "0/2" else solved(frame)))
-    first = run_batch(Session(), tmp_path, place)
+    backend = AtOnceBackend(
+        made=AtOnce(lambda frame: failed_frame(frame, "no depth") if frame == "0/2" else solved(frame))
+    )
+    first = run_batch(Session(), tmp_path, backend)
     assert not first.was_finished
     before = contents(tmp_path)
-    again = run_batch(Session(), tmp_path, place)
+    again = run_batch(Session(), tmp_path, backend)
     assert again.was_finished
     assert contents(tmp_path) == before
     assert (again.totals, again.failures, again.n_failed) == (first.totals, (("0/2", "no depth"),), 1)
     # Failed frames are something to do for those who ask for it.
-    mended = run_batch(Session(), tmp_path, AtOncePlace(), retry_failed=True)
+    mended = run_batch(Session(), tmp_path, AtOnceBackend(), retry_failed=True)
     assert (mended.was_finished, mended.n_failed) == (False, 0)
-    assert run_batch(Session(), tmp_path, AtOncePlace(), retry_failed=True).was_finished
+    assert run_batch(Session(), tmp_path, AtOnceBackend(), retry_failed=True).was_finished
 
 
 @pytest.mark.parametrize("lost", ["frames.csv", "results.csv", "run.json", "frames/000000_000001.json"])
@@ -91,10 +93,10 @@ def test_what_a_finished_batch_has_lost_is_made_again(
     lost: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(3, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     before = (tmp_path / lost).read_bytes()
     (tmp_path / lost).unlink()
-    assert not run_batch(Session(), tmp_path, AtOncePlace()).was_finished
+    assert not run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
     assert (tmp_path / lost).is_file()
     if lost != "run.json":
         assert (tmp_path / lost).read_bytes() == before
@@ -102,9 +104,9 @@ def test_what_a_finished_batch_has_lost_is_made_again(
 
 def test_a_batch_of_fewer_frames_than_before_is_counted_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(3, monkeypatch)
-    run_batch(Session(), tmp_path, AtOncePlace())
+    run_batch(Session(), tmp_path, AtOnceBackend())
     frames(2, monkeypatch)
-    assert not run_batch(Session(), tmp_path, AtOncePlace()).was_finished
+    assert not run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1]
     assert json.loads((tmp_path / "run.json").read_text())["totals"]["frames"] == 2
 
@@ -114,7 +116,7 @@ def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch:
     made = AtOnce()
     made.solve = lambda frames: iter(["Compiling.", *map(solved, frames)])  # type: ignore[method-assign]
     seen: list[Progress] = []
-    outcome = run_batch(Session(), tmp_path, AtOncePlace(made=made), seen.append)
+    outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=made), seen.append)
     assert [now.doing for now in seen] == ["", "Compiling.", "", "", ""]
     assert outcome.totals["frames_done"] == len(names)
 
@@ -132,7 +134,7 @@ def test_what_is_done_when_it_ends_early_is_there(
 
     made = AtOnce(answer)
     with pytest.raises(end if isinstance(end, type) else type(end)):
-        run_batch(Session(), tmp_path, AtOncePlace(made=made))
+        run_batch(Session(), tmp_path, AtOnceBackend(made=made))
     assert made.is_closed
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1, 3]
     run = json.loads((tmp_path / "run.json").read_text())
@@ -140,6 +142,6 @@ def test_what_is_done_when_it_ends_early_is_there(
     # Nobody holds the folder any more, and only the rest is asked for.
     asked: list[str] = []
     again = AtOnce(lambda frame: asked.append(frame) or solved(frame))
-    assert run_batch(Session(), tmp_path, AtOncePlace(made=again)).n_resumed == 3
+    assert run_batch(Session(), tmp_path, AtOnceBackend(made=again)).n_resumed == 3
     assert asked == [f"0/{k}" for k in (2, 4, 5, 6, 7, 8)]
     assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))

@@ -86,4 +86,4 @@ def test_of_nothing_nothing_is_said() -> None:
 def test_only_runs_on_the_same_data_are_said_to_compare() -> None:
     mug, duck = SceneSettings(source="demo", demo="mug"), SceneSettings(source="demo", demo="duck")
     assert what_next([mug, mug], Path("out")) == "Compare them: verefine-viz report out"
-    assert what_next([mug, duck], Path("out")) == "Look at them: verefine-viz view out"
+    assert what_next([mug, duck], Path("out")) == "View them: verefine-viz view out"

@@ -42,7 +42,7 @@ def written(folder: Path, session: Session) -> None:
         poses = [tuple(t.instance.hypotheses[0].T_cam_obj.ravel().tolist()) for t in targets]
         estimates = tuple(Estimate(obj_id=r.obj_id or 0, score=0.5, T_cam_obj=T) for r, T in zip(objects, poses))  # noqa: B905
         results.append(FrameResult(frame=f"0/{im_id}", failed=False, seconds=1.0, objects=objects, estimates=estimates))
-        run.journal.keep(results[-1])
+        run.journal.save(results[-1])
     write_frames_csv(folder / "frames.csv", results)
     run.write_json("run.json", {"status": "finished"})
     run.close()

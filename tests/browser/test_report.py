@@ -8,14 +8,14 @@ from typing import Any
 from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.test_group_page import sweep
-from verefine_viz.batch.index import run_folders
+from verefine_viz.batch.index import find_runs
 from verefine_viz.report.build_report import write_group_report, write_report
 
 
 def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     folder = sweep(tmp_path / "runs", ("rir", "sir", "pir", "refine", "even"), 2, 6, 2)
-    write_group_report(run_folders(folder), path)
+    write_group_report(find_runs(folder).runs, path)
     context = chromium.new_context(viewport={"width": 1280, "height": 800}, offline=True)
     page, errors, foreign = context.new_page(), [], []
     page.on("pageerror", lambda error: errors.append(str(error)))

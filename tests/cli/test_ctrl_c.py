@@ -45,7 +45,11 @@ def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_ru
         "batch": ["batch", "endless.toml", "--out", "out", "--workers", "2"],
         "study": ["study", "robustness", "--out", "out", "--workers", "2", "--scene.demo", "duck"],
     }[command]
-    begun = {"estimate": "out.csv.journal/run.json", "batch": "out/run.json", "study": "out/robustness.journal.jsonl"}
+    begun = {
+        "estimate": "out.csv.journal/run.json",
+        "batch": "out/run.json",
+        "study": "out/robustness.journal/study.json",
+    }
     child = subprocess.Popen(
         [sys.executable, "-m", "verefine_viz.cli", *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True,

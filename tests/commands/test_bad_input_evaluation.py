@@ -310,7 +310,7 @@ def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest
         silent.listen()
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         line = desk.refused(*desk.batch("--cluster", address))
-    assert f"no Dask scheduler answers at {address} (it said nothing for 0.5 s)" in line
+    assert f"no Dask scheduler answers at {address} (no answer for 0.5 s)" in line
 
 
 @pytest.mark.usefixtures("processes")

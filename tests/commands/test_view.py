@@ -67,7 +67,7 @@ def test_runs_that_are_left_out_are_told(
     batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
     assert main(["view", str(tmp_path)]) == 0
     assert served["batch"].has_several_runs is False
-    assert f"to look at them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
+    assert f"to view them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
 
 
 def test_a_folder_without_a_run_is_refused_in_one_line(

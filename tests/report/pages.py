@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from verefine_viz.report import failure_cards as gallery
-from verefine_viz.report.failure_cards import Curve
+from verefine_viz.report.failure_cards import ScoreCurve
 from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 
 GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
@@ -34,6 +34,6 @@ def fill_cards(monkeypatch: pytest.MonkeyPatch) -> None:
     # Noise is what compresses worst: no frame can make larger pictures.
     noise = [data_uri(rng.integers(0, 256, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)) for _ in range(2)]
     ks = tuple(range(1, 251))
-    curve = Curve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
+    curve = ScoreCurve(ks, (0,) * 250, tuple(0.1234 + k / 1e3 for k in ks), tuple(k / 250 for k in ks), (3.25,) * 250)
     monkeypatch.setattr(gallery, "_pictures", lambda *_: Pictures(noise[0], noise[1]))
     monkeypatch.setattr(gallery, "_curves", lambda *_: dict.fromkeys(range(6), curve))

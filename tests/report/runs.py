@@ -42,7 +42,7 @@ def write_run(
         results.append(FrameResult(frame=frame, failed=failed, seconds=1.0, objects=mine, estimates=estimates))
     (folder / "frames").mkdir(exist_ok=True)
     for result in results:
-        Journal(folder / "frames").keep(result)
+        Journal(folder / "frames").save(result)
     write_frames_csv(folder / "frames.csv", results)
     totals = {"frames": len(results), "mean_stages_ms_per_frame": {"read": 30.0, "start": 10.0, "iterate": 200.0}}
     facts = {"version": "0.1.0", "status": "finished", "seconds": 12.0, "begun": "2026-01-02T03:04:05+00:00"}

@@ -12,21 +12,22 @@ from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
-from verefine_viz.report.group_comparison import Comparison, FrameRecalls, compare
+from verefine_viz.report.group_comparison import Comparison, compare
 from verefine_viz.report.group_sentences import counted, headline, title
 from verefine_viz.report.groups import Group
 from verefine_viz.report.object_results import axes_of, by_frame, hardest, heat, outcomes_of
-from verefine_viz.report.run_results import Loaded, recall_curve
+from verefine_viz.report.run_results import LoadedRun, recall_curve
 from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run(method: str, seed: int, *rows: ObjectRow) -> Loaded:
+def run(method: str, seed: int, *rows: ObjectRow) -> LoadedRun:
     session = resolve({"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}})
-    return Loaded("", BatchIndex(Path(f"{method}-{seed}"), session, RunFile(), rows))
+    return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, RunFile(), rows))
 
 
 def group(method: str, *rows_by_seed: tuple[ObjectRow, ...]) -> Group:
@@ -98,7 +99,7 @@ def test_without_ground_truth_nobody_is_best() -> None:
     rows = frames(4, has_truth=False, add_s_mm=None)
     found = compared(group("sir", rows), group("rir", rows))
     assert not found.has_truth
-    assert "without ground truth nobody can say which is best" in headline(found)
+    assert "without ground truth it is unknown which is best" in headline(found)
     assert found.lines[0].score is not None
 
 

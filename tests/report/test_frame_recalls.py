@@ -8,7 +8,7 @@ import pytest
 
 from tests.batch.frames import SCENE_ID, make_frames
 from tests.report.runs import row, write_run
-from verefine_viz.report.group_comparison import frame_recalls
+from verefine_viz.report.bop_recalls import frame_recalls
 from verefine_viz.report.groups import load_groups
 from verefine_viz.report.object_results import axes_of
 
@@ -29,7 +29,7 @@ def test_a_frame_in_which_nothing_is_seen_asks_for_nothing(tmp_path: Path) -> No
         "BOP scores over all instances that are at least 10 % visible in these frames. "
         "There is no models_eval; errors are measured on models, which differs a little."
     )
-    asked = {(folder.name, frame): n for (folder, frame), (n, _) in found.found.items()}
+    asked = {(folder.name, frame): n for (folder, frame), (n, _) in found.by_frame.items()}
     assert asked == {("rir", "7/0"): 3, ("rir", "7/1"): 0, ("rir", "7/2"): 3, ("sir", "7/1"): 0, ("sir", "7/2"): 3}
     cells = [found.cells(group.runs, axes_of(groups)) for group in groups]
     # One of three instances is found in the frames that ask for any.

@@ -97,7 +97,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
         write_run(tmp_path / "runs" / name, rows, GONE | {"method": {"name": name}})
     assert cli.main(["report", str(tmp_path / "runs")]) == 0
     html = (tmp_path / "runs" / "report.html").read_text(encoding="utf-8")
-    assert "without ground truth nobody can say which is best" in html
+    assert "without ground truth it is unknown which is best" in html
     assert not {"recall", "forest"} & figures(html).keys()
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.report.runs import row, write_run
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError
-from verefine_viz.report.bop_recalls import result_rows
+from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.run_results import load, load_pair
 
 DEMO = {"scene": {"source": "demo", "demo": "mug"}}
@@ -70,8 +70,8 @@ def test_without_ground_truth_the_lowest_scores_come_first(tmp_path: Path) -> No
 def test_answers_belong_to_their_instances(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1, status="no_answer", add_s_mm=None), row(1, 2)]
     run = load(write_run(tmp_path / "a", rows))
-    assert sorted(run.answers("1/1")) == [0, 2]
-    assert run.answers("1/99") == {}
+    assert sorted(run.index.answers("1/1")) == [0, 2]
+    assert run.index.answers("1/99") == {}
 
 
 def test_two_runs_are_called_a_and_b(tmp_path: Path) -> None:
@@ -93,5 +93,5 @@ def test_answers_that_the_journal_has_lost_are_not_scored_as_missing(
     folder = write_run(tmp_path / "run", [row(0), row(1)])
     damage(folder / "frames" / "000001_000001.json")
     with pytest.raises(InputError) as caught:
-        list(result_rows(load(folder), ("1/0", "1/1")))
+        list(run_rows(load(folder), ("1/0", "1/1")))
     assert why in str(caught.value)

@@ -12,7 +12,7 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.report.run_results import Loaded
+from verefine_viz.report.run_results import LoadedRun
 from verefine_viz.report.run_sentences import ADVICE, NextStep, advice, next_step
 from verefine_viz.session.files import resolve
 
@@ -22,23 +22,23 @@ def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> 
     known = ({"im_id": k, "add_s_mm": 90.0 - k, "name": f"box {k}", "cause": cause} for k, cause in enumerate(causes))
     wrong = [row(**(mine | values)) for mine in known]
     rows = (*(row(90 + k) for k in range(n_right)), *reversed(wrong))
-    return next_step(Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), RunFile(), rows)))
+    return next_step(LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), RunFile(), rows)))
 
 
 def said(*causes: str, **values: Any) -> str:
     found = step(*causes, **values)
     assert found is not None
-    return found.said
+    return found.text
 
 
 def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> None:
     found = step("pool", "arm_starved", "pool", "arm_starved", "arm_starved", "pool", "arm_starved")
     assert found is not None
-    assert found.said.startswith(
+    assert found.text.startswith(
         "4 of 7 wrong answers have the cause “best hypothesis tried too little” (next: no good hypothesis"
     )
-    assert "in the pool 3)" in found.said
-    assert "(method.iterations)" in found.said
+    assert "in the pool 3)" in found.text
+    assert "(method.iterations)" in found.text
     assert found.begin.frame == "1/1"
     assert "(next: no good hypothesis in the pool and simulation pushed it away 1 each)" in said(
         "mask", "mask", "mask", "pool", "simulation"
@@ -48,7 +48,7 @@ def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> Non
 def test_a_tie_is_said_to_be_one() -> None:
     found = step("pool", "arm_starved", "pool", "arm_starved", "mask")
     assert found is not None
-    assert found.said.startswith("No cause stands out among 5 wrong answers (no good hypothesis in the pool 2, best ")
+    assert found.text.startswith("No cause stands out among 5 wrong answers (no good hypothesis in the pool 2, best ")
     assert found.begin.frame == "1/0"
 
 
@@ -76,9 +76,9 @@ def test_nothing_wrong_nothing_to_do() -> None:
 
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     rows = tuple(row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1)))
-    found = next_step(Loaded("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
+    found = next_step(LoadedRun("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
     assert found is not None
-    assert (found.said, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
+    assert (found.text, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
 
 
 def test_a_cause_of_another_version_is_shown_as_it_is() -> None:

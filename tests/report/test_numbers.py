@@ -15,13 +15,12 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.evaluation.pose_table import read_pose_table
-from verefine_viz.report.bop_recalls import result_rows
+from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.run_difference import difference
 from verefine_viz.report.run_results import (
     THRESHOLDS,
-    Loaded,
+    LoadedRun,
     by_object,
-    lies,
     load,
     load_pair,
     numbers_of,
@@ -36,8 +35,8 @@ WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run_of(*rows: ObjectRow, label: str = "") -> Loaded:
-    return Loaded(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
+def run_of(*rows: ObjectRow, label: str = "") -> LoadedRun:
+    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
 
 
 def test_an_object_without_an_answer_is_not_found() -> None:
@@ -74,16 +73,16 @@ def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
     journal = Journal(folder / "frames")
     stages_ms = {"read": 900.0, "start": 300.0, "iterate": 100.0, "record": 500.0}
     for k, result in enumerate(list(journal.results(["1/1", "1/2", "1/3", "1/9"])), start=1):
-        journal.keep(result.model_copy(update={"stages_ms": {name: k * ms for name, ms in stages_ms.items()}}))
+        journal.save(result.model_copy(update={"stages_ms": {name: k * ms for name, ms in stages_ms.items()}}))
     run = load(folder)
     # The time of results.csv is that of first scores and iterations, of images with an answer.
     assert numbers_of(run).solving_ms == pytest.approx(600.0)
-    write_results(tmp_path / "results.csv", list(result_rows(run, run.frames)))
+    write_results(tmp_path / "results.csv", list(run_rows(run, run.frames)))
     assert read_pose_table(tmp_path / "results.csv").mean_time_s == pytest.approx(0.6)
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = Loaded("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
+    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
     assert numbers_of(run).calls_per_object is None
     assert numbers_of(run_of(row(1))).calls_per_object == 25.0
 
@@ -102,17 +101,6 @@ def test_recall_never_falls_and_agrees_with_the_headline(errors_mm: list[float |
     assert (np.diff(curve) >= 0).all()
     at_ten = curve[np.argmin(abs(THRESHOLDS - 0.1))]
     assert at_ten == pytest.approx(numbers_of(run_of(*rows)).recall, abs=sum(e == 10.0 for e in errors_mm))
-
-
-@given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.1, 0.5, 0.5, 0.9])), max_size=14))
-def test_lies_counts_pairs(answers: list[tuple[bool, float]]) -> None:
-    rows = [row(k, score=s, **({} if right else WRONG)) for k, (right, s) in enumerate(answers)]
-    pairs = [(w, r) for is_w, w in answers if not is_w for is_r, r in answers if is_r]
-    found = lies(run_of(*rows))
-    if not pairs:
-        assert found is None
-    else:
-        assert found == pytest.approx(sum((w > r) + (w == r) / 2 for w, r in pairs) / len(pairs))
 
 
 def test_stages_add_up(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from tests.report.pages import GONE, without_plotly
 from tests.report.runs import row, write_run
-from verefine_viz.report.build_report import Making, write_report
+from verefine_viz.report.build_report import write_report
 from verefine_viz.report.failure_cards import Gallery, pair_gallery, shared_out
-from verefine_viz.report.run_results import Loaded, load_pair
+from verefine_viz.report.run_results import LoadedRun, load_pair
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
@@ -25,7 +25,7 @@ def cards(found: Gallery) -> list[tuple[str, str, str]]:
     ]
 
 
-def pair(folder: Path) -> tuple[Loaded, Loaded]:
+def pair(folder: Path) -> tuple[LoadedRun, LoadedRun]:
     return load_pair(write_run(folder / "a", A, GONE), write_run(folder / "b", B, GONE))
 
 
@@ -59,7 +59,7 @@ def test_tables_lead_to_the_cards_and_both_causes_are_told(tmp_path: Path) -> No
     a = [row(1, 0, cause="mask", evidence="It leaks.", **WRONG), row(2, 0, add_s_mm=12.0), row(3, 0, add_s_mm=15.0)]
     b = [row(1, 0, cause="pool", evidence="All far off.", add_s_mm=60.0), row(2, 0), row(3, 0, add_s_mm=16.0)]
     folders = [write_run(tmp_path / name, rows, GONE) for name, rows in (("a", a), ("b", b))]
-    write_report(folders[0], folders[1], tmp_path / "r.html", Making(most_failures=2))
+    write_report(folders[0], folders[1], tmp_path / "r.html", most_failures=2)
     html = without_plotly((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert '<a href="#card-1">1/1</a>' in html
     assert '<article class="failure" id="card-1" data-group="both wrong" data-causes="pool|mask"' in html

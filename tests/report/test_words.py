@@ -16,7 +16,7 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
-from verefine_viz.report.run_results import Loaded
+from verefine_viz.report.run_results import LoadedRun
 from verefine_viz.report.run_sentences import data_doubts, session_title, signed, title, tone
 from verefine_viz.session.files import resolve
 
@@ -41,8 +41,8 @@ def test_names_break_between_words_and_not_in_numbers() -> None:
     assert breakable("icp.stop max_iterations 0.7 <b>") == "icp.<wbr>stop max_<wbr>iterations 0.7 &lt;b&gt;"
 
 
-def run(folder: str = "run", label: str = "", **settings: Any) -> Loaded:
-    return Loaded(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), RunFile(), ()))
+def run(folder: str = "run", label: str = "", **settings: Any) -> LoadedRun:
+    return LoadedRun(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), RunFile(), ()))
 
 
 def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.studies.figure import lines, points, rows, verdicts
+from verefine_viz.studies.figure import lines, points_of, rows, verdicts
 from verefine_viz.studies.solve_unit import Outcome, Quality, quality
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
 
@@ -31,7 +31,7 @@ def _outcome(curve: str, x: float, seed: int, ar: float) -> Outcome:
 @settings(max_examples=30, deadline=None)
 def test_a_line_is_the_mean_and_lies_in_its_band(values: list[float]) -> None:
     outcomes = [_outcome(c, x, k, v) for c in "AB" for x in (0.0, 1.0) for k, v in enumerate(values)]
-    for line in lines(_panel(), points(outcomes)):
+    for line in lines(_panel(), points_of(outcomes)):
         np.testing.assert_allclose(line.ar, np.mean(values), atol=1e-12)
         assert (line.low <= line.ar + 1e-12).all()
         assert (line.ar <= line.high + 1e-12).all()
@@ -43,7 +43,7 @@ def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None
     hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
     outcomes = [_outcome("A", 0.0, k, float(v + gain)) for k, v in enumerate(hard)]
     outcomes += [_outcome("B", 0.0, k, float(v)) for k, v in enumerate(hard)]
-    (verdict,) = verdicts(_panel(), points(outcomes))
+    (verdict,) = verdicts(_panel(), points_of(outcomes))
     assert verdict.word == word
     assert verdict.difference == pytest.approx(gain)
     assert f"A over B: {word}" in str(verdict)
@@ -52,7 +52,7 @@ def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None
 def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
     outcomes = [_outcome("A", 0.0, k, 0.5 + 0.1 * (-1) ** k) for k in range(10)]
     outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(10)]
-    (verdict,) = verdicts(_panel(), points(outcomes))
+    (verdict,) = verdicts(_panel(), points_of(outcomes))
     assert verdict.word == "too close to tell"
 
 
@@ -60,7 +60,7 @@ def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
 def test_a_handful_of_pairs_shows_nothing_even_if_all_gain(n: int, word: str) -> None:
     outcomes = [_outcome("A", 0.0, k, 0.5 + 0.05 * (k + 1)) for k in range(n)]
     outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(n)]
-    (verdict,) = verdicts(_panel(), points(outcomes))
+    (verdict,) = verdicts(_panel(), points_of(outcomes))
     assert verdict.low > 0
     assert verdict.word == word
 
@@ -70,20 +70,20 @@ def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -
     once = [_outcome("A", 0.0, k, 0.5 + float(g)) for k, g in enumerate(gains)]
     once += [_outcome("B", 0.0, k, 0.5) for k in range(8)]
     twice = [*once, *(o.model_copy(update={"x": 1.0}) for o in once)]
-    (alone,), (repeated,) = (verdicts(_panel(), points(found)) for found in (once, twice))
+    (alone,), (repeated,) = (verdicts(_panel(), points_of(found)) for found in (once, twice))
     assert (repeated.low, repeated.high) == pytest.approx((alone.low, alone.high))
 
 
 def test_pairs_without_a_partner_are_left_out() -> None:
     outcomes = [_outcome("A", 0.0, 0, 0.9), _outcome("B", 0.0, 0, 0.4), _outcome("A", 1.0, 0, 0.0)]
-    (verdict,) = verdicts(_panel(), points(outcomes))
+    (verdict,) = verdicts(_panel(), points_of(outcomes))
     assert verdict.difference == pytest.approx(0.5)
-    assert verdicts(_panel(), points(outcomes[:1])) == []
+    assert verdicts(_panel(), points_of(outcomes[:1])) == []
 
 
 def test_a_row_per_curve_and_x() -> None:
     outcomes = [_outcome(c, x, 0, 0.5) for c in "AB" for x in (0.0, 1.0)]
-    found = list(rows(Study("s", "t", (_panel(),)), points(outcomes)))
+    found = list(rows(Study("s", "t", (_panel(),)), points_of(outcomes)))
     assert [(r["curve"], r["x"], r["n"]) for r in found] == [("A", 0.0, 1), ("A", 1.0, 1), ("B", 0.0, 1), ("B", 1.0, 1)]
     assert all(r["ms_per_object"] == 2.0 and r["below_10_percent"] == 1.0 for r in found)
 

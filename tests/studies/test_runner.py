@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import errno
 import json
-import os
 import signal
 import threading
 from multiprocessing import active_children
@@ -18,8 +17,7 @@ import pytest
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.journal import Journal
-from verefine_viz.studies.run_study import STUDIES, Wanted, run_study
+from verefine_viz.studies.run_study import STUDIES, STUDY_FILE, StudyJournal, StudyRequest, run_study
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_command import run_one
 
@@ -31,23 +29,32 @@ def _sessions() -> dict[str, Session]:
 
 
 def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[Outcome]:
-    return run_study(Wanted("robustness", quick=True), _sessions(), seeds, workers, path, lambda done, total: None)
+    return run_study(
+        StudyRequest("robustness", quick=True), _sessions(), seeds, workers, path, lambda done, total: None
+    )
 
 
 def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
     return [o.model_dump(exclude={"ms"}) for o in outcomes]
 
 
+def _entries(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir() if "seed" in file.name}
+
+
 @pytest.mark.usefixtures("processes")
-def test_any_number_of_workers_gives_the_same_and_a_cut_journal_goes_on(tmp_path: Path) -> None:
-    alone = _run(tmp_path / "a.jsonl")
-    assert _facts(_run(tmp_path / "b.jsonl", workers=2)) == _facts(alone)
-    lines = (tmp_path / "a.jsonl").read_bytes().splitlines(keepends=True)
-    (tmp_path / "a.jsonl").write_bytes(b"".join(lines[:4]) + lines[4][:100])  # killed in the middle of a line
-    assert _facts(_run(tmp_path / "a.jsonl")) == _facts(alone)
-    kept = (tmp_path / "a.jsonl").read_bytes().splitlines(keepends=True)
-    assert kept[:4] == lines[:4]
-    assert len(kept) == len(lines)
+def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(tmp_path: Path) -> None:
+    alone = _run(tmp_path / "a")
+    assert _facts(_run(tmp_path / "b", workers=2)) == _facts(alone)
+    entries = _entries(tmp_path / "a")
+    assert entries.keys() == _entries(tmp_path / "b").keys()
+    missing, damaged, *others = sorted(entries)
+    (tmp_path / "a" / missing).unlink()
+    (tmp_path / "a" / damaged).write_bytes(entries[damaged][:100])
+    assert _facts(_run(tmp_path / "a")) == _facts(alone)
+    again = _entries(tmp_path / "a")
+    assert again.keys() == entries.keys()
+    assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
 @pytest.mark.usefixtures("processes")
@@ -59,67 +66,68 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_
             workers.extend(active_children())
             raise KeyboardInterrupt
 
-    path = tmp_path / "x.jsonl"
+    path = tmp_path / "x"
     before = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
-        run_study(Wanted("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
+        run_study(StudyRequest("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
     assert set(threading.enumerate()) <= before
     # The pool, which sees the first one gone, may end the second before it is killed.
     assert {worker.exitcode for worker in workers} <= {-signal.SIGKILL, -signal.SIGTERM}
     assert len(workers) == 2
-    kept = path.read_bytes().splitlines()
-    assert len(kept) >= 2
-    assert _facts(_run(path)) == _facts(_run(tmp_path / "whole.jsonl"))
-    assert path.read_bytes().splitlines()[: len(kept)] == kept
+    done = _entries(path)
+    assert done
+    assert _facts(_run(path)) == _facts(_run(tmp_path / "whole"))
+    assert {name: _entries(path)[name] for name in done} == done
 
 
 def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "x.jsonl"
-    path.write_text("not json\n")
+    path = tmp_path / "x"
+    path.mkdir()
+    (path / STUDY_FILE).write_text("not json\n")
     with pytest.raises(InputError, match="is no journal of a study; choose another --out, or delete it"):
         _run(path)
-    path.write_text(json.dumps({"wanted": {"name": "ablation"}}) + "\n")
+    (path / STUDY_FILE).write_text(json.dumps({"study": {"name": "ablation"}}))
     with pytest.raises(InputError, match="belongs to a study with other settings"):
         _run(path)
 
 
-def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path) -> None:
-    theirs, path = tmp_path / "theirs.txt", tmp_path / "x.jsonl"
-    theirs.write_text("years of work in one line")
-    path.symlink_to(theirs)
-    with pytest.raises(InputError, match=r"cannot write .*x\.jsonl: it is a link to .*theirs\.txt"):
-        Journal(path, {"wanted": 1})
-    with pytest.raises(InputError, match=r"theirs\.txt is no journal of a study"):
-        Journal(theirs, {"wanted": 1})
-    assert theirs.read_text() == "years of work in one line"
+def test_a_folder_that_is_no_journal_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "theirs.txt").write_text("years of work in one line")
+    with pytest.raises(InputError, match="is no journal of a study"):
+        StudyJournal(tmp_path, {"study": 1})
+    with pytest.raises(InputError, match=r"theirs\.txt is a file, expected a folder"):
+        StudyJournal(tmp_path / "theirs.txt", {"study": 1})
+    assert [file.name for file in tmp_path.iterdir()] == ["theirs.txt"]
 
 
-def test_a_journal_that_was_killed_in_its_first_line_goes_on(tmp_path: Path) -> None:
-    path = tmp_path / "x.jsonl"
-    path.write_text('{"wan')
-    Journal(path, {"wanted": 1}).close()
-    assert path.read_text() == '{"wanted":1}\n'
+def test_a_journal_that_was_killed_at_its_start_goes_on(tmp_path: Path) -> None:
+    (tmp_path / ".lock").touch()
+    (tmp_path / f"{STUDY_FILE}.999999999-1.part").write_text('{"wan')
+    StudyJournal(tmp_path, {"study": 1}).close()
+    assert json.loads((tmp_path / STUDY_FILE).read_text()) == {"study": 1}
+    assert not list(tmp_path.glob("*.part"))
 
 
 def test_a_journal_is_written_by_one_study_at_a_time(tmp_path: Path) -> None:
-    path = tmp_path / "x.jsonl"
-    first = Journal(path, {})
+    first = StudyJournal(tmp_path, {})
     with pytest.raises(UnavailableError, match="another study is writing to"):
-        Journal(path, {})
+        StudyJournal(tmp_path, {})
     first.close()
-    Journal(path, {}).close()
+    StudyJournal(tmp_path, {}).close()
 
 
 def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(file: int, content: bytes) -> int:
+    def full(self: Path, *_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    path = tmp_path / "x.jsonl"
-    with monkeypatch.context() as patched, pytest.raises(InputError, match=r"cannot write .*x\.jsonl: No space left"):
-        patched.setattr(os, "write", full)
-        Journal(path, {})
-    assert path.read_bytes() == b""
-    assert str(path) not in [file.path for file in psutil.Process().open_files()]
+    with (
+        monkeypatch.context() as patched,
+        pytest.raises(InputError, match=r"cannot write .*study\.json: No space left"),
+    ):
+        patched.setattr(Path, "write_text", full)
+        StudyJournal(tmp_path, {})
+    assert [file.name for file in tmp_path.iterdir()] == [".lock"]
+    assert str(tmp_path / ".lock") not in [file.path for file in psutil.Process().open_files()]
 
 
 @pytest.mark.usefixtures("processes")
@@ -142,7 +150,7 @@ def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: 
 @pytest.mark.parametrize("name", STUDIES)
 @pytest.mark.parametrize("quick", [False, True])
 def test_claims_are_about_curves_of_their_panel(name: str, quick: bool) -> None:
-    for panel in Wanted(name, quick).study().panels:
+    for panel in StudyRequest(name, quick).study().panels:
         labels = [curve.label for curve in panel.curves]
         assert len(set(labels)) == len(labels)
         assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels)

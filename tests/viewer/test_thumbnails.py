@@ -92,7 +92,7 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     estimate = Estimate(obj_id=target.model.obj_id, score=0.5, T_cam_obj=tuple(moved.ravel().tolist()))
     (tmp_path / "frames").mkdir()
     result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(found,), estimates=(estimate,))
-    Journal(tmp_path / "frames").keep(result)
+    Journal(tmp_path / "frames").save(result)
     gallery = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (found, row(77), row(None), row(0, im_id=99)))])
     painter = Painter(gallery)
     uri = painter(gallery.entries[0])

@@ -1,4 +1,4 @@
-"""What ``verefine-viz batch`` does: one run or many, and what it says on the way and when it is done."""
+"""What ``verefine-viz batch`` does: one run or many, and what it prints on the way and when it is done."""
 
 from __future__ import annotations
 
@@ -18,104 +18,23 @@ from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job, check_jobs
 from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.run_batch import Outcome, Place, run_batch
-from verefine_viz.batch.tasks import TaskName
+from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
+from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.diagnosis.causes import Cause, cause_title
-
-# Many runs in a few lines: a row for those that differ only in their seeds, in the report's numbers.
-
-
-@dataclass(frozen=True)
-class SweepRow:
-    """Runs that differ only in their seeds, all objects of all runs together. None = nobody can say."""
-
-    n_runs: int
-    recall: float | None
-    """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter."""
-    ends: tuple[float, float] | None
-    """Lowest and highest recall of a run."""
-    median_mm: float | None
-    """ADD(-S), over the objects that got an answer."""
-    score: float | None
-    """Mean, of the answers."""
-    ms_per_frame: float | None
-    """The iterations of a frame's objects: median over the frames, as the first one of a worker may compile."""
-
-
-def sweep_table(outcomes: Sequence[tuple[Job, Outcome]]) -> Table:
-    """The table; best recall first, without ground truth best score.
-
-    Raises:
-        InputError: what a run left behind is damaged.
-    """
-    groups: dict[str, list[Outcome]] = {}
-    for job, outcome in outcomes:
-        groups.setdefault(job.group, []).append(outcome)
-    rows = [(name, sweep_row(read_batch(outcome.folder).rows for outcome in mine)) for name, mine in groups.items()]
-    has_truth = any(row.recall is not None for _, row in rows)
-    rows.sort(key=lambda row: -((row[1].recall if has_truth else row[1].score) or 0.0))
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("run" if all(row.n_runs == 1 for _, row in rows) else "runs of")
-    for head in ("seeds", "right", "by seed", "median mm", "score", "iterations ms"):
-        table.add_column(head, justify="right")
-    for name, row in rows:
-        table.add_row(
-            escape(name),
-            str(row.n_runs),
-            _shown(row.recall, "{:.1%}"),
-            "" if row.ends is None or row.n_runs == 1 else "{:.0%} to {:.0%}".format(*row.ends),
-            _shown(row.median_mm, "{:.1f}"),
-            _shown(row.score, "{:.3f}"),
-            _shown(row.ms_per_frame, "{:.0f}"),
-        )
-    return table
-
-
-def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
-    """What the rows of some runs come to, one run after the other: only numbers of them are kept."""
-    errors_mm, scores, frames_ms = array("d"), array("d"), array("d")
-    counts: list[tuple[int, int]] = []
-    for rows in runs:
-        objects = [row for row in rows if row.is_object]
-        truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
-        counts.append((sum(row.is_correct is True for row in truth), len(truth)))
-        solved = [row for row in objects if row.status == "ok"]
-        errors_mm.extend(row.add_s_mm for row in solved if row.add_s_mm is not None)
-        scores.extend(row.score for row in solved if row.score is not None)
-        by_frame: dict[str, float] = {}
-        for row in objects:
-            if row.status != "failed":
-                by_frame[row.frame] = by_frame.get(row.frame, 0.0) + row.ms_total
-        frames_ms.extend(by_frame.values())
-    n = sum(m for _, m in counts)
-    recalls = [right / m for right, m in counts if m]
-    return SweepRow(
-        n_runs=len(counts),
-        recall=sum(right for right, _ in counts) / n if n else None,
-        ends=(min(recalls), max(recalls)) if recalls else None,
-        median_mm=float(np.median(errors_mm)) if errors_mm else None,
-        score=float(np.mean(scores)) if scores else None,
-        ms_per_frame=float(np.median(frames_ms)) if frames_ms else None,
-    )
-
-
-def _shown(value: float | None, form: str) -> str:
-    return "–" if value is None else form.format(value)
-
 
 MISSED = {
     "objects_without_answer": "without a hypothesis",
     "objects_left_out": "left out (frames.csv says why)",
     "objects_in_failed_frames": "in failed frames",
 }
-"""Why objects have no answer, as the summary says it; by the total that counts them."""
+"""Why objects have no answer, by the total that counts them."""
 
 
 def run_jobs(
-    jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool = False, task: TaskName = "explain"
+    jobs: Sequence[Job], out: Path, backend: Backend, retry_failed: bool = False, task: TaskName = "explain"
 ) -> int:
     """Runs one job after the other, on this machine by the same workers.
 
@@ -126,32 +45,32 @@ def run_jobs(
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
     """
     if len(jobs) == 1:
-        outcome = _run(jobs[0], jobs[0].folder.name, place, retry_failed, task, None)
+        outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None)
         _print_summary(outcome)
         return 0 if outcome.is_whole else 1
     check_jobs(jobs)
-    if place.cluster:
-        return _run_all(jobs, out, place, retry_failed, task, None)
+    if backend.cluster:
+        return _run_all(jobs, out, backend, retry_failed, task, None)
     first = jobs[0]
-    with closing(Pool(first.session, first.folder.absolute(), place.n_workers, task, place.limit_bytes)) as pool:
-        return _run_all(jobs, out, place, retry_failed, task, pool)
+    with closing(Pool(first.session, first.folder.absolute(), backend.n_workers, task, backend.limit_bytes)) as pool:
+        return _run_all(jobs, out, backend, retry_failed, task, pool)
 
 
 def what_next(scenes: Sequence[SceneSettings], out: Path) -> str:
     """The command that shows several runs, one of each scene: only runs on the same data compare."""
     data = {(s.source, s.demo if s.source == "demo" else Path(s.dataset).name, s.split) for s in scenes}
-    return f"Compare them: verefine-viz report {out}" if len(data) == 1 else f"Look at them: verefine-viz view {out}"
+    return f"Compare them: verefine-viz report {out}" if len(data) == 1 else f"View them: verefine-viz view {out}"
 
 
 def _run_all(
-    jobs: Sequence[Job], out: Path, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None
+    jobs: Sequence[Job], out: Path, backend: Backend, retry_failed: bool, task: TaskName, pool: Pool | None
 ) -> int:
     outcomes: list[tuple[Job, Outcome]] = []
     n_new, begun_s = 0, time.perf_counter()
     for k, job in enumerate(jobs):
         left_s = (time.perf_counter() - begun_s) / n_new * (len(jobs) - k) if n_new else None
         title = f"{job.folder.name} (run {k + 1} of {len(jobs)}{f', {clock(left_s)} left' if left_s else ''})"
-        outcome = _run(job, title, place, retry_failed, task, pool)
+        outcome = _run(job, title, backend, retry_failed, task, pool)
         outcomes.append((job, outcome))
         n_new += outcome.n_resumed < outcome.totals["frames"]
         _print_line(outcome)
@@ -172,11 +91,11 @@ def _run_all(
     return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
 
 
-def _run(job: Job, title: str, place: Place, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
+def _run(job: Job, title: str, backend: Backend, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
     if pool is not None:
-        pool.turn_to(job.session, job.folder.absolute())
-    with shown_progress(title, Console(stderr=True)) as tell:
-        return run_batch(job.session, job.folder, place, tell, retry_failed, task, pool)
+        pool.switch_to(job.session, job.folder.absolute())
+    with shown_progress(title, Console(stderr=True)) as report:
+        return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool)
 
 
 def _print_line(outcome: Outcome) -> None:
@@ -194,7 +113,7 @@ def _print_summary(outcome: Outcome) -> None:
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
     _print_doubt(console, outcome)
-    # How many have no hypothesis is said in the line above, and why in a note below.
+    # How many have no hypothesis is in the line above, and why in a note below.
     causes = {cause: n for cause, n in numbers["causes"].items() if cause != Cause.NO_HYPOTHESIS}
     if causes:
         console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in causes.items()))
@@ -209,7 +128,7 @@ def _print_summary(outcome: Outcome) -> None:
 
 
 def unreadable(n: int, which: str = "frames.csv says which") -> str:
-    """What is the matter with ``n`` objects whose files cannot be read, ``which`` they are, and what to do."""
+    """A sentence on ``n`` objects whose files cannot be read: ``which`` they are, and what to do."""
     who, whose = ("1 object was", "its frame") if n == 1 else (f"{n} objects were", "their frames")
     return (
         f"{who} not solved, as a model or mask is missing or damaged ({which}); mend it, and the same "
@@ -230,7 +149,7 @@ def in_short(outcome: Outcome) -> str:
         + (f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""),
         f"{numbers['objects']} object{'s' * (numbers['objects'] != 1)}",
     ]
-    parts += [f"{numbers[key]} {said}" for key, said in MISSED.items() if numbers[key]]
+    parts += [f"{numbers[key]} {why}" for key, why in MISSED.items() if numbers[key]]
     if numbers["median_add_s_mm"] is not None:
         n = numbers["answers_with_truth"]
         parts.append(f"median ADD(-S) {numbers['median_add_s_mm']:.1f} mm of {n} answer{'s' * (n != 1)}")
@@ -255,3 +174,81 @@ def _print_failures(console: Console, outcome: Outcome) -> None:
     n_more = outcome.n_failed - len(outcome.failures)
     if n_more:
         console.print(f"… and {n_more} more, see frames.csv")
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """Runs that differ only in their seeds, all objects of all runs together. None = unknown."""
+
+    n_runs: int
+    recall: float | None
+    """Share of the objects with ground truth whose ADD(-S) is below 10 % of the diameter."""
+    ends: tuple[float, float] | None
+    """Lowest and highest recall of a run."""
+    median_mm: float | None
+    """ADD(-S), over the objects that got an answer."""
+    score: float | None
+    """Mean, of the answers."""
+    ms_per_frame: float | None
+    """The iterations of a frame's objects: median over the frames, as the first one of a worker may compile."""
+
+
+def sweep_table(outcomes: Sequence[tuple[Job, Outcome]]) -> Table:
+    """A row for the runs that differ only in their seeds; best recall first, without ground truth best score.
+
+    Raises:
+        InputError: a file of a run is damaged.
+    """
+    groups: dict[str, list[Outcome]] = {}
+    for job, outcome in outcomes:
+        groups.setdefault(job.group, []).append(outcome)
+    rows = [(name, sweep_row(read_batch(outcome.folder).rows for outcome in mine)) for name, mine in groups.items()]
+    has_recall = any(row.recall is not None for _, row in rows)
+    rows.sort(key=lambda row: -((row[1].recall if has_recall else row[1].score) or 0.0))
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("run" if all(row.n_runs == 1 for _, row in rows) else "runs of")
+    for head in ("seeds", "right", "by seed", "median mm", "score", "iterations ms"):
+        table.add_column(head, justify="right")
+    for name, row in rows:
+        table.add_row(
+            escape(name),
+            str(row.n_runs),
+            _shown(row.recall, "{:.1%}"),
+            "" if row.ends is None or row.n_runs == 1 else "{:.0%} to {:.0%}".format(*row.ends),
+            _shown(row.median_mm, "{:.1f}"),
+            _shown(row.score, "{:.3f}"),
+            _shown(row.ms_per_frame, "{:.0f}"),
+        )
+    return table
+
+
+def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
+    """Summarises the rows of some runs, read one run after the other: only their numbers stay in memory."""
+    errors_mm, scores, frames_ms = array("d"), array("d"), array("d")
+    counts: list[tuple[int, int]] = []
+    for rows in runs:
+        objects = [row for row in rows if row.is_object]
+        with_truth = [row for row in objects if row.can_be_right]
+        counts.append((sum(row.is_correct is True for row in with_truth), len(with_truth)))
+        solved = [row for row in objects if row.status == "ok"]
+        errors_mm.extend(row.add_s_mm for row in solved if row.add_s_mm is not None)
+        scores.extend(row.score for row in solved if row.score is not None)
+        by_frame: dict[str, float] = {}
+        for row in objects:
+            if row.status != "failed":
+                by_frame[row.frame] = by_frame.get(row.frame, 0.0) + row.ms_total
+        frames_ms.extend(by_frame.values())
+    n = sum(m for _, m in counts)
+    recalls = [right / m for right, m in counts if m]
+    return SweepRow(
+        n_runs=len(counts),
+        recall=sum(right for right, _ in counts) / n if n else None,
+        ends=(min(recalls), max(recalls)) if recalls else None,
+        median_mm=float(np.median(errors_mm)) if errors_mm else None,
+        score=float(np.mean(scores)) if scores else None,
+        ms_per_frame=float(np.median(frames_ms)) if frames_ms else None,
+    )
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "–" if value is None else form.format(value)

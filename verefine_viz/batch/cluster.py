@@ -1,6 +1,6 @@
 """Frames on a Dask cluster: on one that is running somewhere, or on one of our own on this machine.
 
-The scheduler gives the frames of a worker that is lost to others; what comes back is kept by this process alone.
+The scheduler gives the frames of a lost worker to others; this process alone writes the results.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-import signal
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -25,40 +24,30 @@ from distributed.comm.core import connect
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.machine import gigabytes
-from verefine_viz.batch.rows import FrameResult, failed_frame, frame_name
-from verefine_viz.batch.tasks import TaskName
-from verefine_viz.batch.worker import ONE_THREAD
+from verefine_viz.batch.rows import FrameResult, failed_frame, file_stem
+from verefine_viz.batch.worker_pool import interrupts_ignored
+from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
 
-# Whether a Dask scheduler answers at an address, and if not, why.
-
 CONNECT_S = 10.0
-"""Who has not answered by then is not there."""
+"""A scheduler that has not answered by then does not count as there."""
 OVER_TCP = ("tcp", "tls", "ws", "wss")
-
-
-def check_address(address: str) -> None:
-    """
-    Raises:
-        SettingsError: it is no address, whether or not something answers there.
-    """
-    try:
-        with suppress(OSError, ImportError, FutureWarning):  # Said when it does not answer.
-            resolve_address(address)
-    except ValueError:
-        raise SettingsError(
-            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
-        ) from None
+START_LIMIT_S = 20.0
+"""After so long without any worker there is a warning."""
+COUNT_S = 5.0
+"""How often the workers are counted."""
+AHEAD = 2
+"""Frames per worker that are handed to the scheduler, so that none waits for the next one."""
 
 
 def must_answer(address: str) -> None:
-    """Returns when something that speaks Dask's language answers; its client would wait for the first word for ever.
+    """Returns when a Dask scheduler answers; without this check its client could wait for ever.
 
     Raises:
         Exception: nothing does in time, or something else does, which may send anything; see :func:`why_not`.
     """
-    if parse_address(address)[0] in OVER_TCP:  # Dask would knock again and again, until its time is up.
+    if parse_address(address)[0] in OVER_TCP:  # Dask would retry until its time is up.
         create_connection(get_address_host_port(address), CONNECT_S).close()
     asyncio.run(_answers(address))
 
@@ -70,26 +59,18 @@ async def _answers(address: str) -> None:
 
 
 def why_not(error: Exception) -> str:
-    """What kept something at an address from answering, in words."""
-    said = " ".join(str(error).split())
+    """Why nothing at an address answered, in words."""
+    message = " ".join(str(error).split())
     match error:
         case ConnectionRefusedError():
             return "nothing listens there"
         case gaierror():
             return "no host of that name is known"
         case TimeoutError():
-            return f"it said nothing for {CONNECT_S:g} s"
-        case OSError() | ImportError() | Warning() if said:
-            return said
+            return f"no answer for {CONNECT_S:g} s"
+        case OSError() | ImportError() | Warning() if message:
+            return message
     return "what listens there is no Dask scheduler, or one of another version"
-
-
-START_LIMIT_S = 20.0
-"""After so long without any worker a person should know that nothing happens."""
-LOOK_S = 5.0
-"""How often the number of workers is looked at."""
-AHEAD = 2
-"""Frames per worker that are handed to the scheduler, so that none waits for the next one."""
 
 
 def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_workers: int) -> ClusterWorkers:
@@ -99,9 +80,15 @@ def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_wo
         SettingsError: it is no address.
         UnavailableError: nothing answers there.
     """
-    if address != "local":
-        check_address(address)
-    # One line about trouble is ours to say; Dask would add pages.
+    try:
+        with suppress(OSError, ImportError, FutureWarning):  # Reported when it does not answer.
+            if address != "local":
+                resolve_address(address)
+    except ValueError:
+        raise SettingsError(
+            f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
+        ) from None
+    # Trouble is reported in one line of our own; Dask would add pages.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     own = _local(n_workers) if address == "local" else None
     try:
@@ -119,16 +106,13 @@ def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_wo
 
 
 def _local(n_workers: int) -> LocalCluster:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # Workers leave Ctrl-C to this process.
-    try:
+    with interrupts_ignored():
         return LocalCluster(
             n_workers=n_workers, threads_per_worker=1, processes=True, host="127.0.0.1",
             # Any free port: on the usual one another cluster may be running.
             dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL, env=dict.fromkeys(ONE_THREAD, "1"),
         )  # fmt: skip
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 class ClusterWorkers:
@@ -149,7 +133,7 @@ class ClusterWorkers:
             f"verefine-viz-{secrets.token_hex(4)}", session, out, task,
             (str(out), *_paths(session)), verefine_viz.__version__,
         )  # fmt: skip
-        self._opened, self._looked = time.monotonic(), 0.0
+        self._opened, self._counted = time.monotonic(), 0.0
         self._n_workers = 0
         self._most_bytes = 0
 
@@ -164,12 +148,12 @@ class ClusterWorkers:
         return f"the cluster at {self._address} has no workers; waiting for the first"
 
     def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
-        """See :class:`Workers`."""
+        """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
         waiting = iter(frames)
         running: dict[Future, str] = {}
         while True:
-            self._look()
+            self._count_workers()
             while len(running) < AHEAD * max(self._n_workers, 1):
                 frame = next(waiting, None)
                 if frame is None:
@@ -186,7 +170,7 @@ class ClusterWorkers:
                 future.release()
 
     def close(self) -> None:
-        # The cluster may be gone; there is nobody to tell then.
+        # The cluster may be gone.
         with suppress(Exception):
             self._client.unregister_worker_plugin(self._tools.name)
         with suppress(Exception):
@@ -208,7 +192,7 @@ class ClusterWorkers:
             ) from None
 
     def _submitted(self, frame: str) -> Future:
-        key = f"{self._tools.name}-{frame_name(frame)}"
+        key = f"{self._tools.name}-{file_stem(frame)}"
         with dask.annotate(executor=self._tools.name):  # pyright: ignore[reportPrivateImportUsage]
             return self._client.submit(solve_on_worker, self._tools.name, frame, key=key, pure=False)
 
@@ -216,7 +200,7 @@ class ClusterWorkers:
         """Those that are done; none where nothing was done for a while."""
         try:
             with suppress(TimeoutError):
-                wait(running, timeout=LOOK_S, return_when="FIRST_COMPLETED")
+                wait(running, timeout=COUNT_S, return_when="FIRST_COMPLETED")
         except CancelledError:  # by the client itself, which has lost the connection
             raise self._gone() from None
         self._must_be_there()
@@ -228,7 +212,7 @@ class ClusterWorkers:
 
     def _gone(self) -> UnavailableError:
         return UnavailableError(
-            f"the scheduler at {self._address} is gone; what is done is kept: start it again and repeat the command"
+            f"the scheduler at {self._address} is gone; what is done is saved: start it again and repeat the command"
         )
 
     def _result(self, frame: str, future: Future) -> FrameResult:
@@ -244,11 +228,11 @@ class ClusterWorkers:
             return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
         return FrameResult.model_validate_json(answer)
 
-    def _look(self) -> None:
-        """Counts the workers, now and then: there may be more or fewer than before."""
-        if self._n_workers and time.monotonic() - self._looked < LOOK_S:
+    def _count_workers(self) -> None:
+        """Now and then: workers come and go."""
+        if self._n_workers and time.monotonic() - self._counted < COUNT_S:
             return
-        self._looked = time.monotonic()
+        self._counted = time.monotonic()
         try:
             workers: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
         except Exception:

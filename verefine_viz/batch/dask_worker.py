@@ -1,7 +1,4 @@
-"""The session's tools on each worker of a Dask cluster, in a thread of their own.
-
-This is the other side of ``batch/cluster.py``; frames are solved by the same function as on this machine.
-"""
+"""The session's tools on each worker of a Dask cluster, in a thread of their own: the other side of ``cluster.py``."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import numba
 from distributed import Worker, WorkerPlugin, get_worker
 
 import verefine_viz
-from verefine_viz.batch.tasks import TaskName, task_named
+from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
@@ -33,7 +30,7 @@ class WorkerTools(WorkerPlugin):
         self._task: TaskName = task
 
     def setup(self, worker: Worker) -> None:
-        """Checks that this worker can do it.
+        """Checks that this worker can solve the batch's frames.
 
         Raises:
             UnavailableError: another version is installed, or it does not see a path.
@@ -61,11 +58,14 @@ class WorkerTools(WorkerPlugin):
 
     def solve(self, frame: str) -> str:
         """The :class:`FrameResult` of a frame as JSON; its recording is written by path."""
-        return task_named(self._task)(self.toolbox, frame, Path(self._out)).model_dump_json()
+        # The client imports this module too, and solves nothing.
+        from verefine_viz.batch.solve_frame import TASKS
+
+        return TASKS[self._task](self.toolbox, frame, Path(self._out)).model_dump_json()
 
 
 def solve_on_worker(tools: str, frame: str) -> str:
-    """The task of a frame, carried out by the plugin ``tools`` of the worker that got it."""
+    """Solves a frame with the plugin ``tools`` of the worker that got it."""
     plugin: Any = get_worker().plugins[tools]
     return plugin.solve(frame)
 

@@ -7,7 +7,7 @@
     frames.csv, results.csv   a row per object
     frames/SSSSSS_IIIIII.json the journal: one file per finished frame
     recordings/….rrd          one recording per frame
-    errors/….txt              tracebacks of frames that failed for a reason nobody foresaw
+    errors/….txt              tracebacks of frames that failed for an unforeseen reason
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
-from verefine_viz.batch.journal import RUN_FILE, Journal, RunFile, read_run
+from verefine_viz.batch.journal import RUN_FILE, Journal, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
@@ -31,7 +31,7 @@ _LEFT_BY_A_KILLED_BATCH = (
     *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, *TABLES)),
     "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
 )  # fmt: skip
-"""What only the process writes that holds the lock."""
+"""Files that only the process with the lock writes."""
 
 
 class RunFolder:
@@ -49,7 +49,7 @@ class RunFolder:
         self.session = session
         check_folder(path)
         try:
-            self._check_kind()  # Before anything is written: it may be somebody else's.
+            self._check_kind()  # Before anything is written: the folder may hold something else.
             path.mkdir(parents=True, exist_ok=True)
             lock = try_lock(path / LOCK_FILE)
             if lock is None:
@@ -74,7 +74,7 @@ class RunFolder:
         self._lock.close()
 
     def save_session(self) -> None:
-        """Writes session.toml where it is not there, or not there any more.
+        """Writes session.toml where it is missing.
 
         Raises:
             InputError: the disk refuses.
@@ -82,25 +82,16 @@ class RunFolder:
         if not (self.path / SESSION_FILE).exists():
             save_session(self.session, self.path / SESSION_FILE)
 
-    def write(self, name: str, text: str) -> None:
-        """Writes a file of the folder, whole or not at all.
+    def write_json(self, name: str, value: Mapping[str, Any]) -> None:
+        """Writes a JSON file of the folder, whole or not at all.
 
         Raises:
             InputError: the disk refuses.
         """
         with atomic(self.path / name) as part:
-            part.write_text(text, encoding="utf-8")
-
-    def write_json(self, name: str, value: Mapping[str, Any]) -> None:
-        """:meth:`write` of a JSON object."""
-        self.write(name, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
-
-    def read_run(self) -> RunFile:
-        """What run.json says; nothing is known where there is none."""
-        return read_run(self.path)
+            part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
     def _check_kind(self) -> None:
-        """Whether the folder is new or empty, or holds a run."""
         if (self.path / SESSION_FILE).exists() or not self.path.exists():
             return
         others = sorted(p.name for p in self.path.iterdir() if p.name != LOCK_FILE and p.suffix != ".part")
@@ -108,7 +99,6 @@ class RunFolder:
             raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
 
     def _check_session(self) -> None:
-        """Whether the run in the folder, if there is one, is of the same session."""
         before = self.path / SESSION_FILE
         if not before.exists():
             return
@@ -117,7 +107,7 @@ class RunFolder:
             raise SettingsError(
                 f"{self.path} holds a run of another session: {difference}; choose another --out, or delete the folder"
             )
-        version = self.read_run().version or verefine_viz.__version__
+        version = read_run(self.path).version or verefine_viz.__version__
         if version != verefine_viz.__version__:
             raise SettingsError(
                 f"{self.path} was begun by version {version}, this is {verefine_viz.__version__}: "

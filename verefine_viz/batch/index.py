@@ -1,4 +1,4 @@
-"""A batch folder, read again: which frames to look at first."""
+"""Finished batches: which folders hold one, what is in them, and which frames to view first."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class BatchIndex:
     """One per object, in the order of frames.csv."""
 
     def sorted_by(self, order: Order) -> tuple[ObjectRow, ...]:
-        """The rows in one of :data:`ORDERS`, see :func:`place_in`.
+        """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
 
         Raises:
             SettingsError: there is no such order.
         """
-        return tuple(sorted(self.rows, key=place_in(order)))
+        return tuple(sorted(self.rows, key=sort_key(order)))
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -64,7 +64,7 @@ class BatchIndex:
 
 
 def is_batch_folder(path: Path) -> bool:
-    """Whether ``path`` is what a batch leaves behind; a folder that cannot be looked into is not."""
+    """Whether ``path`` is the folder of a batch; False also where it cannot be read."""
     try:
         return (path / RUN_FILE).is_file()
     except OSError:
@@ -72,32 +72,31 @@ def is_batch_folder(path: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class FoundRuns:
-    """What a folder holds."""
+class RunSelection:
+    """The batch folders that are meant by a folder, by name."""
 
     runs: tuple[Path, ...]
-    """The batch folders that are meant, by name."""
     note: str
-    """Where they lie if that is not ``folder`` itself, or that others lie further down; empty if nothing is to say."""
+    """Where they are if not in that folder itself, or that there are others further down; else empty."""
 
 
-def find_runs(folder: Path) -> FoundRuns:
-    """The batch folders in ``folder``: itself, or what ``batch`` with several sessions left in it; where none lies
-    directly in it, those of the one folder further down that holds any.
+def find_runs(folder: Path) -> RunSelection:
+    """The batch folders in ``folder``: itself, or those directly in it, or those of the one folder further down that
+    holds any.
 
     Raises:
         InputError: it is no folder, there is none in it, or several folders further down hold some.
     """
     if is_batch_folder(folder):
-        return FoundRuns((folder,), "")
-    if why := _no_folder(folder):
+        return RunSelection((folder,), "")
+    if why := _why_unreadable(folder):
         raise InputError(f"{folder} {why}; expected the folder of a batch run, or of several")
     below = _runs_below(folder, LEVELS_BELOW)
     here = below.pop(folder, ())
     listed = ", ".join(f"{path} ({_counted(runs)})" for path, runs in below.items())
     if here:
-        left_out = f"Runs further down are left out; to look at them, name their folder: {listed}." if below else ""
-        return FoundRuns(here, left_out)
+        left_out = f"Runs further down are left out; to view them, name their folder: {listed}." if below else ""
+        return RunSelection(here, left_out)
     if len(below) > 1:
         folders = (
             f"{p} ({_counted(runs)}: {first_of([run.name for run in runs], MOST_NAMED)})" for p, runs in below.items()
@@ -110,57 +109,42 @@ def find_runs(folder: Path) -> FoundRuns:
         opens = f"its session opens by verefine-viz view {session}"
         hint = opens if session.is_file() else "make one with verefine-viz batch"
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; {hint}")
-    ((place, runs),) = below.items()
-    return FoundRuns(runs, f"The runs in {place} ({_counted(runs)}).")
+    ((parent, runs),) = below.items()
+    return RunSelection(runs, f"The runs in {parent} ({_counted(runs)}).")
 
 
-def _no_folder(path: Path) -> str:
-    """Why nobody can look into it; empty where one can."""
+def _why_unreadable(path: Path) -> str:
+    """Why a folder cannot be read; empty where it can."""
     try:
         if not path.is_dir():
             return "is a file" if path.exists() else "does not exist"
         next(path.iterdir(), None)
     except OSError as error:
-        return f"cannot be looked into ({error.strerror})"
+        return f"cannot be read ({error.strerror})"
     return ""
 
 
-def run_folders(folder: Path) -> tuple[Path, ...]:
-    """The runs that :func:`find_runs` finds."""
-    return find_runs(folder).runs
-
-
-def runs_in(folder: Path) -> tuple[Path, ...]:
-    """All runs in ``folder`` and below, for those who named it by mistake; none where it is no folder."""
-    if is_batch_folder(folder):
-        return (folder,)
-    return tuple(run for runs in _runs_below(folder, LEVELS_BELOW).values() for run in runs)
-
-
 def named_runs(folder: Path, inside: str = "") -> str:
-    """The runs of :func:`runs_in` in a row, as in: a/rir, a/sir and 3 more.
-
-    Args:
-        folder: what was named.
-        inside: what of each run is named.
-    """
-    return first_of([run / inside for run in runs_in(folder)], MOST_NAMED)
+    """All runs in ``folder`` and below, or the path ``inside`` each, for a message: ``a/rir, a/sir and 3 more``."""
+    in_folder = _runs_below(folder, LEVELS_BELOW).values()
+    runs = [folder] if is_batch_folder(folder) else [run for runs in in_folder for run in runs]
+    return first_of([run / inside for run in runs], MOST_NAMED)
 
 
 def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:
-    """Folders that hold runs, by name, and their runs; what lies in a run is its own."""
+    """Folders that hold runs, by name, and their runs; folders of runs themselves are not searched."""
     try:
         folders = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError:
         return {}
     runs = tuple(path for path in folders if is_batch_folder(path))
-    found = {folder: runs} if runs else {}
+    by_folder = {folder: runs} if runs else {}
     if levels:
         for path in folders:
             # A link could lead back.
             if path not in runs and not path.is_symlink():
-                found |= _runs_below(path, levels - 1)
-    return found
+                by_folder |= _runs_below(path, levels - 1)
+    return by_folder
 
 
 def _counted(runs: Sequence[Path]) -> str:
@@ -181,7 +165,7 @@ def read_batch(folder: Path) -> BatchIndex:
     if not table.is_file():
         raise InputError(
             f"{table} is not there yet: the batch is running or was killed; run it again to finish it"
-            + _finished_frame(folder)
+            + _opening_hint(folder)
         )
     rows = read_frames_csv(table)
     n_objects, n_written = sum(row.is_object for row in rows), run.totals.objects
@@ -193,13 +177,13 @@ def read_batch(folder: Path) -> BatchIndex:
     return BatchIndex(folder, session, run, tuple(rows))
 
 
-def _finished_frame(folder: Path) -> str:
-    """How to look at a frame of a batch that has not ended; empty where no recording of one is there."""
+def _opening_hint(folder: Path) -> str:
+    """How to view a frame of a batch that has not ended; empty where it has no recording yet."""
     last = max((folder / "recordings").glob("*.rrd"), key=lambda path: path.name, default=None)
     return f". Frames that are done can be opened one by one: verefine-viz view {last}" if last else ""
 
 
-def place_in(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
+def sort_key(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
     """What to sort rows by.
 
     error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
@@ -211,12 +195,12 @@ def place_in(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
     """
     if order not in ORDERS:
         raise SettingsError(unknown("order", order, ORDERS))
-    return _PLACES[order]
+    return _SORT_KEYS[order]
 
 
-def _badness(row: ObjectRow) -> tuple[int, float]:
+def _by_error(row: ObjectRow) -> tuple[int, float]:
     if row.status != "ok":
-        return (0 if row.status == "failed" else 1), 0.0
+        return _by_score(row)
     if row.relative_error is None:
         return 3, row.score or 0.0
     return 2, -row.relative_error
@@ -228,11 +212,11 @@ def _by_score(row: ObjectRow) -> tuple[int, float]:
     return 2, row.score or 0.0
 
 
-_PLACES: dict[Order, Callable[[ObjectRow], tuple[Any, ...]]] = {
-    "error": _badness,
+_SORT_KEYS: dict[Order, Callable[[ObjectRow], tuple[Any, ...]]] = {
+    "error": _by_error,
     "score": _by_score,
     "misleading": lambda row: (row.is_correct is not False, -(row.score or 0.0)),
-    "cause": lambda row: (not row.cause, row.cause, *_badness(row)),
-    "object": lambda row: (row.name, *_badness(row)),
+    "cause": lambda row: (not row.cause, row.cause, *_by_error(row)),
+    "object": lambda row: (row.name, *_by_error(row)),
     "frame": lambda row: (),
 }

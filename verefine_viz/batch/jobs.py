@@ -1,8 +1,8 @@
-"""What one command is to run: several sessions, or every method with every seed of each; a folder for each run."""
+"""The runs of one ``batch`` command: several sessions, or every method with every seed of each; a folder for each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
 
     Raises:
-        VerefineError: a session cannot be used, two would write to the same folder, or to a place among its images.
+        VerefineError: a session cannot be used, two would write to the same folder, or ``out`` is among its images.
     """
     names = _stems(paths, out)
     jobs = [
@@ -75,7 +75,7 @@ def sweep_jobs(
 
 
 def check_jobs(jobs: Sequence[Job]) -> None:
-    """Looks at everything that can be wrong: a mistake in the last of many runs should not show after hours.
+    """Checks everything that can be wrong: a mistake in the last of many runs should not show after hours.
 
     Raises:
         VerefineError: a session cannot be used, or a folder holds another run.
@@ -112,21 +112,14 @@ def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str]
             raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
         if methods.count(name) > 1:
             raise SettingsError(f"--methods names {name!r} twice; name each method once")
-    for option, field in _doubled(overrides, methods, n_seeds):
-        raise SettingsError(f"--{field} and {option} say different things; leave --{field} out")
+    doubled = [("--methods", "method", "name")] if methods else []
+    doubled += [("--seeds", "method", "seed"), ("--seeds", "hypotheses", "seed")] if n_seeds is not None else []
+    for option, section, name in doubled:
+        if name in overrides.get(section, {}):
+            field = f"--{section}.{name}"
+            raise SettingsError(f"{field} and {option} contradict each other; leave {field} out")
     if (out / SESSION_FILE).exists():
         raise SettingsError(f"{out} holds a single run; choose another --out for the runs of --methods and --seeds")
-
-
-def _doubled(overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None) -> Iterator[tuple[str, str]]:
-    for option, field, is_given in (
-        ("--methods", "method.name", bool(methods)),
-        ("--seeds", "method.seed", n_seeds is not None),
-        ("--seeds", "hypotheses.seed", n_seeds is not None),
-    ):
-        section, _, name = field.partition(".")
-        if is_given and name in overrides.get(section, {}):
-            yield option, field
 
 
 def _with(session: Session, method: str, seed: int | None) -> Session:

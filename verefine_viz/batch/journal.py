@@ -1,6 +1,7 @@
 """The journal of a batch: a small file per finished frame, so that neither a kill nor the number of frames matters.
 
-Results live on the disk and not in memory; whoever wants them all reads them one after the other.
+Results live on the disk and not in memory; to use them all, read them one after the other. A study has a journal of the
+same form. Beside it ``run.json``: which version and machine made a batch, how far it came, and what it came to.
 """
 
 from __future__ import annotations
@@ -8,13 +9,39 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from verefine_viz.batch.rows import FrameResult, frame_name
+from verefine_viz.batch.rows import FrameResult, file_stem
 from verefine_viz.core.errors import InputError, first_fault
 from verefine_viz.core.paths import atomic, read_input
+
+Entry = TypeVar("Entry", bound=BaseModel)
+
+
+def save_entry(file: Path, entry: BaseModel) -> None:
+    """Writes an entry of a journal as JSON, whole or not at all.
+
+    Raises:
+        InputError: the disk refuses.
+    """
+    with atomic(file) as part:
+        part.write_text(entry.model_dump_json(), encoding="utf-8")
+
+
+def read_entry(file: Path, kind: type[Entry]) -> Entry | None:
+    """An entry of a journal; None where there is none.
+
+    Raises:
+        InputError: it is damaged; the text says how.
+    """
+    if not file.exists():
+        return None
+    try:
+        return kind.model_validate_json(read_input(file))
+    except ValidationError as error:
+        raise InputError(f"{file} is damaged: {first_fault(error)}") from None
 
 
 class Journal:
@@ -23,65 +50,56 @@ class Journal:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def keep(self, result: FrameResult) -> None:
+    def save(self, result: FrameResult) -> None:
         """Notes a finished frame, solved or failed; from now on a restart does not repeat it.
 
         Raises:
             InputError: the disk refuses.
         """
-        with atomic(self._file(result.frame)) as part:
-            part.write_text(result.model_dump_json(), encoding="utf-8")
+        save_entry(self._file(result.frame), result)
 
     def entry(self, frame: str) -> FrameResult | None:
-        """What was noted about a frame; None where nothing was.
+        """The result of a frame; None where it is not finished.
 
         Raises:
             InputError: the entry is damaged; the text says how.
         """
         file = self._file(frame)
-        if not file.exists():
-            return None
-        content = read_input(file)
-        try:
-            result = FrameResult.model_validate_json(content)
-        except ValidationError as error:
-            raise InputError(f"{file} is damaged: {first_fault(error)}") from None
-        if result.frame != frame:
+        result = read_entry(file, FrameResult)
+        if result is not None and result.frame != frame:
             raise InputError(f"{file} is damaged: it is about frame {result.frame}")
-        if not result.objects:
+        if result is not None and not result.objects:
             raise InputError(f"{file} is damaged: it holds no object")
         return result
 
     def read(self, frame: str) -> FrameResult | None:
-        """What was noted about a frame; None where there is nothing that can be used."""
+        """The result of a frame; None where it is not finished, or its entry is damaged."""
         with suppress(InputError):
             return self.entry(frame)
         return None
 
     def results(self, frames: Iterable[str]) -> Iterator[FrameResult]:
-        """What was noted about ``frames``, in their order, one at a time; frames that are not finished are left out."""
+        """The results of ``frames``, in their order, one at a time; frames that are not finished are skipped."""
         for frame in frames:
             result = self.read(frame)
             if result is not None:
                 yield result
 
     def _file(self, frame: str) -> Path:
-        return self.folder / f"{frame_name(frame)}.json"
+        return self.folder / f"{file_stem(frame)}.json"
 
-
-# run.json: which version and machine made a batch, how far it came, and what it came to.
 
 RUN_FILE = "run.json"
 Number = Annotated[int, Field(ge=0)]
 Positive = Annotated[float, Field(ge=0)]
 
 
-class _Part(BaseModel):
-    # A file of another version may say more; which version wrote it is checked where that matters.
+class _Lenient(BaseModel):
+    # A file of another version may have other fields; which version wrote it is checked where that matters.
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
 
 
-class RunTotals(_Part):
+class RunTotals(_Lenient):
     """What the frames came to. None = unknown: the batch runs, or was killed."""
 
     frames: Number | None = None
@@ -107,8 +125,8 @@ class RunTotals(_Part):
     mean_stages_ms_per_frame: dict[str, float] = {}
 
 
-class RunFile(_Part):
-    """What run.json says."""
+class RunFile(_Lenient):
+    """The content of run.json."""
 
     version: str = ""
     """Of verefine-viz; empty = unknown."""
@@ -129,7 +147,7 @@ class RunFile(_Part):
 
 
 def read_run(folder: Path) -> RunFile:
-    """What the run.json of a batch folder says; nothing is known where there is none.
+    """The run.json of a batch folder; everything is unknown where there is none.
 
     Raises:
         InputError: it is not what a batch writes.

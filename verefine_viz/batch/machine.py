@@ -1,4 +1,4 @@
-"""Which versions and which machine made a result."""
+"""Facts about this machine: versions that decide about results, memory, disk space."""
 
 from __future__ import annotations
 
@@ -16,11 +16,21 @@ import verefine_viz
 PACKAGES = (
     "numpy", "scipy", "numba", "open3d", "trimesh", "pybullet", "coacd", "moderngl", "viser", "rerun-sdk", "pydantic",
 )  # fmt: skip
+SHARE = 0.8
+"""Of the machine's memory that all workers together may take, unless a limit is given."""
+CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
 
 
 def package_versions() -> dict[str, str]:
     """Versions of what decides about results, "missing" where one is not installed."""
     return {"verefine-viz": verefine_viz.__version__} | {name: _version(name) for name in PACKAGES}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"
 
 
 def machine() -> dict[str, str | int]:
@@ -33,13 +43,6 @@ def machine() -> dict[str, str | int]:
     }
 
 
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "missing"
-
-
 def _cpu_name() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -47,13 +50,6 @@ def _cpu_name() -> str:
         return platform.processor() or platform.machine()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.machine()
-
-
-# How much memory processes have taken, and how much there is.
-
-SHARE = 0.8
-"""Of the machine's memory that all workers together may take, unless a limit is given."""
-CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
 
 
 def resident_bytes(pid: int) -> int | None:
@@ -97,17 +93,14 @@ def gigabytes(n_bytes: float) -> str:
     return f"{n_bytes / 1e9:.1f} GB" if n_bytes >= 1e9 else f"{n_bytes / 1e6:.0f} MB"
 
 
-# How much room there is on the disks that a batch writes to.
-
-
 def free_bytes(folder: Path) -> int:
-    """Room on the disk of a folder for this user."""
+    """Space on the disk of a folder that is free for this user."""
     return shutil.disk_usage(folder).free
 
 
 def temporary_folder() -> Path:
-    """Where temporary files go, also when there is no room left for them."""
+    """Where temporary files go, also when the disk is full."""
     try:
         return Path(tempfile.gettempdir())
-    except FileNotFoundError:  # It wrote a file in each place to be sure, and all of them refused.
+    except FileNotFoundError:  # It tried to write a file into each candidate, and every write failed.
         return Path("/tmp")

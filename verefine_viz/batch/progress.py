@@ -1,4 +1,4 @@
-"""What a batch shows while it works: how far, how fast, how long still, how good so far."""
+"""Progress on the terminal: how far a batch is, how fast, how long still, how good so far; bars of counted things."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ EVERY_S = 30.0
 
 @contextmanager
 def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress], None]]:
-    """Shows what it is told: a bar on a terminal, lines in a log."""
+    """A callback that shows progress: a bar on a terminal, lines in a log."""
     warned: set[str] = set()
     last_s = 0.0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}"))
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         row = bar.add_task(escape(title), total=None, note="starting")
 
-        def tell(now: Progress) -> None:
+        def report(now: Progress) -> None:
             nonlocal last_s
             bar.update(row, completed=now.counts.frames_done, total=now.n_frames, note=escape(in_words(now)))
             if now.doing:
@@ -38,7 +38,7 @@ def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress]
                 done = f"{title}: {now.counts.frames_done}/{now.n_frames} frames, {in_words(now)}"
                 console.print(escape(done), soft_wrap=True)
 
-        yield tell
+        yield report
 
 
 def in_words(now: Progress) -> str:
@@ -65,12 +65,9 @@ def clock(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{s:02d}" if hours else f"{minutes}:{s:02d}"
 
 
-# A progress bar of things that are counted, on stderr and only where that is a terminal.
-
-
 @contextmanager
 def counted_bar(what: str) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar that begins with ``what``; it is told what is being done, how many are done, and how many there are."""
+    """A bar on stderr, if that is a terminal; the callback takes what is being done, how many are done, of how many."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     stderr = Console(stderr=True)
     with Bar(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:

@@ -18,6 +18,7 @@ from verefine_viz.core.paths import atomic, open_input
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.scenes.frames import parse_frame
 
 Status = Literal["ok", "no_answer", "left_out", "failed"]
 
@@ -29,10 +30,10 @@ class Row(BaseModel):
 
 
 class ObjectRow(Row):
-    """One object of a frame, as frames.csv has it. Empty = unknown or not applicable.
+    """One object of a frame, as frames.csv has it. Empty = unknown or not applicable. See also ``docs/tables.md``.
 
-    A frame that failed has a row for each object that ground truth says is in it; where nobody knows, one row without
-    an object. ``docs/tables.md`` says the same to people.
+    A frame that failed has a row for each object that ground truth names; without ground truth, one row without an
+    object.
     """
 
     scene_id: int
@@ -89,17 +90,22 @@ class ObjectRow(Row):
 
     @property
     def is_object(self) -> bool:
-        """Whether it is about an object; False of a failed frame whose objects nobody knows."""
+        """Whether it is about an object; False of a failed frame whose objects are unknown."""
         return self.status != "failed" or self.obj_id is not None
 
     @property
+    def can_be_right(self) -> bool:
+        """Whether there is ground truth to compare an answer with; without an answer it is missed."""
+        return self.has_truth or self.add_s_mm is not None
+
+    @property
     def was_asked_for(self) -> bool:
-        """Whether the method got to see it: neither was it left out nor did its frame fail."""
+        """Whether the method got it to solve: neither was it left out nor did its frame fail."""
         return self.status in ("ok", "no_answer")
 
     @property
     def doubt(self) -> str:
-        """What of its frame's data does not fit together, as far as that was looked at; else empty."""
+        """What of its frame's data does not fit together, as far as that was checked; else empty."""
         return self.evidence.partition(DATA_FIRST)[2].strip()
 
     @property
@@ -119,11 +125,8 @@ class ObjectRow(Row):
 
 TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 """Columns of frames.csv that differ from run to run; everything else is the same for the same session."""
-
-
 STAGES = ("read", "start", "iterate", "record", "summarise", "explain")
 """What a frame's time goes to: images and clouds; first scores; iterations; recording; errors and rows; causes."""
-
 SOLVING = ("start", "iterate")
 """The stages that are the method's own."""
 
@@ -157,11 +160,11 @@ class FrameResult(Row):
     objects: tuple[ObjectRow, ...]
     estimates: tuple[Estimate, ...] = ()
     notes: tuple[str, ...] = ()
-    """What a person should know about the frame's data: objects left out, unknown names in a given order, …"""
+    """What to know about the frame's data: objects left out, unknown names in a given order, …"""
     doubts: tuple[str, ...] = ()
     """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
     n_unreadable: int = 0
-    """Objects that were left out as their model or mask is missing or damaged; somebody can mend that."""
+    """Objects that were left out as their model or mask is missing or damaged."""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
 
@@ -173,46 +176,40 @@ class FrameResult(Row):
 
     @property
     def is_failure(self) -> bool:
-        """Whether a person will want to look: an object has no answer, or an ADD(-S) not below 10 % of the diameter."""
+        """Whether an object has no answer, or an ADD(-S) not below 10 % of the diameter."""
         return any(row.status != "ok" or row.is_correct is False for row in self.objects)
 
     @property
     def can_be_mended(self) -> bool:
-        """Whether another try may find more, once files are as they should be."""
+        """Whether another try may solve more, once files are as they should be."""
         return self.failed or self.n_unreadable > 0
 
     @property
     def solving_s(self) -> float:
         """Time for first scores and iterations alone, as results.csv has it [s].
 
-        Reading, recording and explaining are no part of the method. All of it where stages are not told apart.
+        Reading, recording and explaining are no part of the method. The whole time where stages are unknown.
         """
         parts = [self.stages_ms[name] for name in SOLVING if name in self.stages_ms]
         return 1e-3 * sum(parts) if parts else self.seconds
 
 
-def frame_ids(frame: str) -> tuple[int, int]:
-    """(scene_id, im_id) of "50/1"."""
-    scene, _, image = frame.partition("/")
-    return int(scene), int(image)
-
-
-def frame_name(frame: str) -> str:
-    """The name of a frame's files: 000050_000001."""
-    scene_id, im_id = frame_ids(frame)
+def file_stem(frame: str) -> str:
+    """The name of a frame's files without its ending: 000050_000001 of "50/1"."""
+    scene_id, im_id = parse_frame(frame)
     return f"{scene_id:06d}_{im_id:06d}"
 
 
 def failed_frame(frame: str, message: str, session: Session | None = None) -> FrameResult:
     """The result of a frame that could not be solved."""
-    scene_id, im_id = frame_ids(frame)
+    scene_id, im_id = parse_frame(frame)
     made_by = {} if session is None else {"method": session.method.name, "seed": session.hypotheses.seed}
     row = ObjectRow(scene_id=scene_id, im_id=im_id, status="failed", message=" ".join(message.split()), **made_by)
     return FrameResult(frame=frame, failed=True, seconds=0.0, objects=(row,))
 
 
 def with_objects(result: FrameResult, left_out: Sequence[LeftOut]) -> FrameResult:
-    """A failed frame with a row for each object that is in it; as it is where nobody knows of any."""
+    """A failed frame with a row for each object that is in it; unchanged where none is known."""
     (row, *_) = result.objects
     rows = tuple(row.model_copy(update=left_out_facts(one)) for one in left_out)
     return result.model_copy(update={"objects": rows}) if rows else result
@@ -282,10 +279,6 @@ def read_frames_csv(path: Path) -> list[ObjectRow]:
 
 
 def _object_row(cells: dict[str, Any]) -> ObjectRow:
-    """
-    Raises:
-        ValueError: there are more or fewer cells than columns, or one has another kind of value.
-    """
     if None in cells or None in cells.values():
         raise ValueError(f"it does not have {len(ObjectRow.model_fields)} cells")
     return ObjectRow.model_validate({k: v for k, v in cells.items() if v != ""}, strict=False)
@@ -294,5 +287,5 @@ def _object_row(cells: dict[str, Any]) -> ObjectRow:
 def _shown(name: str, value: object) -> object:
     if value is None:
         return ""
-    # 6 digits of a millimetre or a millisecond are noise; scores keep theirs because people compare them.
+    # More digits of a millimetre or a millisecond are noise; scores have all of theirs, as they are compared.
     return f"{value:.3f}" if isinstance(value, float) and name not in ("score", "initial_score") else value

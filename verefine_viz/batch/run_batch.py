@@ -1,23 +1,23 @@
 """One batch: every frame of a session, headless, resumable, on this machine or on a cluster.
 
-Results are kept on the disk only: the parent's memory does not depend on how many frames there are.
+Results are on the disk only: the parent's memory does not depend on how many frames there are.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import verefine_viz
-from verefine_viz.batch.completeness import Written, look_at, write_tables
+from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.journal import RUN_FILE, RunFile, RunTotals
+from verefine_viz.batch.journal import RUN_FILE, RunFile, RunTotals, read_run
 from verefine_viz.batch.machine import (
     free_bytes,
     gigabytes,
@@ -27,8 +27,8 @@ from verefine_viz.batch.machine import (
     temporary_folder,
 )
 from verefine_viz.batch.rows import FrameResult, with_objects
-from verefine_viz.batch.tasks import TaskName, Workers
 from verefine_viz.batch.totals import Counts
+from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, VerefineError, unknown
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
@@ -39,64 +39,40 @@ from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.session.toolbox import Toolbox
 
-# What can be known about a given order of objects before the first frame is read.
-
-
-def check_orders(session: Session, frames: Sequence[str]) -> None:
-    """Looks at the order that ``session`` gives for all frames, or at those that its file gives for ``frames``.
-
-    Which objects and instances are in a frame is known when it is read; what does not fit it is noted then.
-
-    Raises:
-        InputError: the order file cannot be read.
-        SettingsError: an order is malformed, runs in a circle, or names an object that the data set does not have.
-    """
-    settings = session.dependency
-    if not (settings.order or settings.order_file):
-        return
-    known = _objects(session)
-    if settings.order:
-        _check(checked(settings.order, "dependency.order"), "dependency.order", known)
-        return
-    orders = read_orders(Path(settings.order_file))
-    for frame in orders:
-        try:
-            known_as = frame_name(parse_frame(frame))
-        except SettingsError as error:
-            raise SettingsError(f"order file {settings.order_file}: {error}") from None
-        if frame != known_as:
-            raise SettingsError(f"order file {settings.order_file}: frame {frame!r} is called {known_as!r}; rename it")
-    for frame in frames:
-        if frame in orders:
-            _check(orders[frame], f"order file {settings.order_file}, frame {frame!r}", known)
-
-
-def _check(entries: Entries, where: str, known: Collection[int] | None) -> None:
-    seen: set[int | str] = set()
-    for entry in (entry for cluster in entries for entry in cluster):
-        if known is not None and isinstance(entry, int) and entry not in known:
-            raise SettingsError(f"{where}: {unknown('object', entry, sorted(known))}")
-        if entry in seen:
-            raise SettingsError(
-                f"{where} runs in a circle: it names {entry!r} twice; name what carries others first, each once"
-            )
-        seen.add(entry)
-
-
-def _objects(session: Session) -> Collection[int] | None:
-    """The ids of all objects that can occur; None for built-in scenes."""
-    scene = session.scene
-    return set(ModelLibrary(Path(scene.dataset), scene.model_points, scene.seed).ids) if scene.source == "bop" else None
-
-
 NEEDED_BYTES = 1_000_000
-"""With less room than this on the disk, a frame fails because of it: a recording takes about as much."""
+"""With less free space than this on the disk, a frame fails because of it: a recording takes about as much."""
 _MOST_DAMAGED = 3
 """Damaged entries of the journal that are quoted; the others are counted."""
 
 
+class Workers(Protocol):
+    """Where frames are solved: processes of this machine, or a cluster."""
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
+        """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
+
+        In between, once each, sentences on what takes longer than usual. The next of ``frames`` is taken when a worker
+        is free, so there may be any number.
+        """
+        ...
+
+    def close(self) -> None:
+        """Ends the work, also in the middle of a frame."""
+        ...
+
+    @property
+    def needs(self) -> str:
+        """What memory they need, in words; empty while unknown."""
+        ...
+
+    @property
+    def warning(self) -> str:
+        """What to change about their number or memory, in words; empty where all is well."""
+        ...
+
+
 @dataclass(frozen=True)
-class Place:
+class Backend:
     """Where and how frames are computed; the results do not depend on it."""
 
     n_workers: int = 1
@@ -161,11 +137,11 @@ class Outcome:
     faults: tuple[str, ...] = ()
     """What is not on the disk although the batch came to its end, a sentence each."""
     notes: tuple[str, ...] = ()
-    """What else a person should know about what is on the disk: tables that were mended, recordings that are gone."""
+    """What else to know about the files: tables that were written again, recordings that are gone."""
 
     @property
     def is_whole(self) -> bool:
-        """Whether every object was looked at, and every frame is in the journal and in the tables."""
+        """Whether every object was read, and every frame is in the journal and in the tables."""
         return not (self.n_failed or self.n_unreadable or self.faults)
 
     @property
@@ -179,8 +155,10 @@ class Outcome:
 
 
 def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The frames of a session and what a person should know about the choice, after everything in it that can be wrong
-    was looked at once.
+    """Checks everything in a session that can be wrong.
+
+    Returns:
+        Its frames, and notes about the choice of frames and about the initial poses.
 
     Raises:
         VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong, or the
@@ -196,11 +174,54 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return frames, notes
 
 
+def check_orders(session: Session, frames: Sequence[str]) -> None:
+    """Checks the order of objects that ``session`` gives for all frames, or that its order file gives for ``frames``.
+
+    Which objects and instances are in a frame is known when it is read; what does not fit it is noted then.
+
+    Raises:
+        InputError: the order file cannot be read.
+        SettingsError: an order is malformed, runs in a circle, or names an object that the data set does not have.
+    """
+    scene, settings = session.scene, session.dependency
+    if not (settings.order or settings.order_file):
+        return
+    known = None  # Built-in scenes have no list of objects.
+    if scene.source == "bop":
+        known = set(ModelLibrary(Path(scene.dataset), scene.model_points, scene.seed).ids)
+    if settings.order:
+        _check_order(checked(settings.order, "dependency.order"), "dependency.order", known)
+        return
+    orders = read_orders(Path(settings.order_file))
+    for frame in orders:
+        try:
+            name = frame_name(parse_frame(frame))
+        except SettingsError as error:
+            raise SettingsError(f"order file {settings.order_file}: {error}") from None
+        if frame != name:
+            raise SettingsError(f"order file {settings.order_file}: frame {frame!r} is called {name!r}; rename it")
+    for frame in frames:
+        if frame in orders:
+            _check_order(orders[frame], f"order file {settings.order_file}, frame {frame!r}", known)
+
+
+def _check_order(entries: Entries, where: str, known: Collection[int] | None) -> None:
+    seen: set[int | str] = set()
+    for entry in (entry for cluster in entries for entry in cluster):
+        if known is not None and isinstance(entry, int) and entry not in known:
+            raise SettingsError(f"{where}: {unknown('object', entry, sorted(known))}")
+        if entry in seen:
+            raise SettingsError(
+                f"{where} runs in a circle: it names {entry!r} twice; name what supports others first, each once"
+            )
+        seen.add(entry)
+
+
 def run_batch(
     session: Session,
     out: Path,
-    place: Place,
-    tell: Callable[[Progress], None] = lambda _: None,
+    backend: Backend,
+    report: Callable[[Progress], None] = lambda _: None,
     retry_failed: bool = False,
     task: TaskName = "solve",
     workers: Workers | None = None,
@@ -213,22 +234,22 @@ def run_batch(
     Args:
         session: what to run.
         out: the folder of the batch.
-        place: where to compute.
-        tell: told at the start, after each frame, and when something takes longer than usual.
+        backend: where to compute.
+        report: called at the start, after each frame, and when something takes longer than usual.
         retry_failed: try frames again that failed in an earlier start, in which a file of an object could not be
             read, or whose recording is gone.
         task: what to do with each frame.
-        workers: that stand ready for this session and folder, and are left running; None: some are started.
+        workers: ready for this session and folder, and left running; None: some are started, and closed at the end.
 
     Raises:
         VerefineError: the session or ``out`` cannot be used, or the cluster is gone. A frame that fails does not raise.
     """
     if workers is None:
-        with closing(place.workers(session, out.absolute(), task)) as own:
-            return run_batch(session, out, place, tell, retry_failed, task, own)
+        with closing(backend.workers(session, out.absolute(), task)) as own:
+            return run_batch(session, out, backend, report, retry_failed, task, own)
     frames, notes = check(session)
     with closing(RunFolder(out, session)) as folder:
-        return _Batch(session, folder, frames, workers, place, notes, task).run(tell, retry_failed)
+        return _Batch(session, folder, frames, workers, backend, notes, task).run(report, retry_failed)
 
 
 @dataclass
@@ -237,7 +258,7 @@ class _Batch:
     folder: RunFolder
     frames: Sequence[str]
     workers: Workers
-    place: Place
+    backend: Backend
     notes: Sequence[str]
     task: TaskName
     counts: Counts = field(default_factory=Counts)
@@ -246,48 +267,53 @@ class _Batch:
     started: float = field(default_factory=time.perf_counter)
     begun: datetime = field(default_factory=lambda: datetime.now(UTC))
 
-    def run(self, tell: Callable[[Progress], None], retry_failed: bool) -> Outcome:
-        before, there = self.folder.read_run(), self._look()
-        again = {*there.missing}
+    def run(self, report: Callable[[Progress], None], retry_failed: bool) -> Outcome:
+        before, files = read_run(self.folder.path), self._check_files()
+        again = {*files.missing}
         if retry_failed:
-            again |= {*there.can_be_mended, *there.without_recording}
+            again |= {*files.can_be_mended, *files.without_recording}
         missing = [frame for frame in self.frames if frame in again]
         self.n_resumed = len(self.frames) - len(missing)
-        self.counts = self._counts_without(missing) if retry_failed else there.totals.counts
-        was_finished = before.status == "finished" and before.totals.frames == len(self.frames) and not there.missing
-        if was_finished and not missing and not there.other_tables:
-            return self._outcome(there, was_finished=True)
-        mended = " and ".join(there.other_tables) if was_finished else ""
+        self.counts = self._counts_without(missing) if retry_failed else files.totals.counts
+        was_finished = before.status == "finished" and before.totals.frames == len(self.frames) and not files.missing
+        if was_finished and not missing and not files.other_tables:
+            return self._outcome(files, was_finished=True)
+        rewritten = " and ".join(files.other_tables) if was_finished else ""
         spent_s = before.seconds if self.n_resumed else 0.0
         self._note("running", spent_s, {"frames": len(self.frames), "frames_done": self.n_resumed})
         try:
-            tell(self._progress())
-            for note in (*self.notes, *_damaged_entries(there)):
-                tell(self._progress(f"note: {note}"))
+            report(self._progress())
+            for note in (*self.notes, *_damaged_entries(files)):
+                report(self._progress(f"note: {note}"))
             for result in self.workers.solve(missing):
                 if isinstance(result, FrameResult):
-                    self._keep(result)
-                tell(self._progress(result if isinstance(result, str) else ""))
+                    self._save(result)
+                report(self._progress(result if isinstance(result, str) else ""))
         except BaseException:
-            # The disk may be the reason that it ends; then it is that reason that is told.
+            # Where the disk is the reason that it ends, the first error is the one to report.
             with suppress(InputError):
                 self._write_end("stopped", spent_s)
             raise
-        return self._outcome(self._write_end("finished", spent_s), mended)
+        return self._outcome(self._write_end("finished", spent_s), rewritten)
 
-    def _look(self) -> Written:
+    def _check_files(self) -> BatchFiles:
         # Initial poses are not recorded.
         keep = "none" if self.task == "estimate" else self.session.recording.keep
-        return look_at(self.folder.path, self.frames, keep)
+        return check_files(self.folder.path, self.frames, keep)
 
-    def _outcome(self, there: Written, mended: str = "", was_finished: bool = False) -> Outcome:
-        totals = there.totals
-        numbers, failures = totals.as_json(len(self.frames)), tuple(totals.failures)
-        seconds, memory = self._seconds(), self._memory()
-        notes = (f"written again from the journal, as it said something else: {mended}",) if mended else ()
-        notes += (there.recordings_note,) if there.recordings_note else ()
+    def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> Outcome:
+        notes = (f"written again, as it differed from the journal: {rewritten}",) if rewritten else ()
+        notes += (files.recordings_note,) if files.recordings_note else ()
         return Outcome(
-            self.folder.path, numbers, failures, self.n_resumed, seconds, memory, was_finished, there.faults, notes
+            folder=self.folder.path,
+            totals=files.totals.as_json(len(self.frames)),
+            failures=tuple(files.totals.failures),
+            n_resumed=self.n_resumed,
+            seconds=self._seconds(),
+            memory=self._memory(),
+            was_finished=was_finished,
+            faults=files.faults,
+            notes=notes,
         )
 
     def _counts_without(self, frames: Sequence[str]) -> Counts:
@@ -297,7 +323,7 @@ class _Batch:
             counts.add(result)
         return counts
 
-    def _keep(self, result: FrameResult) -> None:
+    def _save(self, result: FrameResult) -> None:
         """
         Raises:
             InputError: a disk is full. A frame that failed for that alone is not noted as failed.
@@ -307,10 +333,10 @@ class _Batch:
                 if free_bytes(folder) < NEEDED_BYTES:
                     raise InputError(
                         f"the disk of {folder} is full: frame {result.frame} failed, {result.objects[0].message}; "
-                        "what is done is kept: make room and repeat the command"
+                        "what is done is saved: free some space and repeat the command"
                     )
             result = with_objects(result, self._objects_in(result))
-        self.folder.journal.keep(result)
+        self.folder.journal.save(result)
         self.counts.add(result)
 
     def _objects_in(self, failed: FrameResult) -> Sequence[LeftOut]:
@@ -323,15 +349,15 @@ class _Batch:
     def _source(self) -> SceneSource:
         return Toolbox(self.session).source
 
-    def _write_end(self, status: str, spent_s: float) -> Written:
-        """Writes tables and run.json, and says what is on the disk then."""
-        self.folder.save_session()  # Somebody may have deleted the folder meanwhile.
+    def _write_end(self, status: str, spent_s: float) -> BatchFiles:
+        """Writes tables and run.json; what is on the disk then."""
+        self.folder.save_session()  # The folder may have been deleted while the batch ran.
         write_tables(self.folder.path, self.frames)
-        there = self._look()
-        if status == "finished" and there.faults:
+        files = self._check_files()
+        if status == "finished" and files.faults:
             status = "incomplete"
-        self._note(status, spent_s, there.totals.as_json(len(self.frames)))
-        return there
+        self._note(status, spent_s, files.totals.as_json(len(self.frames)))
+        return files
 
     def _note(self, status: str, spent_s: float, totals: dict[str, Any]) -> None:
         run = RunFile(
@@ -341,8 +367,8 @@ class _Batch:
             begun=self.begun.isoformat(timespec="seconds"),
             seconds=spent_s + self._seconds(),
             totals=RunTotals.model_validate(totals),
-            workers=self.place.n_workers,
-            cluster=self.place.cluster,
+            workers=self.backend.n_workers,
+            cluster=self.backend.cluster,
             memory=self._memory(),
             machine=machine(),
             packages=package_versions(),
@@ -365,10 +391,10 @@ class _Batch:
         return " + ".join(part for part in parts if part)
 
 
-def _damaged_entries(there: Written) -> tuple[str, ...]:
+def _damaged_entries(files: BatchFiles) -> tuple[str, ...]:
     """A note about entries of the journal that cannot be used; none where there are none."""
-    n = len(there.damaged)
+    n = len(files.damaged)
     if not n:
         return ()
     whose = "its frame is" if n == 1 else "these frames are"
-    return (f"{first_of(there.damaged, _MOST_DAMAGED, '; ')}; {whose} solved again",)
+    return (f"{first_of(files.damaged, _MOST_DAMAGED, '; ')}; {whose} solved again",)

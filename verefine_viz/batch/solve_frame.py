@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from verefine_viz.batch.machine import temporary_folder
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, frame_name
-from verefine_viz.batch.summary import frame_result, left_out_row
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, file_stem
+from verefine_viz.batch.summary import frame_result, left_out_row, object_facts
+from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.paths import DISK_FULL, atomic
 from verefine_viz.core.problem import Problem
@@ -21,85 +22,93 @@ from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
 
-# Why objects of a frame came out wrong, written into their rows.
-
-
-def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
-    """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and whose true pose is known.
-
-    Where the data of such a frame do not fit together, that is said as well.
-    """
-    doubts = result.doubts
-    try:
-        diagnoses = diagnose(run, toolbox)
-        found: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
-        # Those of the frame stand in each.
-        doubts = diagnoses[0].doubts if diagnoses else doubts
-    except Exception as error:
-        # The answers are there all the same.
-        why = f"no diagnosis: {type(error).__name__}: {error}"
-        found = {row.instance_id: ("", why) for row in result.objects if row.has_truth and row.is_correct is not True}
-    rows = []
-    for row in result.objects:
-        cause, sentence = found.get(row.instance_id, ("", ""))
-        rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
-    return result.model_copy(update={"objects": tuple(rows), "doubts": doubts})
+FrameTask = Callable[[Toolbox, str, Path], FrameResult]
+"""(tools, "scene/image", folder of the batch) → result. A frame that fails is a result too; it never raises."""
 
 
 def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
-    """Runs the session's method on one frame, records it below ``out``, and says what came out.
-
-    Whatever goes wrong is part of the answer: a frame that fails must not stop the others.
-    """
-    return _answered(toolbox, frame, out, explain=False)
+    """Runs the session's method on one frame and records it below ``out``."""
+    return _result(lambda: _solved(toolbox, frame, out, explain=False), toolbox, frame, out)
 
 
 def explain_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
     """The same, with the causes of wrong answers where ground truth is known; their re-runs take time."""
-    return _answered(toolbox, frame, out, explain=True)
+    return _result(lambda: _solved(toolbox, frame, out, explain=True), toolbox, frame, out)
 
 
-def _answered(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
+def estimate_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """Initial poses only: all hypotheses of a frame as estimates, with the estimator's confidence as their score."""
+    return _result(lambda: _estimates(toolbox.problem(frame), toolbox.session.hypotheses.source), toolbox, frame, out)
+
+
+TASKS: dict[TaskName, FrameTask] = {"solve": solve_frame, "explain": explain_frame, "estimate": estimate_frame}
+"""What a worker runs for each frame."""
+
+
+def _result(solve: Callable[[], FrameResult], toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
+    """What ``solve`` returns, or why it failed, with the time it took."""
     started = time.perf_counter()
     try:
-        result = _solved(toolbox, frame, out / "recordings" / f"{frame_name(frame)}.rrd", explain)
+        result = solve()
     except VerefineError as error:
         result = failed_frame(frame, str(error), toolbox.session)
     except Exception as error:
-        result = unforeseen(toolbox, frame, out, error)
+        result = _unforeseen(toolbox, frame, out, error)
     return result.model_copy(update={"seconds": time.perf_counter() - started})
 
 
-def unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> FrameResult:
-    """The result of a frame that failed for a reason nobody foresaw; its traceback is kept below ``out``."""
-    log = out / "errors" / f"{frame_name(frame)}.txt"
+def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> FrameResult:
+    """The result of a frame that failed for an unforeseen reason; its traceback is saved below ``out``."""
+    log = out / "errors" / f"{file_stem(frame)}.txt"
     # On a full disk the frame fails all the same, just without its traceback.
     with suppress(InputError), atomic(log) as part:
         part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     if isinstance(error, OSError) and error.errno in DISK_FULL and error.filename is None:
         disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
-        return failed_frame(frame, f"no room on {disks}: {error.strerror}", toolbox.session)
+        return failed_frame(frame, f"no space on {disks}: {error.strerror}", toolbox.session)
     where = f" (see errors/{log.name})" if log.is_file() else ""
     return failed_frame(frame, f"{type(error).__name__}: {error}{where}", toolbox.session)
 
 
-def _solved(toolbox: Toolbox, frame: str, recording: Path, explain: bool) -> FrameResult:
+def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
+    """``result`` with ``cause`` and ``evidence`` in the rows of objects that failed and have ground truth.
+
+    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well.
+    """
+    doubts = result.doubts
+    try:
+        diagnoses = diagnose(run, toolbox)
+        causes: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
+        # Each has all of the frame's.
+        doubts = diagnoses[0].doubts if diagnoses else doubts
+    except Exception as error:
+        # The answers are there all the same.
+        why = f"no diagnosis: {type(error).__name__}: {error}"
+        causes = {row.instance_id: ("", why) for row in result.objects if row.has_truth and row.is_correct is not True}
+    rows = []
+    for row in result.objects:
+        cause, sentence = causes.get(row.instance_id, ("", ""))
+        rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
+    return result.model_copy(update={"objects": tuple(rows), "doubts": doubts})
+
+
+def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
         problem = toolbox.problem(frame)
-    recorder = Recorder(recording, toolbox.session, problem, toolbox.verifier_of)
-    booked = _Booked(recorder, watch)
+    recorder = Recorder(out / "recordings" / f"{file_stem(frame)}.rrd", toolbox.session, problem, toolbox.verifier_of)
+    timed = _TimedRecorder(recorder, watch)
     try:
         with watch("start"):
-            run = toolbox.run(problem, [booked] if keep == "all" else [])
+            run = toolbox.run(problem, [timed] if keep == "all" else [])
         with watch("iterate"):
             run.finish()
         with watch("summarise"):
             result = frame_result(run, toolbox.session)
         if keep == "failures" and result.is_failure:
-            run.fork(run.length, watchers=[booked])  # the recorder sees the whole history
+            run.fork(run.length, watchers=[timed])  # the recorder sees the whole history
     except BaseException:
-        # What there is of the recording is kept where it can be; that it ends for another reason is what is told.
+        # The recording so far is saved where it can be; the first error is the one to report.
         with suppress(VerefineError):
             recorder.close()
         raise
@@ -135,8 +144,8 @@ class _Stopwatch:
         self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + ms
 
 
-class _Booked:
-    """A recorder whose time is booked as such: it watches while a run starts and goes on."""
+class _TimedRecorder:
+    """Watches a run, so its time falls into other stages, and is counted as recording."""
 
     def __init__(self, recorder: Recorder, watch: _Stopwatch) -> None:
         self._recorder, self._watch = recorder, watch
@@ -154,42 +163,19 @@ class _Booked:
             self._recorder.on_finish(state)
 
 
-# Initial poses of one frame, with the session's estimator: what ``verefine-viz estimate`` asks workers for.
-
-
-def estimate_frame(toolbox: Toolbox, frame: str, out: Path) -> FrameResult:
-    """All hypotheses of a frame as estimates, with the estimator's confidence as their score."""
-    started = time.perf_counter()
-    try:
-        result = _pools(toolbox.problem(frame), toolbox.session.hypotheses.source)
-    except VerefineError as error:
-        result = failed_frame(frame, str(error), toolbox.session)
-    except Exception as error:
-        result = unforeseen(toolbox, frame, out, error)
-    return result.model_copy(update={"seconds": time.perf_counter() - started})
-
-
-def _pools(problem: Problem, estimator: str) -> FrameResult:
+def _estimates(problem: Problem, estimator: str) -> FrameResult:
     rows, estimates = [], []
     for target in problem.targets:
         instance = target.instance
         rows.append(
             ObjectRow(
-                scene_id=problem.scene_id,
-                im_id=problem.im_id,
-                instance_id=instance.instance_id,
-                obj_id=instance.obj_id,
-                name=target.model.name,
-                method=estimator,
+                **object_facts(problem, target, estimator),
                 status="ok" if instance.hypotheses else "no_answer",
-                diameter_mm=target.model.diameter_m * 1e3,
-                visib_fract=instance.visib_fract,
-                n_hypotheses=len(instance.hypotheses),
                 message="" if instance.hypotheses else f"{estimator} found no hypothesis",
             )
         )
         estimates += [
-            Estimate(obj_id=instance.obj_id, score=h.confidence, T_cam_obj=tuple(float(x) for x in h.T_cam_obj.ravel()))
+            Estimate(obj_id=instance.obj_id, score=h.confidence, T_cam_obj=tuple(h.T_cam_obj.ravel().tolist()))
             for h in instance.hypotheses
         ]
     rows += [left_out_row(problem, one, estimator) for one in problem.left_out]

@@ -1,4 +1,4 @@
-"""What a finished run says about its frame: a row per object, a pose per answer."""
+"""From a finished run to the result of its frame: a row per object, a pose per answer."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
 from verefine_viz.core.problem import LeftOut, Problem, Target
-from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
@@ -26,24 +25,22 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 
 
 def frame_result(run: Run, session: Session) -> FrameResult:
-    """What a finished run of ``session`` says about its frame."""
+    """The result of a finished run of ``session``."""
     problem, state = run.problem, run.final_state
     doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
     rows = tuple(
-        _object_row(
-            problem, target, state, [i for i in run.iterations if i.instance_id == target.instance.instance_id], session
-        )
-        for target in problem.targets
+        _object_row(problem, target, best, initial, run.iterations, session)
+        for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     if doubts:
-        told = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
-        rows = tuple(row.model_copy(update={"evidence": told}) if row.status == "ok" else row for row in rows)
+        evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
+        rows = tuple(row.model_copy(update={"evidence": evidence}) if row.status == "ok" else row for row in rows)
     rows += tuple(left_out_row(problem, one, session.method.name, session.hypotheses.seed) for one in problem.left_out)
     estimates = tuple(
         Estimate(
             obj_id=target.instance.obj_id,
             score=best.score.score,
-            T_cam_obj=tuple(float(x) for x in best.T_cam_obj.ravel()),
+            T_cam_obj=tuple(best.T_cam_obj.ravel().tolist()),
         )
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
@@ -65,33 +62,29 @@ def frame_result(run: Run, session: Session) -> FrameResult:
 
 def _no_physics(problem: Problem, session: Session) -> str:
     """Why objects were not simulated although they should have been; empty where they were."""
-    seen = problem.observation
-    return f"no physics: {seen.support_note}" if session.physics.enabled and seen.support is None else ""
+    observation = problem.observation
+    no_physics = session.physics.enabled and observation.support is None
+    return f"no physics: {observation.support_note}" if no_physics else ""
 
 
 def _object_row(
-    problem: Problem, target: Target, state: RunState, iterations: Sequence[Iteration], session: Session
+    problem: Problem,
+    target: Target,
+    best: Best | None,
+    initial: Scores | None,
+    all_iterations: Sequence[Iteration],
+    session: Session,
 ) -> ObjectRow:
-    instance, model = target.instance, target.model
-    index = next(i for i, t in enumerate(problem.targets) if t is target)
-    best, initial = state.best[index], state.initial[index]
-    known: dict[str, Any] = {
-        "method": session.method.name,
+    iterations = [i for i in all_iterations if i.instance_id == target.instance.instance_id]
+    facts = {
+        **object_facts(problem, target, session.method.name),
         "seed": session.hypotheses.seed,
-        "scene_id": problem.scene_id,
-        "im_id": problem.im_id,
-        "instance_id": instance.instance_id,
-        "obj_id": instance.obj_id,
-        "name": model.name,
-        "diameter_mm": model.diameter_m * 1e3,
-        "visib_fract": instance.visib_fract,
-        "has_truth": instance.T_cam_obj_gt is not None,
-        "n_hypotheses": len(instance.hypotheses),
+        "has_truth": target.instance.T_cam_obj_gt is not None,
     }
     if best is None or initial is None:
-        return ObjectRow(**known, status="no_answer", message="no hypothesis to start from")
+        return ObjectRow(**facts, status="no_answer", message="no hypothesis to start from")
     return ObjectRow(
-        **known,
+        **facts,
         status="ok",
         score=best.score.score,
         initial_score=float(initial.score.max()),
@@ -106,12 +99,33 @@ def _object_row(
     )
 
 
+def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any]:
+    """The columns about an object that do not depend on its answer."""
+    instance = target.instance
+    return {
+        "scene_id": problem.scene_id,
+        "im_id": problem.im_id,
+        "instance_id": instance.instance_id,
+        "obj_id": instance.obj_id,
+        "name": target.model.name,
+        "method": method,
+        "diameter_mm": target.model.diameter_m * 1e3,
+        "visib_fract": instance.visib_fract,
+        "n_hypotheses": len(instance.hypotheses),
+    }
+
+
 def left_out_row(problem: Problem, one: LeftOut, method: str, seed: int | None = None) -> ObjectRow:
-    """The row of an object that was not looked at."""
-    made_by = {"method": method, "seed": seed}
-    ids = {"scene_id": problem.scene_id, "im_id": problem.im_id}
-    message = f"left out: {' '.join(one.why.split())}"
-    return ObjectRow(**made_by, **ids, **left_out_facts(one), status="left_out", message=message)
+    """The row of an object that was left out of the frame's problem."""
+    return ObjectRow(
+        scene_id=problem.scene_id,
+        im_id=problem.im_id,
+        method=method,
+        seed=seed,
+        status="left_out",
+        message=f"left out: {' '.join(one.why.split())}",
+        **left_out_facts(one),
+    )
 
 
 def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:

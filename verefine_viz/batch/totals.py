@@ -6,7 +6,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,14 @@ import numpy as np
 from verefine_viz.batch.rows import FrameResult, ObjectRow
 from verefine_viz.diagnosis.causes import DATA_FIRST
 
-# Of how many frames the data are in doubt, and why: what to look at before all else.
-
 MOST_REASONS = 2
-"""Reasons that are told; frames with others are counted."""
+"""Reasons for doubt that are named; frames with others are counted."""
+MOST_FAILURES = 10
+"""Failed frames whose reason is quoted."""
+MOST_NOTES = 20
+"""Different notes that are shown."""
+_NUMBER = re.compile(r" \(#\d+\)")
+"""Behind an object's name: another in each frame, and of no use in a table of many."""
 
 
 @dataclass
@@ -27,11 +31,11 @@ class Reason:
     first: str
     """The first of these frames."""
     why: str
-    """As it is told of that frame."""
+    """As reported of that frame."""
     n_frames: int = 0
 
     def in_words(self) -> str:
-        """As in: In 3, such as 50/1, objects appear 11% larger: check cam_K."""
+        """``In 3, such as 50/1, objects appear 11% larger: check cam_K.``"""
         where = f"frame {self.first}" if self.n_frames == 1 else f"{self.n_frames}, such as {self.first}"
         return f"In {where}, {self.why}."
 
@@ -46,7 +50,7 @@ class Doubts:
         self._reasons: dict[str, Reason] = {}
 
     def add(self, frame: str, why: str) -> None:
-        """Takes a frame whose data are in doubt; ``frame`` as people are to read it."""
+        """Takes a frame whose data are in doubt; ``frame`` is its name in the text."""
         why = why.removesuffix(".")
         reason = self._reasons.setdefault(re.sub(r"\d+(\.\d+)?", "#", why), Reason(frame, why))
         reason.n_frames += 1
@@ -56,58 +60,49 @@ class Doubts:
         reasons = sorted(self._reasons.values(), key=lambda reason: -reason.n_frames)
         if not reasons:
             return ""
-        found = sum(reason.n_frames for reason in reasons)
-        of = f"{found} of {n_frames} frames" + (f" of {n_runs} runs" if n_runs > 1 else "")
+        n_doubtful = sum(reason.n_frames for reason in reasons)
+        of = f"{n_doubtful} of {n_frames} frames" + (f" of {n_runs} runs" if n_runs > 1 else "")
         first, *others = reasons
         if not others:
-            where = f"frame {first.first}" if found == 1 else f"{of}, such as {first.first}"
+            where = f"frame {first.first}" if n_doubtful == 1 else f"{of}, such as {first.first}"
             return f"{DATA_FIRST} in {where}, {first.why}."
-        told = [f"{DATA_FIRST} in {of}.", *(reason.in_words() for reason in reasons[:MOST_REASONS])]
+        sentences = [f"{DATA_FIRST} in {of}.", *(reason.in_words() for reason in reasons[:MOST_REASONS])]
         n_left = sum(reason.n_frames for reason in reasons[MOST_REASONS:])
         if n_left:
-            told.append(
+            sentences.append(
                 "1 other frame has another reason." if n_left == 1 else f"{n_left} other frames have other reasons."
             )
-        return " ".join(told)
+        return " ".join(sentences)
 
 
 def doubts_in_words(runs: Sequence[tuple[str, Iterable[ObjectRow]]]) -> str:
     """:meth:`Doubts.in_words` of the rows of one or several (run, rows); of several a frame is named with its run."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:
-        # All objects of a frame say the same; those whose answers are right say nothing.
-        found: dict[str, str] = {}
+        # All objects of a frame have the same doubt, or none where the answer is right.
+        by_frame: dict[str, str] = {}
         for row in rows:
-            found[row.frame] = found.get(row.frame, "") or row.doubt
-        n_frames += len(found)
-        for frame, why in found.items():
+            by_frame[row.frame] = by_frame.get(row.frame, "") or row.doubt
+        n_frames += len(by_frame)
+        for frame, why in by_frame.items():
             if why:
                 doubts.add(f"{frame} of {run}" if len(runs) > 1 else frame, why)
     return doubts.in_words(n_frames, len(runs))
 
 
-# What frames of a batch note, each once: a note of an object is the same whatever its number in a frame.
-
-MOST = 20
-"""Different notes that are told; nobody reads more."""
-_NUMBER = re.compile(r" \(#\d+\)")
-"""Behind an object's name: another in each frame, and nothing in a table of many."""
-
-
 class Notes:
-    """Counts in how many places something is noted.
+    """Counts in how many frames, or runs, something is noted: the first ``most`` different notes.
 
-    Args:
-        most: different notes that are kept; the first ones.
+    A note of an object is the same whatever its number in a frame.
     """
 
-    def __init__(self, most: int = MOST) -> None:
+    def __init__(self, most: int = MOST_NOTES) -> None:
         self._most = most
         self._often: Counter[str] = Counter()
         self._shown: dict[str, str] = {}
 
     def add(self, notes: Iterable[str]) -> None:
-        """Takes those of one place."""
+        """Takes those of one frame or run."""
         by_kind: dict[str, str] = {}
         for note in notes:
             kind = _NUMBER.sub("", note)
@@ -119,7 +114,7 @@ class Notes:
             self._shown[kind] = note if self._shown.get(kind, note) == note else kind
 
     def counted(self) -> dict[str, int]:
-        """The notes and how many places have them; the number of an object stays where it is always the same."""
+        """The notes and how often each came; the number of an object stays where it is always the same."""
         return {self._shown[kind]: n for kind, n in self._often.most_common()}
 
 
@@ -166,14 +161,13 @@ class Counts:
 
 @dataclass
 class Totals:
-    """Everything that run.json says about the results: fed with one frame after the other."""
+    """Everything in run.json about the results; takes one frame after the other."""
 
     counts: Counts = field(default_factory=Counts)
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
     doubts: Doubts = field(default_factory=Doubts)
     """Of the frames' data."""
-    max_failures: int = 10
     notes: Notes = field(default_factory=Notes)
     _scores: array[float] = field(default_factory=lambda: array("d"))
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))
@@ -189,7 +183,7 @@ class Totals:
 
     def _add(self, result: FrameResult) -> None:
         self.counts.add(result)
-        if result.failed and len(self.failures) < self.max_failures:
+        if result.failed and len(self.failures) < MOST_FAILURES:
             self.failures.append((result.frame, result.objects[0].message))
         if result.doubts:
             self.doubts.add(result.frame, result.doubts[0])
@@ -206,20 +200,11 @@ class Totals:
                     self._errors_mm.append(row.add_s_mm)
 
     def as_json(self, n_frames: int) -> dict[str, Any]:
-        """The entry ``totals`` of run.json."""
+        """The entry ``totals`` of run.json, see :class:`verefine_viz.batch.journal.RunTotals`."""
         counts, n_solved = self.counts, self.counts.frames_done - self.counts.frames_failed
         return {
             "frames": n_frames,
-            "frames_done": counts.frames_done,
-            "frames_failed": counts.frames_failed,
-            "objects": counts.objects,
-            "answers_with_truth": counts.answers_with_truth,
-            "objects_without_answer": counts.objects_without_answer,
-            "objects_left_out": counts.objects_left_out,
-            "objects_unreadable": counts.objects_unreadable,
-            "objects_in_failed_frames": counts.objects_in_failed_frames,
-            "objects_with_truth": counts.objects_with_truth,
-            "objects_correct": counts.objects_correct,
+            **asdict(counts),
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
             "data_in_doubt": self.doubts.in_words(counts.frames_done),
@@ -233,3 +218,18 @@ class Totals:
 
 def _median(values: array[float]) -> float | None:
     return float(np.median(values)) if values else None
+
+
+def misranked_share(rows: Iterable[ObjectRow]) -> float | None:
+    """How often the score misleads: the share of pairs (wrong, right answer) in which the wrong one scores higher.
+
+    0 = it separates wrong from right, ½ = no better than chance; None where there are no such pairs.
+    """
+    scores = [(row.is_correct, row.score) for row in rows if row.score is not None]
+    wrong = np.array([score for is_correct, score in scores if is_correct is False])
+    right = np.sort(np.array([score for is_correct, score in scores if is_correct]))
+    if not len(wrong) or not len(right):
+        return None
+    below = np.searchsorted(right, wrong, "left")
+    level = np.searchsorted(right, wrong, "right") - below
+    return float((below + level / 2).sum() / (len(wrong) * len(right)))

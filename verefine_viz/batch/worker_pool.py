@@ -13,8 +13,7 @@ from pathlib import Path
 
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
 from verefine_viz.batch.rows import FrameResult, failed_frame
-from verefine_viz.batch.tasks import TaskName
-from verefine_viz.batch.worker import work
+from verefine_viz.batch.worker_process import TaskName, work
 from verefine_viz.core.settings import Session
 
 TRIES = 2
@@ -31,7 +30,7 @@ class _Worker:
 
     def give(self, frame: str, session: Session, out: Path) -> None:
         self.frame = frame
-        # If the process has just died, the channel says so when it is read.
+        # If the process has just died, reading the channel will show it.
         with suppress(OSError):
             if self.out != out:
                 self.channel.send((session, out))
@@ -39,7 +38,7 @@ class _Worker:
         self.out = out
 
     def answer(self) -> FrameResult | str | None:
-        """What it found, or what takes long meanwhile; None where it died instead."""
+        """Its result, or a sentence on what is taking long; None where it died instead."""
         try:
             return self.channel.recv()
         except (EOFError, OSError):
@@ -71,15 +70,15 @@ class Pool:
         self._given_limit_bytes = limit_bytes
         self._peak_bytes = 0
         self._n_renewed = 0
-        self._most = 1
+        self._most_workers = 1
         self._tries: dict[str, int] = {}
         self._again: deque[str] = deque()
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
         self._workers = [self._started()]
 
     @property
     def needs(self) -> str:
-        return f"{self._most} × {gigabytes(self._peak_bytes)} in workers" if self._peak_bytes else ""
+        return f"{self._most_workers} × {gigabytes(self._peak_bytes)} in workers" if self._peak_bytes else ""
 
     @property
     def warning(self) -> str:
@@ -87,24 +86,24 @@ class Pool:
             return ""
         renewed = f"{self._n_renewed} {'was' if self._n_renewed == 1 else 'were'}"
         return (
-            f"a worker needs {gigabytes(self._peak_bytes)}, and {self._most} of them may take "
-            f"{gigabytes(self._limit_bytes)} each: {renewed} started anew to free memory; "
+            f"a worker needs {gigabytes(self._peak_bytes)}, and {self._most_workers} of them may take "
+            f"{gigabytes(self._limit_bytes)} each: {renewed} restarted to free memory; "
             "fewer --workers, or a higher --worker-memory-gb, is faster"
         )
 
     @property
     def _limit_bytes(self) -> int:
-        """What a worker may hold: memory is shared by those that there are, which few frames keep few."""
-        return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most)
+        """What a worker may hold: they share the memory, and there are no more of them than frames."""
+        return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most_workers)
 
-    def turn_to(self, session: Session, out: Path) -> None:
-        """From now on frames are those of another batch; processes stay, which spares seconds of imports each."""
+    def switch_to(self, session: Session, out: Path) -> None:
+        """From now on frames are those of another batch; processes stay, which saves seconds of imports each."""
         self._session, self._out = session, out
         self._tries.clear()
         self._again.clear()
 
     def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str]:
-        """See :class:`Workers`."""
+        """See :class:`verefine_viz.batch.run_batch.Workers`."""
         waiting = iter(frames)
         idle, busy = list(self._workers), list[_Worker]()
 
@@ -123,8 +122,8 @@ class Pool:
             for worker in [w for w in busy if w.channel in ready]:
                 result = worker.answer()
                 if isinstance(result, str):
-                    if result not in self._said:
-                        self._said.add(result)
+                    if result not in self._reported:
+                        self._reported.add(result)
                         yield result
                     continue
                 busy.remove(worker)
@@ -168,7 +167,7 @@ class Pool:
 
     def _added(self) -> _Worker:
         self._workers.append(self._started())
-        self._most = max(self._most, len(self._workers))
+        self._most_workers = max(self._most_workers, len(self._workers))
         return self._workers[-1]
 
     def _started(self) -> _Worker:

@@ -55,14 +55,14 @@ class Batch:
         check_seeds(self.seeds)
         from verefine_viz.batch.batch_command import run_jobs
         from verefine_viz.batch.jobs import session_jobs, sweep_jobs
-        from verefine_viz.batch.run_batch import Place
+        from verefine_viz.batch.run_batch import Backend
 
         limit = None if self.worker_memory_gb is None else int(1e9 * self.worker_memory_gb)
-        place = Place(self.workers, limit, self.cluster)
+        backend = Backend(self.workers, limit, self.cluster)
         task = "explain" if self.diagnose else "solve"
         overrides = given(self.settings, arguments)
         if self.methods or self.seeds is not None:
             jobs = sweep_jobs(self.sessions, self.out, overrides, self.methods, self.seeds)
         else:
             jobs = session_jobs(self.sessions, self.out, overrides)
-        return run_jobs(jobs, self.out, place, self.retry_failed, task)
+        return run_jobs(jobs, self.out, backend, self.retry_failed, task)

@@ -17,6 +17,7 @@ from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.evaluation.bop_model import EvalModels
 from verefine_viz.evaluation.ground_truth import (
     VISIB_FRACT,
+    BopGroundTruth,
     read_targets,
     targets_path,
     visible_targets,

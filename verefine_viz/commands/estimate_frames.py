@@ -14,7 +14,7 @@ from verefine_viz.batch.batch_command import unreadable
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
 from verefine_viz.batch.rows import ObjectRow, read_frames_csv
-from verefine_viz.batch.run_batch import Outcome, Place, run_batch
+from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.paths import atomic, check_file, clear_parts
@@ -51,7 +51,7 @@ def write_pools(
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as report:
-        outcome = run_batch(session, journal, Place(n_workers), report, retry_failed, "estimate")
+        outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate")
     rows = read_frames_csv(journal / "frames.csv")
     n_hypotheses = sum(row.n_hypotheses for row in rows)
     if n_hypotheses:

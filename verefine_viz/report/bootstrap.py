@@ -1,6 +1,6 @@
 """How far a number would move on other frames and with other seeds: the bootstrap over both.
 
-Frames (or whole scenes) and seeds are drawn with replacement, each by itself, and every group is looked at under the
+Frames (or whole scenes) and seeds are drawn with replacement, each by itself, and every group is measured under the
 same draws: differences between groups are therefore paired.
 """
 

@@ -1,9 +1,8 @@
-"""What ``verefine-viz report`` does."""
+"""What ``verefine-viz report`` does: of one run, of two compared, or of the groups that many runs make."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -12,44 +11,26 @@ from rich.markup import escape
 from verefine_viz.batch.index import find_runs
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import clear_parts
-from verefine_viz.report.bop_recalls import bop_recalls
-from verefine_viz.report.failure_cards import Gallery, gallery, group_gallery, pair_gallery
-from verefine_viz.report.group_comparison import compare, frame_recalls
+from verefine_viz.core.paths import atomic, clear_parts
+from verefine_viz.report.bop_recalls import bop_recalls, frame_recalls
+from verefine_viz.report.failure_cards import gallery, group_gallery, pair_gallery
+from verefine_viz.report.group_comparison import compare
 from verefine_viz.report.group_page import render_groups
 from verefine_viz.report.group_sentences import counted, headline
-from verefine_viz.report.groups import load_groups
-from verefine_viz.report.html import write
+from verefine_viz.report.groups import Progress, load_groups
 from verefine_viz.report.run_difference import difference
 from verefine_viz.report.run_page import Side, render
-from verefine_viz.report.run_results import Loaded, load, load_pair
+from verefine_viz.report.run_results import load, load_pair
 
 FILE_NAME = "report.html"
-Tell = Callable[[str, int, int], None]
-"""Told what is being done, how many are done, and how many there are."""
-
-
-def _silent(what: str, done: int, of: int) -> None:
-    """Nobody is told."""
-
-
-@dataclass(frozen=True)
-class Making:
-    """How a report is made."""
-
-    most_failures: int = 60
-    """Failures with pictures, of all runs together."""
-    workers: int = 1
-    """Threads for the BOP scores."""
-    tell: Tell = _silent
-    """Progress."""
-
-
-AS_USUAL = Making()
+MOST_FAILURES = 60
+"""Failures with pictures, of all runs together, unless another number is asked for."""
+StepProgress = Callable[[str, int, int], None]
+"""Called with what is being done, how many parts of it are done, and how many there are."""
 
 
 def print_report(folder: Path, other: Path | None, out: Path | None, most_failures: int, workers: int) -> None:
-    """Writes the report and says where it is: of a run, of two side by side, or of the groups that many runs make.
+    """Writes the report and prints where it is: of a run, of two side by side, or of the groups that many runs make.
 
     Raises:
         VerefineError: a folder is no run, the runs do not go together, or the file cannot be written.
@@ -58,22 +39,36 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     path = out or folder / name
     clear_parts(path.parent, path.name)
-    places = [find_runs(place) for place in (folder, other) if place is not None]
-    found = [run for place in places for run in place.runs]
-    several = len(found) > (1 if other is None else 2)
-    if not several:
-        folder, other = found[0], found[1] if other else None
-    with counted_bar("reading") as tell:
-        making = Making(most_failures, workers, tell)
-        notes = write_group_report(found, path, making) if several else write_report(folder, other, path, making)
+    selections = [find_runs(named) for named in (folder, other) if named is not None]
+    runs = [run for selection in selections for run in selection.runs]
+    with counted_bar("reading") as progress:
+        if len(runs) > len(selections):
+            notes = write_group_report(runs, path, most_failures, workers, progress)
+        else:
+            notes = write_report(runs[0], runs[1] if other else None, path, most_failures, workers, progress)
     console = Console(highlight=False, soft_wrap=True)
-    for note in (*(place.note for place in places if place.note), *notes):
+    for note in (*(selection.note for selection in selections if selection.note), *notes):
         console.print(escape(note))
     console.print(escape(f"Report in {path} ({path.stat().st_size / 1e6:.1f} MB)"))
 
 
-def write_report(folder: Path, other: Path | None, path: Path, making: Making = AS_USUAL) -> tuple[str, ...]:
+def write_report(
+    folder: Path,
+    other: Path | None,
+    path: Path,
+    most_failures: int = MOST_FAILURES,
+    workers: int = 1,
+    progress: StepProgress = lambda what, done, of: None,
+) -> tuple[str, ...]:
     """Writes the report of the run in ``folder``, beside that in ``other`` if there is one, into the file ``path``.
+
+    Args:
+        folder: a batch folder.
+        other: another one.
+        path: the HTML file.
+        most_failures: failures with pictures.
+        workers: threads for the BOP scores.
+        progress: see :data:`StepProgress`.
 
     Returns:
         What is missing in it, and why.
@@ -84,44 +79,47 @@ def write_report(folder: Path, other: Path | None, path: Path, making: Making = 
     _check(path)
     a, b = load_pair(folder, other) if other else (load(folder), None)
     sides = [
-        Side(run, bop_recalls(run, making.workers, _telling(making.tell, run))) for run in (a, b) if run is not None
+        Side(run, bop_recalls(run, workers, _step(progress, f"BOP scores {run.label}".strip())))
+        for run in (a, b)
+        if run is not None
     ]
-    found = difference(a, b) if b else None
-    failures = _failures(a, b, making)
-    html = render(sides[0], sides[1] if b else None, found, failures)
-    write(path, html)
-    return tuple(dict.fromkeys((*(side.bop.note for side in sides if side.bop.total is None), *failures.notes)))
+    pictures = _step(progress, "pictures")
+    failures = pair_gallery(a, b, most_failures, pictures) if b else gallery(a, most_failures, pictures)
+    _write(path, render(sides[0], sides[1] if b else None, difference(a, b) if b else None, failures))
+    return tuple(dict.fromkeys((*(side.bop.note for side in sides if side.bop.ar is None), *failures.notes)))
 
 
-def write_group_report(folders: Sequence[Path], path: Path, making: Making = AS_USUAL) -> tuple[str, ...]:
-    """Writes the report that compares the groups of finished runs in ``folders``.
+def write_group_report(
+    folders: Sequence[Path],
+    path: Path,
+    most_failures: int = MOST_FAILURES,
+    workers: int = 1,
+    progress: StepProgress = lambda what, done, of: None,
+) -> tuple[str, ...]:
+    """Writes the report that compares the groups of finished runs in ``folders``; arguments as :func:`write_report`.
 
     Returns:
-        What was found in a few words, and what is missing, and why.
+        The result in a few words, and what is missing, and why.
 
     Raises:
         VerefineError: no run can be used, or they are about different data; and as :func:`write_report`.
     """
-    tell = making.tell
     _check(path)
-    groups = load_groups(folders, lambda done, of: tell("reading runs", done, of))
-    bop = frame_recalls(groups.runs, making.workers, lambda done, of: tell("BOP scores", done, of))
-    tell("comparing", 0, 1)
-    found = compare(groups.groups, bop)
-    failures = group_gallery(found.groups, making.most_failures, lambda done, of: tell("pictures", done, of))
-    tell("writing", 0, 1)
-    write(path, render_groups(groups, found, failures))
+    groups = load_groups(folders, _step(progress, "reading runs"))
+    bop = frame_recalls(groups.runs, workers, _step(progress, "BOP scores"))
+    progress("comparing", 0, 1)
+    comparison = compare(groups.groups, bop)
+    failures = group_gallery(comparison.groups, most_failures, _step(progress, "pictures"))
+    progress("writing", 0, 1)
+    _write(path, render_groups(groups, comparison, failures))
     n_left = len(groups.left_out)
     left = (f"{n_left} of {len(folders)} runs left out, see the report.",) if n_left else ()
-    without = () if found.has_ar else (bop.note,)
-    return (f"{counted(found)}.", headline(found), *left, *without, *failures.notes)
+    without = () if comparison.has_ar else (bop.note,)
+    return (f"{counted(comparison)}.", headline(comparison), *left, *without, *failures.notes)
 
 
-def _failures(a: Loaded, b: Loaded | None, making: Making) -> Gallery:
-    def tell(done: int, of: int) -> None:
-        making.tell("pictures", done, of)
-
-    return pair_gallery(a, b, making.most_failures, tell) if b else gallery(a, making.most_failures, tell)
+def _step(progress: StepProgress, what: str) -> Progress:
+    return lambda done, of: progress(what, done, of)
 
 
 def _check(path: Path) -> None:
@@ -129,5 +127,6 @@ def _check(path: Path) -> None:
         raise InputError(f"--out {path} is a folder, expected the name of a file")
 
 
-def _telling(tell: Tell, run: Loaded) -> Callable[[int, int], None]:
-    return lambda done, of: tell(f"BOP scores {run.label}".strip(), done, of)
+def _write(path: Path, html: str) -> None:
+    with atomic(path) as part:
+        part.write_text(html, encoding="utf-8")

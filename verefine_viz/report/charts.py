@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import count
 
@@ -11,15 +12,19 @@ import plotly.graph_objects as go
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.report.failure_cards import Curve
+from verefine_viz.report.failure_cards import ScoreCurve
 from verefine_viz.report.run_difference import SAME, Difference
-from verefine_viz.report.run_results import THRESHOLDS, Loaded, recall_curve, stage_times
+from verefine_viz.report.run_results import THRESHOLDS, LoadedRun, recall_curve, stage_times
 
 MOST_POINTS = 4000
 """Of a scatter plot; of more, an even choice is drawn."""
 SMALLEST_PERCENT = 0.05
 """Errors below this share of the diameter are drawn there: a logarithmic axis has no zero."""
 RIGHT, WRONG = EVENT_COLORS["new_best"], EVENT_COLORS["score_fell"]
+DOTTED = {"width": 1, "dash": "dot", "color": "#888"}
+"""A line at a threshold."""
+PERCENT_TICKS = (0.1, 0.3, 1, 3, 10, 30, 100)
+PERCENT_AXIS = {"type": "log", "tickvals": PERCENT_TICKS, "ticktext": [f"{t:g}" for t in PERCENT_TICKS]}
 STAGE_WORDS = {
     "read": ("read", "#8d99ae"),
     "start": ("hypotheses", "#577590"),
@@ -33,7 +38,7 @@ STAGE_WORDS = {
 }
 
 
-def color(run: Loaded) -> str:
+def color(run: LoadedRun) -> str:
     """A run's colour in charts; darker than on the page, to be seen on paper."""
     if not run.label:
         return css(STAGE_COLORS["refined"])
@@ -46,7 +51,7 @@ def css(rgb: RGB) -> str:
     return f"rgb({rgb[0]},{rgb[1]},{rgb[2]})"
 
 
-def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
+def recall_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     """Recall over the threshold, all objects with ground truth."""
     figure = new_figure("error below … % of the diameter", "share of objects [%]")
     for run in runs:
@@ -58,15 +63,15 @@ def recall_figure(runs: Sequence[Loaded]) -> go.Figure:
             line={"color": color(run), "width": 2.5, "dash": "dash" if run.label == "B" else "solid"},
             hovertemplate="below %{x} %: %{y} %<extra></extra>",
         )
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.add_vline(x=10, line=DOTTED)
     figure.update_yaxes(range=[0, 103])
     figure.update_xaxes(range=[0, 50])
     figure.update_layout(showlegend=len(runs) > 1)
     return figure
 
 
-def score_figure(run: Loaded) -> go.Figure:
-    """Score over error, a point per object: a score that tells the truth falls from left to right."""
+def score_figure(run: LoadedRun) -> go.Figure:
+    """Score over error, a point per object: a score to be trusted falls from left to right."""
     figure = new_figure("error [% of the diameter]", "score")
     rows = _some([r for r in run.objects if r.score is not None and r.relative_error is not None])
     for is_right, name, symbol in ((True, "right", "circle"), (False, "wrong", "x")):
@@ -80,13 +85,13 @@ def score_figure(run: Loaded) -> go.Figure:
             marker={"color": css(RIGHT if is_right else WRONG), "symbol": symbol, "size": 7, "opacity": 0.75},
             hovertemplate="%{text}<br>error %{x} %, score %{y}<extra></extra>",
         )
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
-    _percent_axis(figure.update_xaxes)
+    figure.add_vline(x=10, line=DOTTED)
+    figure.update_xaxes(PERCENT_AXIS)
     figure.update_yaxes(range=[0, 1.02])
     return figure
 
 
-def time_figure(runs: Sequence[Loaded]) -> go.Figure:
+def time_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     """Mean time a frame by stage."""
     figure = stage_bars({run.name: stage_times(run) for run in runs})
     figure.update_layout(height=190 + 50 * len(runs))
@@ -112,7 +117,7 @@ def stage_bars(times: Mapping[str, Mapping[str, float]]) -> go.Figure:
     return figure
 
 
-def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
+def cause_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     """How many failures each cause has."""
     figure = new_figure("failed objects", "")
     runs = [run for run in runs if cause_counts(run.failures)]
@@ -138,10 +143,10 @@ def cause_figure(runs: Sequence[Loaded]) -> go.Figure:
     return figure
 
 
-def change_figure(found: Difference) -> go.Figure:
+def change_figure(difference: Difference) -> go.Figure:
     """Error of B over error of A, a point per object: below the line B is better."""
     figure = new_figure("error of A [% of the diameter]", "error of B [% of the diameter]")
-    changes = _some([c for c in found.changes if np.isfinite(c.error_a) and np.isfinite(c.error_b)])
+    changes = _some([c for c in difference.changes if np.isfinite(c.error_a) and np.isfinite(c.error_b)])
     ends = [SMALLEST_PERCENT, 200]
     figure.add_scatter(
         x=ends, y=ends, mode="lines", line={"color": "#888", "width": 1}, hoverinfo="skip", showlegend=False
@@ -160,15 +165,14 @@ def change_figure(found: Difference) -> go.Figure:
             marker={"color": shade, "size": 7, "opacity": 0.75, "symbol": symbol},
             hovertemplate="%{text}<br>A %{x} %, B %{y} %<extra></extra>",
         )
-    line = {"width": 1, "dash": "dot", "color": "#888"}
-    figure.add_vline(x=10, line=line)
-    figure.add_hline(y=10, line=line)
-    _percent_axis(figure.update_xaxes)
-    _percent_axis(figure.update_yaxes)
+    figure.add_vline(x=10, line=DOTTED)
+    figure.add_hline(y=10, line=DOTTED)
+    figure.update_xaxes(PERCENT_AXIS)
+    figure.update_yaxes(PERCENT_AXIS)
     return figure
 
 
-def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
+def curve_figure(curve: ScoreCurve, worst_iteration: int | None) -> go.Figure:
     """A failure's score over the iterations, with the error of the best pose."""
     figure = new_figure("iteration", "score", height=170)
     xs = list(curve.iterations)
@@ -176,7 +180,7 @@ def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
         x=xs,
         y=[None if s is None else round(s, 4) for s in curve.scores],
         text=[f"hypothesis {arm + 1}" for arm in curve.arms],
-        name="kept pose",
+        name="accepted pose",
         mode="markers",
         marker={"color": [css(ARM_COLORS[arm % len(ARM_COLORS)]) for arm in curve.arms], "size": 6},
         hovertemplate="iteration %{x}, %{text}: score %{y}<extra></extra>",
@@ -211,19 +215,15 @@ def curve_figure(curve: Curve, worst_iteration: int | None) -> go.Figure:
             }
         )
     if worst_iteration:
-        figure.add_vline(x=worst_iteration, line={"width": 1, "dash": "dot", "color": "#888"})
+        figure.add_vline(x=worst_iteration, line=DOTTED)
     figure.update_yaxes(range=[0, 1], selector={"anchor": "x"})
     figure.update_layout(yaxis={"range": [0, 1.02]}, margin={"l": 44, "r": 44, "t": 6, "b": 34}, showlegend=False)
     return figure
 
 
-def cause_counts(rows: Sequence[ObjectRow]) -> dict[str, int]:
+def cause_counts(rows: Sequence[ObjectRow]) -> Counter[str]:
     """Failures by cause, those without a diagnosis left out."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        if row.cause:
-            counts[row.cause] = counts.get(row.cause, 0) + 1
-    return counts
+    return Counter(row.cause for row in rows if row.cause)
 
 
 def whole_step(most: int) -> int:
@@ -248,12 +248,6 @@ def new_figure(x: str, y: str, height: int = 340) -> go.Figure:
             "hovermode": "closest",
         }
     )
-
-
-def _percent_axis(update: object) -> None:
-    assert callable(update)
-    ticks = [0.1, 0.3, 1, 3, 10, 30, 100]
-    update(type="log", tickvals=ticks, ticktext=[f"{t:g}" for t in ticks])
 
 
 def _percent(row: ObjectRow) -> float:

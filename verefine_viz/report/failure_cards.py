@@ -1,10 +1,10 @@
-"""The gallery of failures: pictures, how the score went, and why it went wrong."""
+"""The gallery of failures: which answers get a card, with pictures, the score over the iterations, and the cause."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from verefine_viz.batch.rows import ObjectRow
@@ -14,21 +14,24 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.report.groups import Group, seed_words
+from verefine_viz.report.groups import Group, Progress, seed_words
 from verefine_viz.report.pictures import Pictures, pictures
-from verefine_viz.report.run_results import Key, Loaded, key
+from verefine_viz.report.run_results import Key, LoadedRun, key
 from verefine_viz.scenes.source import SceneSource, open_scene
+
+ONLY_A, ONLY_B, BOTH = "only A wrong", "only B wrong", "both wrong"
+"""Groups of failures where two runs are compared."""
 
 
 @dataclass(frozen=True)
-class Curve:
+class ScoreCurve:
     """One object over the iterations that were spent on it."""
 
     iterations: tuple[int, ...]
     """Counted over the frame, as everywhere."""
     arms: tuple[int, ...]
     scores: tuple[float | None, ...]
-    """Of the pose that was kept."""
+    """Of the accepted pose."""
     best_scores: tuple[float, ...]
     """Best so far."""
     best_errors_mm: tuple[float | None, ...]
@@ -39,18 +42,18 @@ class Curve:
 class Pick:
     """An answer that gets a card."""
 
-    run: Loaded
+    run: LoadedRun
     row: ObjectRow
-    other: Loaded | None = None
+    other: LoadedRun | None = None
     """Another run to show beside it."""
     group: str = ""
     """Of runs, where several groups are compared; who is wrong, where two runs are."""
     remark: str = ""
-    """What else to say about it."""
+    """What else to know about it."""
 
     @property
     def place(self) -> tuple[str, Key]:
-        """What no two cards have in common: group and object."""
+        """Group and object: no two cards have the same."""
         return self.group, key(self.row)
 
     @property
@@ -70,7 +73,7 @@ class Failure:
     other: ObjectRow | None
     """The same object in the other run."""
     pictures: Pictures | None
-    curve: Curve | None
+    curve: ScoreCurve | None
 
     @property
     def row(self) -> ObjectRow:
@@ -93,67 +96,39 @@ class Gallery:
     """What is missing, and why."""
 
 
-def gallery(run: Loaded, most: int, tell: Callable[[int, int], None]) -> Gallery:
-    """The failures of a run, worst first.
-
-    Args:
-        run: whose failures.
-        most: how many are shown.
-        tell: told how many cards are done, and how many there are.
-    """
-    return gallery_of([Pick(run, row) for row in run.failures[:most]], len(run.failures), tell)
+def gallery(run: LoadedRun, most: int, progress: Progress) -> Gallery:
+    """The failures of a run, worst first, at most ``most``."""
+    return gallery_of([Pick(run, row) for row in run.failures[:most]], len(run.failures), progress)
 
 
-def gallery_of(picks: Sequence[Pick], n_failures: int, tell: Callable[[int, int], None]) -> Gallery:
-    """The cards of some answers, in their order; all runs are about the same data, so a frame is read once.
-
-    Args:
-        picks: the answers.
-        n_failures: how many there are to pick from.
-        tell: told how many cards are done, and how many there are.
-    """
-    found: dict[int, Failure] = {}
+def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Gallery:
+    """The cards of some of ``n_failures`` answers, in their order; the runs share their data: a frame is read once."""
+    cards: dict[int, Failure] = {}
     notes: list[str] = []
     frames = list(dict.fromkeys(pick.row.frame for pick in picks))
-    source = _Source(picks[0].run, frames, notes) if picks else None
+    source = _opened(picks[0].run, frames, notes) if picks else None
     for frame in frames:
-        problem = source.problem(frame) if source else None
-        mine = [(k, pick) for k, pick in enumerate(picks) if pick.row.frame == frame]
-        runs = {id(pick.run): pick for _, pick in mine}
+        problem = _problem(source, frame, notes)
+        of_frame = [(k, pick) for k, pick in enumerate(picks) if pick.row.frame == frame]
+        runs = {id(pick.run): pick for _, pick in of_frame}
         answers = {i: _answers(pick, frame) for i, pick in runs.items()}
         curves = {i: _curves(pick.run, frame, notes) for i, pick in runs.items()}
-        for k, pick in mine:
-            tell(len(found), len(picks))
-            seen = _pictures(pick.run, problem, pick.row, answers[id(pick.run)])
-            theirs = None if pick.other is None else pick.other.row_of(pick.row)
-            found[k] = Failure(pick, theirs, seen, curves[id(pick.run)].get(pick.row.instance_id))
-    tell(len(picks), len(picks))
-    cards = tuple(found[k] for k in range(len(picks)))
-    return Gallery(cards, n_failures - len(picks), tuple(dict.fromkeys(notes)))
+        for k, pick in of_frame:
+            progress(len(cards), len(picks))
+            drawn = _pictures(pick.run, problem, pick.row, answers[id(pick.run)])
+            other = None if pick.other is None else pick.other.row_of(pick.row)
+            cards[k] = Failure(pick, other, drawn, curves[id(pick.run)].get(pick.row.instance_id))
+    progress(len(picks), len(picks))
+    in_order = tuple(cards[k] for k in range(len(picks)))
+    return Gallery(in_order, n_failures - len(picks), tuple(dict.fromkeys(notes)))
 
 
-def _answers(pick: Pick, frame: str) -> list[tuple[Loaded, Mapping[int, Float]]]:
+def _answers(pick: Pick, frame: str) -> list[tuple[LoadedRun, Mapping[int, Float]]]:
     runs = [pick.run] if pick.other is None else [pick.run, pick.other]
-    return [(run, run.answers(frame)) for run in runs]
+    return [(run, run.index.answers(frame)) for run in runs]
 
 
-class _Source:
-    """Frames of the run's data set; one note says why there are none."""
-
-    def __init__(self, run: Loaded, frames: Sequence[str], notes: list[str]) -> None:
-        self._notes, self._source = notes, _opened(run, frames, notes)
-
-    def problem(self, frame: str) -> Problem | None:
-        if self._source is None:
-            return None
-        try:
-            return self._source.problem(frame)
-        except VerefineError as error:
-            self._notes.append(f"No pictures of frame {frame}: {error}.")
-            return None
-
-
-def _opened(run: Loaded, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
+def _opened(run: LoadedRun, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
     session = run.index.session
     try:
         # Pictures need no initial poses, whose files may be gone.
@@ -165,22 +140,32 @@ def _opened(run: Loaded, frames: Sequence[str], notes: list[str]) -> SceneSource
         return None
 
 
+def _problem(source: SceneSource | None, frame: str, notes: list[str]) -> Problem | None:
+    if source is None:
+        return None
+    try:
+        return source.problem(frame)
+    except VerefineError as error:
+        notes.append(f"No pictures of frame {frame}: {error}.")
+        return None
+
+
 def _pictures(
-    run: Loaded,
+    run: LoadedRun,
     problem: Problem | None,
     row: ObjectRow,
-    answers: Sequence[tuple[Loaded, Mapping[int, Float]]],
+    answers: Sequence[tuple[LoadedRun, Mapping[int, Float]]],
 ) -> Pictures | None:
     if problem is None or row.instance_id is None:
         return None
     target = next((t for t in problem.targets if t.instance.instance_id == row.instance_id), None)
     if target is None or target.instance.obj_id != row.obj_id:
         return None
-    poses = [(found[row.instance_id], r.label or "best") for r, found in answers if row.instance_id in found]
+    poses = [(Ts[row.instance_id], r.label or "best") for r, Ts in answers if row.instance_id in Ts]
     return pictures(target, poses, run.index.session.score.tau_m)
 
 
-def _curves(run: Loaded, frame: str, notes: list[str]) -> dict[int | None, Curve]:
+def _curves(run: LoadedRun, frame: str, notes: list[str]) -> dict[int | None, ScoreCurve]:
     path = run.recording(frame)
     if not path.is_file():
         notes.append("Some frames have no recording (recording.keep), and so no curve.")
@@ -194,35 +179,29 @@ def _curves(run: Loaded, frame: str, notes: list[str]) -> dict[int | None, Curve
     return {k: _curve([e for e in recorded.entries if e.iteration.instance_id == k]) for k in ids}
 
 
-def _curve(entries: Sequence[Entry]) -> Curve:
+def _curve(entries: Sequence[Entry]) -> ScoreCurve:
     iterations = [entry.iteration for entry in entries]
-    kept = [i.accepted_stage.score for i in iterations]
+    accepted = [i.accepted_stage.score for i in iterations]
     errors_mm = [float(entry.errors[2]) for entry in entries]
-    return Curve(
+    return ScoreCurve(
         tuple(i.index for i in iterations),
         tuple(i.arm for i in iterations),
-        tuple(None if score is None else score.score for score in kept),
+        tuple(None if score is None else score.score for score in accepted),
         tuple(i.best.score.score for i in iterations),
         tuple(None if math.isnan(e) else e for e in errors_mm),
     )
 
 
-# Which failures of several groups get a card.
-
-
-def group_gallery(groups: Sequence[Group], most: int, tell: Callable[[int, int], None]) -> Gallery:
+def group_gallery(groups: Sequence[Group], most: int, progress: Progress) -> Gallery:
     """The worst failures of each group, as many of each; an object comes once a group, with its worst seed.
 
-    Args:
-        groups: in the order in which they take what does not divide evenly.
-        most: cards of all groups together.
-        tell: told how many cards are done, and how many there are.
+    ``most`` counts all groups together; what does not divide evenly goes to the first ones.
     """
     shares = [most // len(groups) + (k < most % len(groups)) for k in range(len(groups))]
     picks = [pick for group, share in zip(groups, shares, strict=True) for pick in _picks(group, share)]
     picks.sort(key=lambda pick: -pick.badness)
     n_failures = sum(len(run.failures) for group in groups for run in group.runs)
-    return gallery_of(picks, n_failures, tell)
+    return gallery_of(picks, n_failures, progress)
 
 
 def _picks(group: Group, most: int) -> list[Pick]:
@@ -237,40 +216,29 @@ def _picks(group: Group, most: int) -> list[Pick]:
 
 def _often(failed: Sequence[Pick], n_runs: int) -> str:
     """``wrong in 12 of 20 runs: best hypothesis tried too little 9, collider too coarse 3``."""
-    said = f"wrong in {len(failed)} of {n_runs} runs"
+    often = f"wrong in {len(failed)} of {n_runs} runs"
     causes = Counter(pick.row.cause for pick in failed if pick.row.cause).most_common()
     if len(failed) < 2 or not causes:
-        return said
-    return f"{said}: {', '.join(f'{cause_title(cause)} {n}' for cause, n in causes)}"
+        return often
+    return f"{often}: {', '.join(f'{cause_title(cause)} {n}' for cause, n in causes)}"
 
 
-def _remark(run: Loaded) -> str:
+def _remark(run: LoadedRun) -> str:
     return f"{run.folder.name} ({seed_words(run)})"
 
 
-# Which objects get a card where two runs are compared: those that one of them, or both, got wrong.
-
-ONLY_A, ONLY_B, BOTH = "only A wrong", "only B wrong", "both wrong"
-
-
-def pair_gallery(a: Loaded, b: Loaded, most: int, tell: Callable[[int, int], None]) -> Gallery:
+def pair_gallery(a: LoadedRun, b: LoadedRun, most: int, progress: Progress) -> Gallery:
     """What the runs got wrong, an object once, worst first; what only one got wrong is shown as often as what both did.
 
-    Without ground truth nobody knows what is wrong: then the lowest scores of A.
-
-    Args:
-        a: one run.
-        b: the other.
-        most: how many are shown.
-        tell: told how many cards are done, and how many there are.
+    Without ground truth it is unknown what is wrong: then the lowest scores of A.
     """
     if not a.with_truth and not b.with_truth:
-        return gallery_of([Pick(a, row, b) for row in a.failures[:most]], len(a.failures), tell)
-    found = _wrong(a, b)
-    shown = [pick for picks, n in zip(found, shared_out(most, [len(mine) for mine in found]), strict=True)
-             for pick in picks[:n]]  # fmt: skip
+        return gallery_of([Pick(a, row, b) for row in a.failures[:most]], len(a.failures), progress)
+    wrong = _wrong(a, b)
+    shares = shared_out(most, [len(picks) for picks in wrong])
+    shown = [pick for picks, share in zip(wrong, shares, strict=True) for pick in picks[:share]]
     shown.sort(key=lambda pick: -pick.badness)
-    return gallery_of(shown, sum(map(len, found)), tell)
+    return gallery_of(shown, sum(map(len, wrong)), progress)
 
 
 def shared_out(most: int, sizes: Sequence[int]) -> list[int]:
@@ -283,7 +251,7 @@ def shared_out(most: int, sizes: Sequence[int]) -> list[int]:
     return shares
 
 
-def _wrong(a: Loaded, b: Loaded) -> list[list[Pick]]:
+def _wrong(a: LoadedRun, b: LoadedRun) -> list[list[Pick]]:
     """What only A, only B and both got wrong, each worst first; a card is that of the run whose answer is worse."""
     of_a, of_b = ({key(row): row for row in run.failures} for run in (a, b))
     both = [max(Pick(a, row, b, BOTH), Pick(b, of_b[k], a, BOTH), key=lambda pick: pick.badness)
@@ -292,15 +260,15 @@ def _wrong(a: Loaded, b: Loaded) -> list[list[Pick]]:
     return [_alone(a, b, ONLY_A), _alone(b, a, ONLY_B), both]
 
 
-def _alone(run: Loaded, other: Loaded, kind: str) -> list[Pick]:
+def _alone(run: LoadedRun, other: LoadedRun, kind: str) -> list[Pick]:
     """What ``run`` got wrong and ``other`` did not."""
     theirs = {key(row) for row in other.failures}
     return [Pick(run, row, other, kind, _absent(other, row)) for row in run.failures if key(row) not in theirs]
 
 
-def _absent(other: Loaded, row: ObjectRow) -> str:
-    """Why the other run says nothing about an object; empty where it does."""
-    there = other.row_of(row)
-    if there is None:
+def _absent(other: LoadedRun, row: ObjectRow) -> str:
+    """Why the other run has no answer for an object; empty where it has."""
+    other_row = other.row_of(row)
+    if other_row is None:
         return f"{other.label} does not have it"
-    return "" if there.was_asked_for else f"{other.label} was not asked for it: {there.message}"
+    return "" if other_row.was_asked_for else f"{other.label} was not asked for it: {other_row.message}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.report.charts import css, new_figure, rounded, stage_bars
-from verefine_viz.report.group_comparison import Curve, Line
+from verefine_viz.report.charts import DOTTED, css, new_figure, rounded, stage_bars
+from verefine_viz.report.group_comparison import Line, RecallCurve
 from verefine_viz.report.run_results import THRESHOLDS
 
 GREY = "#98a3b5"
@@ -34,7 +34,7 @@ GROUP_COLORS = (
 DASHES = ("solid", "dash", "dot")
 """Of curves: a second and third round through the colours."""
 MOST_BANDS = 4
-"""Bands that can be told apart over each other; of more groups, each gets a panel of its own."""
+"""Bands that are readable over each other; of more groups, each gets a panel of its own."""
 PANELS_A_ROW = 4
 PANEL_PX = 190
 CAUSE_COLORS = ("#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#edc948", "#b07aa1", "#ff9da7", "#9c755f",
@@ -46,11 +46,11 @@ ROW_PX = 26
 
 def colors(lines: Sequence[Line]) -> dict[str, tuple[str, str]]:
     """Colour and dash of each group, by name: another order leaves them as they are."""
-    found = {}
+    shades = {}
     for k, name in enumerate(sorted(line.name for line in lines)):
         r, g, b = GROUP_COLORS[k % len(GROUP_COLORS)]
-        found[name] = css((r, g, b)), DASHES[k // len(GROUP_COLORS) % len(DASHES)]
-    return found
+        shades[name] = css((r, g, b)), DASHES[k // len(GROUP_COLORS) % len(DASHES)]
+    return shades
 
 
 def forest_figure(lines: Sequence[Line]) -> go.Figure:
@@ -75,7 +75,7 @@ def forest_figure(lines: Sequence[Line]) -> go.Figure:
             showlegend=False,
         )
     if known:
-        figure.add_vline(x=100 * known[0][1].value, line={"width": 1, "dash": "dot", "color": "#888"})
+        figure.add_vline(x=100 * known[0][1].value, line=DOTTED)
     figure.update_yaxes(autorange="reversed", automargin=True, ticksuffix=" ")
     return figure
 
@@ -94,7 +94,7 @@ def recall_figure(lines: Sequence[Line]) -> go.Figure:
             if not needs_panels(lines):
                 _add_band(figure, line.curve, shades[line.name][0], legendgroup=line.name)
             _add_curve(figure, line.curve, line.name, shades[line.name], legendgroup=line.name, name=line.name)
-    figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"})
+    figure.add_vline(x=10, line=DOTTED)
     figure.update_yaxes(range=[0, 103])
     figure.update_xaxes(range=[0, 50])
     figure.update_layout(legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left", "yanchor": "top"})
@@ -122,9 +122,9 @@ def panel_figure(lines: Sequence[Line]) -> go.Figure:
         if k:
             _add_curve(figure, best, best_name, (GREY, "solid"), showlegend=False, **place)
         _add_curve(figure, curve, name, (shades[name][0], "solid"), showlegend=False, **place)
-        figure.add_vline(x=10, line={"width": 1, "dash": "dot", "color": "#888"}, **place)
-    look = new_figure("", "", height=40 + PANEL_PX * n_rows).to_dict()["layout"]
-    figure.update_layout({name: value for name, value in look.items() if name not in ("xaxis", "yaxis", "legend")})
+        figure.add_vline(x=10, line=DOTTED, **place)
+    layout = new_figure("", "", height=40 + PANEL_PX * n_rows).to_dict()["layout"]
+    figure.update_layout({name: value for name, value in layout.items() if name not in ("xaxis", "yaxis", "legend")})
     figure.update_layout(template=go.layout.Template(), margin={"l": 40, "r": 10, "t": 26, "b": 30})
     figure.update_annotations(font={"size": 12.5})
     figure.update_xaxes(range=[0, 50], zeroline=False)
@@ -132,7 +132,7 @@ def panel_figure(lines: Sequence[Line]) -> go.Figure:
     return figure
 
 
-def _add_curve(figure: go.Figure, curve: Curve, label: str, shade: tuple[str, str], **where: Any) -> None:
+def _add_curve(figure: go.Figure, curve: RecallCurve, label: str, shade: tuple[str, str], **where: Any) -> None:
     figure.add_scatter(
         x=rounded(100 * THRESHOLDS, 1),
         y=rounded(100 * curve.recall, 1),
@@ -143,7 +143,7 @@ def _add_curve(figure: go.Figure, curve: Curve, label: str, shade: tuple[str, st
     )
 
 
-def _add_band(figure: go.Figure, curve: Curve, shade: str, opacity: float = 0.14, **where: Any) -> None:
+def _add_band(figure: go.Figure, curve: RecallCurve, shade: str, opacity: float = 0.14, **where: Any) -> None:
     if curve.band is None:
         return
     xs, (low, high) = rounded(100 * THRESHOLDS, 1), curve.band
@@ -187,8 +187,7 @@ def cause_figure(lines: Sequence[Line]) -> go.Figure:
 
 def time_figure(lines: Sequence[Line]) -> go.Figure:
     """Time a frame by stage."""
-    times: Mapping[str, Mapping[str, float]] = {line.name: line.stages_ms for line in lines}
-    figure = stage_bars(times)
+    figure = stage_bars({line.name: line.stages_ms for line in lines})
     figure.update_layout(height=150 + ROW_PX * len(lines))
     figure.update_yaxes(ticksuffix=" ")
     return figure

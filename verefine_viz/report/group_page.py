@@ -71,28 +71,28 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def render_groups(groups: Groups, found: Comparison, failures: Gallery) -> str:
-    """The page as one HTML document that asks nobody for anything."""
-    return filled("groups.html", _context(groups, found, failures))
+def render_groups(groups: Groups, comparison: Comparison, failures: Gallery) -> str:
+    """The page as one HTML document that loads nothing from elsewhere."""
+    return filled("groups.html", _context(groups, comparison, failures))
 
 
-def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, Any]:
-    lines, runs = found.lines, groups.runs
+def _context(groups: Groups, comparison: Comparison, failures: Gallery) -> dict[str, Any]:
+    lines, runs = comparison.lines, groups.runs
     columns = [column for column in COLUMNS if any(column.get(line) for line in lines)]
     shades = group_charts.colors(lines)
-    objects = by_frame(found.groups)
+    objects = by_frame(comparison.groups)
     hard = hardest(objects.values())
-    has_truth = found.has_truth
+    has_truth = comparison.has_truth
     return {
-        "title": group_words.title(found),
+        "title": group_words.title(comparison),
         "data_set": data_set(runs[0]) if len(lines) > 1 else "",
         "session_title": words.session_title(runs),
-        "counted": group_words.counted(found),
-        "headline": group_words.headline(found),
-        "explanation": group_words.explanation(found),
+        "counted": group_words.counted(comparison),
+        "headline": group_words.headline(comparison),
+        "explanation": group_words.explanation(comparison),
         "has_truth": has_truth,
         "doubt": doubts_in_words([(run.folder.name, run.rows) for run in runs]),
-        "bop_note": found.bop_note,
+        "bop_note": comparison.bop_note,
         "left_out": groups.left_out,
         "columns": columns,
         "table": [(line, shades[line.name], cells) for line, cells in zip(lines, _cells(columns, lines), strict=True)],
@@ -102,7 +102,7 @@ def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, 
         "times": figure_json(group_charts.time_figure(lines)) if any(line.stages_ms for line in lines) else None,
         "panels": figure_json(group_charts.panel_figure(lines)) if group_charts.needs_panels(lines) else None,
         "names": [line.name for line in lines],
-        "heat": heat(found.groups),
+        "heat": heat(comparison.groups),
         "heat_color": heat_color,
         "hard": hard[:MOST_HARD],
         "n_hard": len(hard),
@@ -115,7 +115,7 @@ def _context(groups: Groups, found: Comparison, failures: Gallery) -> dict[str, 
             runs[0].index.session.score.tau_m,
             by_object={place: mine.by_group for place, mine in objects.items()} if len(lines) > 1 else None,
         ),
-        "failures_sentence": group_words.failures_sentence(found, failures),
+        "failures_sentence": group_words.failures_sentence(comparison, failures),
         "both": False,
     }
 

@@ -17,18 +17,18 @@ MOST_LETTERS = 48
 """Of groups that a sentence names; more are counted."""
 
 
-def headline(found: Comparison) -> str:
-    """Which group is best, and by how much; or that nobody can tell."""
-    best, *others = found.lines
+def headline(comparison: Comparison) -> str:
+    """Which group is best, and by how much; or why that is unknown."""
+    best, *others = comparison.lines
     if best.recall is None:
-        return f"{counted(found)}; without ground truth nobody can say which is best."
+        return f"{counted(comparison)}; without ground truth it is unknown which is best."
     right = f"{best.name} gets {percent(best.recall.value, 1)} of the objects right{_interval(best.recall, 100, '%')}"
     rivals = [line for line in others if line.behind is not None]
     if not rivals:
         return f"{right}."
     if all(line.recall and line.recall.value == best.recall.value for line in rivals):
         share = percent(best.recall.value, 1)
-        return f"All {len(found.lines)} groups get the same share of the objects right: {share}."
+        return f"All {len(comparison.lines)} groups get the same share of the objects right: {share}."
     if not any(line.behind.low is not None for line in rivals if line.behind):
         return f"{right}, {_by(rivals[0])}; one frame and one seed say nothing about how certain that is."
     close = [line for line in rivals if line.behind and not line.behind.is_clear]
@@ -36,25 +36,25 @@ def headline(found: Comparison) -> str:
         return f"{right}: the best, {_by(rivals[0])}."
     clear = [line for line in rivals if line.behind and line.behind.is_clear]
     nearest = f"{close[0].name} by {_points(close[0].behind)}"
-    said = f"No group is clearly best. {right}; {names(close)} differ{'s' * (len(close) == 1)} within the noise"
+    noise = f"{names(close)} differ{'s' * (len(close) == 1)} within the noise, {nearest}"
     behind = f" Clearly behind: {names(clear)}." if clear else ""
-    return f"{said}, {nearest}.{behind}"
+    return f"No group is clearly best. {right}; {noise}.{behind}"
 
 
-def explanation(found: Comparison) -> str:
+def explanation(comparison: Comparison) -> str:
     """What the intervals mean."""
-    units = f"{found.axes.shape[0]} {'scene' if found.axes.by_scene else 'frame'}{'s' * (found.axes.shape[0] != 1)}"
-    n_seeds = found.axes.shape[1]
-    drawn = f"{units} and {n_seeds} seed{'s' * (n_seeds != 1)}"
+    n_units, n_seeds = comparison.axes.shape
+    unit = "scene" if comparison.axes.by_scene else "frame"
+    drawn = f"{n_units} {unit}{'s' * (n_units != 1)} and {n_seeds} seed{'s' * (n_seeds != 1)}"
     return (
-        f"Small: 95 % intervals, by drawing {drawn} anew 1000 times (bootstrap). Differences are taken under the same "
+        f"Small: 95 % intervals, by drawing {drawn} 1000 times (bootstrap). Differences are taken under the same "
         "draws, over the frames and seeds that both groups have: they can be clear where the intervals overlap."
     )
 
 
-def title(found: Comparison) -> str:
+def title(comparison: Comparison) -> str:
     """What is compared, whatever the sessions are called."""
-    groups, n = found.groups, len(found.lines)
+    groups, n = comparison.groups, len(comparison.lines)
     if n == 1:
         first = groups[0].runs[0]
         n_seeds = len({seeds_of(run) for run in groups[0].runs})
@@ -65,24 +65,24 @@ def title(found: Comparison) -> str:
         what = "methods"
     elif len(methods) == 1:
         what = f"settings of {groups[0].method}"
-    return f"{n} {what} compared: {names(found.lines)}"
+    return f"{n} {what} compared: {names(comparison.lines)}"
 
 
-def failures_sentence(found: Comparison, failures: Gallery) -> str:
+def failures_sentence(comparison: Comparison, failures: Gallery) -> str:
     """What the gallery shows of each group."""
-    n_shown, n_groups = len(failures.failures), len(found.lines)
-    if not n_shown or n_groups == 1 or not found.has_truth:
-        return words.failures_sentence(n_shown, failures.n_more, found.has_truth)
+    n_shown, n_groups = len(failures.failures), len(comparison.lines)
+    if not n_shown or n_groups == 1 or not comparison.has_truth:
+        return words.failures_sentence(n_shown, failures.n_more, comparison.has_truth)
     most = max(Counter(card.pick.group for card in failures.failures).values())
     shown = f"The worst objects of each group, up to {most}, each with its worst seed"
     more = f"; {failures.n_more} more wrong answers in the runs' frames.csv" if failures.n_more else ""
     return f"{shown}{more}."
 
 
-def counted(found: Comparison) -> str:
+def counted(comparison: Comparison) -> str:
     """How much was compared."""
-    n_groups, n_runs = len(found.lines), sum(len(line.group.runs) for line in found.lines)
-    n_frames = len(found.axes.frames)
+    n_groups, n_runs = len(comparison.lines), sum(len(line.group.runs) for line in comparison.lines)
+    n_frames = len(comparison.axes.frames)
     return (
         f"{n_groups} group{'s' * (n_groups != 1)}, {n_runs} run{'s' * (n_runs != 1)}, "
         f"{n_frames} frame{'s' * (n_frames != 1)}"

@@ -1,4 +1,4 @@
-"""Runs that differ only in their seeds belong together; groups are named by what differs among them."""
+"""Groups of runs that differ only in their seeds, named by what differs among the groups."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from verefine_viz.batch.journal import read_run
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
-from verefine_viz.report.run_results import Loaded, data_set, load
+from verefine_viz.report.run_results import LoadedRun, check_same_data, load
 
+Progress = Callable[[int, int], None]
+"""Called with how many parts of a long work are done, and how many there are."""
 Seeds = tuple[int, int]
 """hypotheses.seed and method.seed of a run."""
 SEEDS = ("hypotheses.seed", "method.seed")
@@ -29,7 +31,7 @@ class Group:
     """Runs of the same session with different seeds."""
 
     name: str
-    runs: tuple[Loaded, ...]
+    runs: tuple[LoadedRun, ...]
     """By seed."""
 
     @property
@@ -57,20 +59,20 @@ class Groups:
     """Runs that are not part of it: folder and reason."""
 
     @property
-    def runs(self) -> tuple[Loaded, ...]:
+    def runs(self) -> tuple[LoadedRun, ...]:
         return tuple(run for group in self.groups for run in group.runs)
 
 
-def load_groups(folders: Sequence[Path], tell: Callable[[int, int], None] = lambda done, of: None) -> Groups:
+def load_groups(folders: Sequence[Path], progress: Progress = lambda done, of: None) -> Groups:
     """The finished runs in ``folders``, grouped.
 
     Raises:
         InputError: none is finished, or they are about different data sets.
     """
-    runs: list[Loaded] = []
+    runs: list[LoadedRun] = []
     left_out: list[tuple[str, str]] = []
     for done, folder in enumerate(folders):
-        tell(done, len(folders))
+        progress(done, len(folders))
         try:
             status = read_run(folder).status
             if status == "finished":
@@ -79,35 +81,42 @@ def load_groups(folders: Sequence[Path], tell: Callable[[int, int], None] = lamb
                 left_out.append((folder.name, f"not finished ({status})"))
         except VerefineError as error:
             left_out.append((folder.name, str(error)))
-    tell(len(folders), len(folders))
+    progress(len(folders), len(folders))
     if not runs:
         name, why = left_out[0]
         raise InputError(f"none of the {len(folders)} runs in {folders[0].parent} can be used; {name}: {why}")
-    first = runs[0]
-    for run in runs:
-        if data_set(run) != data_set(first):
-            raise InputError(
-                f"{first.folder} is a run on {data_set(first)} and {run.folder} one on {data_set(run)}; "
-                "only runs on the same data compare"
-            )
+    check_same_data(runs)
     return Groups(_grouped(runs), tuple(left_out))
 
 
-def seeds_of(run: Loaded) -> Seeds:
-    """What tells the runs of a group apart."""
+def seeds_of(run: LoadedRun) -> Seeds:
+    """How the runs of a group differ."""
     session = run.index.session
     return session.hypotheses.seed, session.method.seed
 
 
-def seed_words(run: Loaded) -> str:
+def seed_words(run: LoadedRun) -> str:
     """``seed 3``; ``seeds 3, 4`` where hypotheses and method have different ones."""
     of_poses, of_method = seeds_of(run)
     return f"seed {of_poses}" if of_poses == of_method else f"seeds {of_poses}, {of_method}"
 
 
 def names(sessions: Sequence[Session]) -> list[str]:
-    """Short names by what differs among them, the method first; all different but for seeds."""
-    return _names([_settings(session) for session in sessions])
+    """Short names by what differs among sessions, the method first; all different but for seeds.
+
+    A setting is named only where those before it are the same for two of them.
+    """
+    flat = [_settings(session) for session in sessions]
+    parts: list[tuple[str, ...]] = [()] * len(flat)
+    for field in sorted(_differing(flat), key=lambda f: FIRST.index(f) if f in FIRST else len(FIRST)):
+        values = [mine[field] for mine in flat]
+        together = [[k for k, other in enumerate(parts) if other == mine] for mine in parts]
+        parts = [
+            (*mine, _part(field, values[k])) if any(values[j] != values[k] for j in together[k]) else mine
+            for k, mine in enumerate(parts)
+        ]
+    method = flat[0]["method.name"]
+    return [" · ".join(mine) or method for mine in parts]
 
 
 def differing(sessions: Sequence[Session]) -> dict[str, tuple[str, ...]]:
@@ -116,12 +125,13 @@ def differing(sessions: Sequence[Session]) -> dict[str, tuple[str, ...]]:
     return {field: tuple(_words(mine[field]) for mine in flat) for field in _differing(flat)}
 
 
-def _grouped(runs: Sequence[Loaded]) -> tuple[Group, ...]:
-    found: dict[str, list[Loaded]] = {}
+def _grouped(runs: Sequence[LoadedRun]) -> tuple[Group, ...]:
+    by_settings: dict[str, list[LoadedRun]] = {}
     for run in runs:
-        found.setdefault(json.dumps(_settings(run.index.session), default=str), []).append(run)
-    called = names([mine[0].index.session for mine in found.values()])
-    groups = [Group(name, tuple(sorted(mine, key=seeds_of))) for name, mine in zip(called, found.values(), strict=True)]
+        by_settings.setdefault(json.dumps(_settings(run.index.session), default=str), []).append(run)
+    members = [sorted(mine, key=seeds_of) for mine in by_settings.values()]
+    group_names = names([mine[0].index.session for mine in members])
+    groups = [Group(name, tuple(mine)) for name, mine in zip(group_names, members, strict=True)]
     return tuple(sorted(groups, key=lambda group: group.name))
 
 
@@ -132,21 +142,6 @@ def _settings(session: Session) -> dict[str, Any]:
         if name not in WITHOUT_EFFECT:
             out |= {f"{name}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {name: value}
     return {field: value for field, value in out.items() if field not in SEEDS}
-
-
-def _names(flat: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Short names, all different: a setting is named only where those before it do not tell two groups apart."""
-    fields = _differing(flat)
-    parts: list[tuple[str, ...]] = [()] * len(flat)
-    for field in sorted(fields, key=lambda f: FIRST.index(f) if f in FIRST else len(FIRST)):
-        values = [mine[field] for mine in flat]
-        together = [[k for k, other in enumerate(parts) if other == mine] for mine in parts]
-        parts = [
-            (*mine, _part(field, values[k])) if any(values[j] != values[k] for j in together[k]) else mine
-            for k, mine in enumerate(parts)
-        ]
-    method = flat[0]["method.name"]
-    return [" · ".join(mine) or method for mine in parts]
 
 
 def _differing(flat: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
@@ -15,7 +14,6 @@ from plotly.offline import get_plotlyjs
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
-from verefine_viz.core.paths import atomic
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.report import charts
 from verefine_viz.report import run_sentences as words
@@ -26,7 +24,7 @@ from verefine_viz.report.run_results import Key, key
 
 
 def filled(template: str, context: Mapping[str, Any]) -> str:
-    """A template's page, as one HTML document that asks nobody for anything."""
+    """A template's page, as one HTML document that loads nothing from elsewhere."""
     environment = Environment(
         loader=PackageLoader("verefine_viz.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
@@ -42,18 +40,8 @@ def filled(template: str, context: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
 
 
-def write(path: Path, html: str) -> None:
-    """Writes the page, whole or not at all.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    with atomic(path) as part:
-        part.write_text(html, encoding="utf-8")
-
-
 def breakable(name: str) -> Markup:
-    """A name that may be broken after an underline or a dot, but not within a number, to fit into a narrow column."""
+    """A name that a narrow column may break after an underline or a dot, but not within a number."""
     return Markup(re.sub(r"(_|\.(?!\d))", r"\1<wbr>", str(escape(name))))
 
 
@@ -104,8 +92,6 @@ class Card:
     anchor: str
     """Its place on the page."""
     curve: Markup | None
-    causes: tuple[str, ...]
-    """What the filter finds it by."""
     elsewhere: tuple[tuple[str, Share, str | None], ...]
     """Where groups are compared: how often each gets this object right, and where its card is, if it has one."""
 
@@ -113,7 +99,7 @@ class Card:
 def _card(card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
     curve = charts.curve_figure(card.curve, card.row.worst_iteration) if card.curve else None
     elsewhere = tuple((name, share, anchors.get((name, key(card.row)))) for name, share in shares.items())
-    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, card.causes, elsewhere)
+    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, elsewhere)
 
 
 def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:

@@ -1,4 +1,4 @@
-"""The objects of a group as columns, and what they come to by frame and seed."""
+"""The objects of groups: as columns that are summed by frame and seed, by model, and the hardest ones."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class Outcomes:
     """(N,) column of the cells."""
     frame: Index
     """(N,) index into the axes' frames."""
-    truth: Mask
-    """(N,) whether it can be right or wrong."""
+    can_be_right: Mask
+    """(N,) whether there is ground truth."""
     right: Mask
     """(N,) ADD(-S) below 10 % of the diameter."""
     relative: Float
@@ -79,7 +79,7 @@ class Outcomes:
     @property
     def recall(self) -> Cells:
         """Share of objects that are right."""
-        return self.cells(self.right, self.truth)
+        return self.cells(self.right, self.can_be_right)
 
     @property
     def frame_times(self) -> tuple[Float, Index, Index]:
@@ -92,12 +92,12 @@ class Outcomes:
     @property
     def hits(self) -> Float:
         """(U, S, T) objects below each of the thresholds of the recall curve."""
-        found = np.zeros((*self.shape, len(THRESHOLDS)))
+        hits = np.zeros((*self.shape, len(THRESHOLDS)))
         # An error counts from the first threshold above it on.
         place = np.searchsorted(THRESHOLDS, self.relative, side="right")
-        counts = self.truth & (place < len(THRESHOLDS))
-        np.add.at(found, (self.unit[counts], self.seed[counts], place[counts]), 1.0)
-        return np.cumsum(found, axis=2)
+        counts = self.can_be_right & (place < len(THRESHOLDS))
+        np.add.at(hits, (self.unit[counts], self.seed[counts], place[counts]), 1.0)
+        return np.cumsum(hits, axis=2)
 
     def cells(self, values: NDArray[np.generic], counts: Mask | None = None) -> Cells:
         """Sums of (N,) ``values`` over what counts, by default what is known."""
@@ -131,7 +131,7 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
         np.array([axes.unit_of[frame] for frame in frames], np.intp),
         np.array([axes.seed_of[seeds_of(run)] for run in group.runs for _ in run.objects], np.intp),
         np.array([place[frame] for frame in frames], np.intp),
-        np.array([row.has_truth or row.add_s_mm is not None for row in rows], np.bool_),
+        np.array([row.can_be_right for row in rows], np.bool_),
         np.array([row.is_correct is True for row in rows], np.bool_),
         np.array([error_or_infinite(row) for row in rows]),
         _known([row.add_s_mm if ok else None for row, ok in zip(rows, solved, strict=True)]),
@@ -150,8 +150,6 @@ def _known(values: Sequence[float | None]) -> Float:
 def _scene(frame: str) -> str:
     return frame.partition("/")[0]
 
-
-# Objects across groups: recall of each object model by group, and the objects that most groups get wrong.
 
 MOST_HARD = 40
 """Objects that are listed as hard."""
@@ -185,7 +183,7 @@ class HeatRow:
 
 
 @dataclass
-class Instance:
+class ObjectOverGroups:
     """One object of one frame over all groups and seeds."""
 
     row: ObjectRow
@@ -216,33 +214,33 @@ class Instance:
 
 def heat(groups: Sequence[Group]) -> tuple[HeatRow, ...]:
     """Recall of each object model, by group in their order; only objects with ground truth."""
-    found: dict[int, HeatRow] = {}
+    rows: dict[int, HeatRow] = {}
     for k, group in enumerate(groups):
         for run in group.runs:
             for row in run.with_truth:
                 if row.obj_id is not None:
                     fresh = HeatRow(row.obj_id, row.name, Share(), tuple(Share() for _ in groups))
-                    mine = found.setdefault(row.obj_id, fresh)
+                    mine = rows.setdefault(row.obj_id, fresh)
                     mine.total.add(row.is_correct is True)
                     mine.by_group[k].add(row.is_correct is True)
-    return tuple(found[obj_id] for obj_id in sorted(found))
+    return tuple(rows[obj_id] for obj_id in sorted(rows))
 
 
-def by_frame(groups: Sequence[Group]) -> dict[Key, Instance]:
+def by_frame(groups: Sequence[Group]) -> dict[Key, ObjectOverGroups]:
     """Each object of each frame over all groups and seeds; only objects with ground truth."""
-    found: dict[Key, Instance] = {}
+    instances: dict[Key, ObjectOverGroups] = {}
     for group in groups:
         for run in group.runs:
             for row in run.with_truth:
-                hard = found.setdefault(key(row), Instance(row, Share()))
-                hard.total.add(row.is_correct is True)
-                hard.by_group.setdefault(group.name, Share()).add(row.is_correct is True)
+                instance = instances.setdefault(key(row), ObjectOverGroups(row, Share()))
+                instance.total.add(row.is_correct is True)
+                instance.by_group.setdefault(group.name, Share()).add(row.is_correct is True)
                 if row.cause:
-                    hard.causes[row.cause] += 1
-    return found
+                    instance.causes[row.cause] += 1
+    return instances
 
 
-def hardest(objects: Iterable[Instance]) -> tuple[Instance, ...]:
+def hardest(objects: Iterable[ObjectOverGroups]) -> tuple[ObjectOverGroups, ...]:
     """Those that most groups get wrong with most seeds, the hardest first."""
     most = [hard for hard in objects if 2 * hard.wrong_groups > len(hard.by_group)]
     return tuple(sorted(most, key=lambda hard: (-hard.wrong_groups, hard.total.value or 0.0, key(hard.row))))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.report.run_results import Loaded, error_or_infinite, key
+from verefine_viz.report.run_results import LoadedRun, error_or_infinite, key
 
 SAME = 0.005
 """Errors that differ by less than this share of the diameter count as the same."""
@@ -85,17 +85,17 @@ class Difference:
         return tuple(c for c in reversed(self.changes) if c.by > SAME)
 
 
-def difference(a: Loaded, b: Loaded) -> Difference:
+def difference(a: LoadedRun, b: LoadedRun) -> Difference:
     """What changed from A to B."""
-    theirs = {key(row): row for row in b.objects}
-    mine = {key(row): row for row in a.objects}
-    truth = {key(row) for row in (*a.with_truth, *b.with_truth)}
-    changes = sorted((Change(row, theirs[k]) for k, row in mine.items() if k in theirs and k in truth), key=_order)
+    of_a, of_b = ({key(row): row for row in run.objects} for run in (a, b))
+    with_truth = {key(row) for row in (*a.with_truth, *b.with_truth)}
+    both = [Change(row, of_b[k]) for k, row in of_a.items() if k in of_b and k in with_truth]
+    changes = sorted(both, key=lambda change: (change.by, change.frame))
     groups: dict[str, list[Change]] = {}
     for change in changes:
         groups.setdefault(change.frame, []).append(change)
     frames = sorted((_frame(frame, group) for frame, group in groups.items()), key=_frame_order)
-    return Difference(tuple(changes), tuple(frames), len(mine.keys() - theirs.keys()), len(theirs.keys() - mine.keys()))
+    return Difference(tuple(changes), tuple(frames), len(of_a.keys() - of_b.keys()), len(of_b.keys() - of_a.keys()))
 
 
 def _frame(frame: str, group: Sequence[Change]) -> FrameChange:
@@ -104,10 +104,6 @@ def _frame(frame: str, group: Sequence[Change]) -> FrameChange:
     right_a = sum(c.a.is_correct is True for c in group)
     right_b = sum(c.b.is_correct is True for c in group)
     return FrameChange(frame, len(group), mean_a, mean_b, right_a, right_b)
-
-
-def _order(change: Change) -> tuple[float, str]:
-    return change.by, change.frame
 
 
 def _frame_order(frame: FrameChange) -> tuple[float, str]:

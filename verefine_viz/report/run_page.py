@@ -1,4 +1,4 @@
-"""The page: everything that was found, put into the template."""
+"""The page of a run, or of two compared: their numbers, charts and sentences for the template."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ from verefine_viz.report.failure_cards import Gallery
 from verefine_viz.report.groups import differing
 from verefine_viz.report.html import figure_json, filled, gallery_context
 from verefine_viz.report.run_difference import Difference
-from verefine_viz.report.run_results import Loaded, Numbers, ObjectNumbers, by_object, data_set, numbers_of, stage_times
+from verefine_viz.report.run_results import (
+    LoadedRun,
+    Numbers,
+    ObjectNumbers,
+    by_object,
+    data_set,
+    numbers_of,
+    stage_times,
+)
 from verefine_viz.report.run_sentences import next_step
 from verefine_viz.session.files import session_toml
 
@@ -22,9 +30,9 @@ MOST_ROWS = 200
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One run with what was found about it."""
+    """One run with its BOP scores."""
 
-    run: Loaded
+    run: LoadedRun
     bop: BopRecalls
 
     @property
@@ -49,12 +57,12 @@ class Tile:
     """Whether B is better; None = the same, or nothing to compare with."""
 
 
-def render(a: Side, b: Side | None, found: Difference | None, failures: Gallery) -> str:
-    """The page as one HTML document that asks nobody for anything."""
-    return filled("report.html", _context(a, b, found, failures))
+def render(a: Side, b: Side | None, difference: Difference | None, failures: Gallery) -> str:
+    """The page as one HTML document that loads nothing from elsewhere."""
+    return filled("report.html", _context(a, b, difference, failures))
 
 
-def _context(a: Side, b: Side | None, found: Difference | None, failures: Gallery) -> dict[str, Any]:
+def _context(a: Side, b: Side | None, difference: Difference | None, failures: Gallery) -> dict[str, Any]:
     sides = [a, b] if b else [a]
     runs = [side.run for side in sides]
     has_truth = any(run.with_truth for run in runs)
@@ -70,9 +78,9 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "has_truth": has_truth,
         "headlines": [words.headline(side.run, side.numbers) for side in sides],
         "tiles": tiles(a.numbers, b.numbers if b else None),
-        "notes": list(dict.fromkeys(side.bop.note for side in sides if side.bop.total is None and side.bop.note)),
+        "notes": list(dict.fromkeys(side.bop.note for side in sides if side.bop.ar is None and side.bop.note)),
         "doubts": words.data_doubts(runs),
-        "bop_note": next((side.bop.note for side in sides if side.bop.total is not None), ""),
+        "bop_note": next((side.bop.note for side in sides if side.bop.ar is not None), ""),
         "recall": figure_json(charts.recall_figure(runs)) if has_truth else None,
         "scores": [
             (run.name, words.score_sentence(run), figure_json(charts.score_figure(run)))
@@ -83,9 +91,9 @@ def _context(a: Side, b: Side | None, found: Difference | None, failures: Galler
         "not_explained": [run.name for run in runs if run.failures and not any(row.cause for row in run.failures)],
         "causes": figure_json(charts.cause_figure(runs)) if has_causes else None,
         "objects": [(mine, {o.obj_id: o for o in b.objects}.get(mine.obj_id) if b else None) for mine in a.objects],
-        "found": found,
-        "difference_sentence": words.difference_sentence(found) if found else "",
-        "change": figure_json(charts.change_figure(found)) if found else None,
+        "difference": difference,
+        "difference_sentence": words.difference_sentence(difference) if difference else "",
+        "change": figure_json(charts.change_figure(difference)) if difference else None,
         "most_rows": MOST_ROWS,
         **gallery_context(failures, has_truth, a.run.index.session.score.tau_m, both=b is not None),
         **({"failures_sentence": words.pair_failures_sentence(failures, has_truth)} if b else {}),

@@ -1,4 +1,4 @@
-"""A batch as a report looks at it: its rows, what failed in it, and where its answers and recordings are."""
+"""A run as a report sees it: its rows, failures, answers and recordings; and its headline numbers."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import numpy as np
 
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.ranking_auc import misled
-from verefine_viz.batch.rows import FrameResult, ObjectRow, frame_name
+from verefine_viz.batch.rows import ObjectRow, file_stem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.methods.registry import method_of
@@ -23,7 +22,7 @@ Key = tuple[int, int, int | None, int | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Loaded:
+class LoadedRun:
     """One run."""
 
     label: str
@@ -36,7 +35,7 @@ class Loaded:
 
     @property
     def rows(self) -> tuple[ObjectRow, ...]:
-        """One per object; one per failed frame of which nobody knows what is in it."""
+        """One per object; one per failed frame whose objects are unknown."""
         return self.index.rows
 
     @property
@@ -61,7 +60,7 @@ class Loaded:
     @cached_property
     def with_truth(self) -> tuple[ObjectRow, ...]:
         """Objects that can be right or wrong."""
-        return tuple(row for row in self.objects if row.has_truth or row.add_s_mm is not None)
+        return tuple(row for row in self.objects if row.can_be_right)
 
     @cached_property
     def failures(self) -> tuple[ObjectRow, ...]:
@@ -92,32 +91,24 @@ class Loaded:
         times_s = [result.solving_s for result in self.journal.results(self.frames) if result.estimates]
         return 1e3 * sum(times_s) / len(times_s) if times_s else None
 
-    def result(self, frame: str) -> FrameResult | None:
-        """What the journal says about a frame; None where it says nothing."""
-        return self.journal.read(frame)
-
-    def answers(self, frame: str) -> dict[int, Float]:
-        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
-        return self.index.answers(frame)
-
     def recording(self, frame: str) -> Path:
-        """Where the frame's recording is, if it was kept."""
-        return self.folder / "recordings" / f"{frame_name(frame)}.rrd"
+        """Where the frame's recording is, if it has one."""
+        return self.folder / "recordings" / f"{file_stem(frame)}.rrd"
 
 
-def load(folder: Path, label: str = "") -> Loaded:
+def load(folder: Path, label: str = "") -> LoadedRun:
     """The run in ``folder``.
 
     Raises:
         InputError: it is no batch folder, its files are missing or damaged, or it holds no result.
     """
-    loaded = Loaded(label, read_batch(folder))
+    loaded = LoadedRun(label, read_batch(folder))
     if not loaded.rows:
         raise InputError(f"{folder} holds a run without a single finished frame; run verefine-viz batch again")
     return loaded
 
 
-def load_pair(folder: Path, other: Path) -> tuple[Loaded, Loaded]:
+def load_pair(folder: Path, other: Path) -> tuple[LoadedRun, LoadedRun]:
     """Two runs that can be compared.
 
     Raises:
@@ -126,16 +117,28 @@ def load_pair(folder: Path, other: Path) -> tuple[Loaded, Loaded]:
     a, b = load(folder, "A"), load(other, "B")
     if folder.resolve() == other.resolve():
         raise InputError(f"{folder} and {other} are the same folder; name two runs, or one")
-    there, here = data_set(a), data_set(b)
-    if there != here:
-        raise InputError(f"{folder} is a run on {there} and {other} one on {here}; only runs on the same data compare")
+    check_same_data((a, b))
     if not {key(row) for row in a.objects} & {key(row) for row in b.objects}:
         raise InputError(f"{folder} and {other} have no object in common: they are about other frames or other objects")
     return a, b
 
 
-def data_set(run: Loaded) -> str:
-    """Which data a run is about, for people."""
+def check_same_data(runs: Sequence[LoadedRun]) -> None:
+    """
+    Raises:
+        InputError: the runs are about different data sets.
+    """
+    first = runs[0]
+    for run in runs:
+        if data_set(run) != data_set(first):
+            raise InputError(
+                f"{first.folder} is a run on {data_set(first)} and {run.folder} one on {data_set(run)}; "
+                "only runs on the same data compare"
+            )
+
+
+def data_set(run: LoadedRun) -> str:
+    """Which data a run is about, in words."""
     scene = run.index.session.scene
     return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else f"the built-in scene {scene.demo}"
 
@@ -150,15 +153,13 @@ def error_or_infinite(row: ObjectRow) -> float:
     return math.inf if row.relative_error is None else row.relative_error
 
 
-# What a run comes to in numbers: the headline, and a row for each object.
-
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
 """Of the recall curve: ADD(-S) as a share of the diameter."""
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Of some objects. None = nobody can say."""
+    """Of some objects. None = unknown."""
 
     n_frames: int
     n_failed_frames: int
@@ -193,12 +194,12 @@ class ObjectNumbers:
     most_frequent_cause: str
 
 
-def numbers_of(run: Loaded, ar: float | None = None) -> Numbers:
+def numbers_of(run: LoadedRun, ar: float | None = None) -> Numbers:
     """Of the whole run."""
     return _numbers(run.rows, run.method, ar, run.solving_ms)
 
 
-def by_object(run: Loaded, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
+def by_object(run: LoadedRun, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
     """Of each object model, by id."""
     groups: dict[int, list[ObjectRow]] = {}
     for row in run.objects:
@@ -211,25 +212,17 @@ def by_object(run: Loaded, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
 
 
 def recall_curve(rows: Iterable[ObjectRow]) -> Float:
-    """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is found at no threshold."""
+    """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is right at no threshold."""
     errors = np.array([error_or_infinite(row) for row in rows])
     return (errors[:, None] < THRESHOLDS).mean(axis=0) if len(errors) else np.full(len(THRESHOLDS), np.nan)
 
 
-def lies(run: Loaded) -> float | None:
-    """How often the score misleads: the share of pairs (wrong, right answer) in which the wrong one scores higher.
-
-    0 = the score tells them apart, ½ = it knows nothing; None where there are no such pairs.
-    """
-    return misled(run.objects)
-
-
-def stage_times(run: Loaded) -> dict[str, float]:
+def stage_times(run: LoadedRun) -> dict[str, float]:
     """Mean milliseconds a frame by stage, in the order of a frame's life; empty where nothing is known.
 
-    The iterations are split up into what the rows know about: refining, simulating, scoring.
+    The iterations are split up into the parts that the rows have: refining, simulating, scoring.
     """
-    n = _n_solved_frames(run.rows)
+    n = len({row.frame for row in run.rows if row.status != "failed"})
     if not n:
         return {}
     stages: dict[str, float] = dict(run.index.run.totals.mean_stages_ms_per_frame)
@@ -246,18 +239,18 @@ def stage_times(run: Loaded) -> dict[str, float]:
 def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_ms: float | None = None) -> Numbers:
     objects = [row for row in rows if row.is_object]
     solved = [row for row in objects if row.status == "ok"]
-    truth = [row for row in objects if row.has_truth or row.add_s_mm is not None]
+    with_truth = [row for row in objects if row.can_be_right]
     errors = [row.add_s_mm for row in solved if row.add_s_mm is not None]
     scores = [row.score for row in solved if row.score is not None]
     return Numbers(
         n_frames=len({row.frame for row in rows}),
         n_failed_frames=len({row.frame for row in rows if row.status == "failed"}),
         n_objects=len(objects),
-        n_with_truth=len(truth),
+        n_with_truth=len(with_truth),
         n_without_answer=sum(row.status == "no_answer" for row in objects),
         n_left_out=sum(row.status == "left_out" for row in objects),
         n_in_failed_frames=sum(row.status == "failed" for row in objects),
-        recall=sum(row.is_correct is True for row in truth) / len(truth) if truth else None,
+        recall=sum(row.is_correct is True for row in with_truth) / len(with_truth) if with_truth else None,
         median_mm=float(np.median(errors)) if errors else None,
         mean_mm=float(np.mean(errors)) if errors else None,
         median_score=float(np.median(scores)) if scores else None,
@@ -267,10 +260,6 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_m
         else sum(row.n_iterations for row in solved) / len(solved),
         ar=ar,
     )
-
-
-def _n_solved_frames(rows: Iterable[ObjectRow]) -> int:
-    return len({row.frame for row in rows if row.status != "failed"})
 
 
 def _most_frequent(rows: Sequence[ObjectRow]) -> str:

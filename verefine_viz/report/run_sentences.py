@@ -1,4 +1,4 @@
-"""Numbers and findings as the report's sentences."""
+"""A run, or two compared, in sentences; what to do next about wrong answers; numbers as text."""
 
 from __future__ import annotations
 
@@ -8,32 +8,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.batch.totals import doubts_in_words, misranked_share
 from verefine_viz.diagnosis.causes import DECLARE, Cause, cause_title
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.report.failure_cards import BOTH, ONLY_A, ONLY_B, Gallery
 from verefine_viz.report.groups import names, seed_words
 from verefine_viz.report.run_difference import Difference
-from verefine_viz.report.run_results import Loaded, Numbers, data_set, lies
+from verefine_viz.report.run_results import LoadedRun, Numbers, data_set
 
 DASH = "–"
 
 
-def data_doubts(runs: Sequence[Loaded]) -> list[str]:
-    """What the runs say of data that do not fit together, with which run it is where there are two."""
-    said = [(run, doubts_in_words([(run.name, run.rows)])) for run in runs]
-    return [f"{run.label}: {doubt}" if run.label else doubt for run, doubt in said if doubt]
+def data_doubts(runs: Sequence[LoadedRun]) -> list[str]:
+    """What of the runs' data does not fit together; of two runs each with its label."""
+    doubts = [(run, doubts_in_words([(run.name, run.rows)])) for run in runs]
+    return [f"{run.label}: {doubt}" if run.label else doubt for run, doubt in doubts if doubt]
 
 
 def percent(share: float | None, digits: int = 0) -> str:
-    """0.891 → 89 %."""
-    return (
-        DASH
-        if share is None or math.isnan(share)
-        else f"{100 * share:.{digits}f} %"
-        if math.isfinite(share)
-        else "no answer"
-    )
+    """0.891 → 89 %; an infinite error is that of no answer."""
+    if share is None or math.isnan(share):
+        return DASH
+    return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "no answer"
 
 
 def number(value: float | None, digits: int = 1, unit: str = "") -> str:
@@ -59,7 +55,7 @@ def tone(gain: float, digits: int = 1) -> str:
     return "good" if gain > 0 else "bad"
 
 
-def title(a: Loaded, b: Loaded | None = None) -> str:
+def title(a: LoadedRun, b: LoadedRun | None = None) -> str:
     """What the report is about, whatever the sessions are called: a run, or what differs between two."""
     if b is None:
         return f"{a.method} on {data_set(a)}"
@@ -70,19 +66,19 @@ def title(a: Loaded, b: Loaded | None = None) -> str:
     return f"{both}{of_a} (A) against {of_b} (B)"
 
 
-def session_title(runs: Sequence[Loaded]) -> str:
+def session_title(runs: Sequence[LoadedRun]) -> str:
     """The title of the runs' sessions; empty where they have different ones, or none."""
     titles = {run.index.session.title for run in runs}
     return titles.pop() if len(titles) == 1 else ""
 
 
-def headline(run: Loaded, n: Numbers) -> str:
+def headline(run: LoadedRun, n: Numbers) -> str:
     """The run in a sentence."""
     objects = f"{n.n_objects} objects in {n.n_frames} frame{'s' * (n.n_frames != 1)}"
     if n.recall is None:
-        return f"{run.method} on {objects}; without ground truth nobody can say which answers are right."
+        return f"{run.method} on {objects}; without ground truth it is unknown which answers are right."
     right = round(n.recall * n.n_with_truth)
-    said = f"{run.method} got {right} of {n.n_with_truth} objects right (error below 10 % of the diameter)"
+    recall = f"{run.method} got {right} of {n.n_with_truth} objects right (error below 10 % of the diameter)"
     rest = []
     if n.n_without_answer:
         rest.append(f"{n.n_without_answer} without a hypothesis")
@@ -91,40 +87,37 @@ def headline(run: Loaded, n: Numbers) -> str:
     if n.n_failed_frames:
         held = f" with {n.n_in_failed_frames} objects" if n.n_in_failed_frames else ""
         rest.append(f"{n.n_failed_frames} of {n.n_frames} frames failed as a whole{held}")
-    return f"{said}{'; ' * bool(rest)}{', '.join(rest)}."
+    return f"{recall}{'; ' * bool(rest)}{', '.join(rest)}."
 
 
-def score_sentence(run: Loaded) -> str:
+def score_sentence(run: LoadedRun) -> str:
     """Whether the score can be trusted."""
-    share = lies(run)
+    share = misranked_share(run.objects)
     if share is None:
-        return "There are not both right and wrong answers with a score, so nothing can be said about the score."
+        return "There are not both right and wrong answers with a score, so it is unknown whether the score misleads."
     n_right = sum(row.is_correct is True for row in run.objects)
     n_wrong = sum(row.is_correct is False for row in run.objects)
-    verdict = (
-        "tells right from wrong"
-        if share < 0.1
-        else "often misleads"
-        if share > 0.3
-        else "mostly tells right from wrong"
-    )
+    verdict = "mostly separates right from wrong"
+    if share < 0.1:
+        verdict = "separates right from wrong"
+    elif share > 0.3:
+        verdict = "often misleads"
     return (
         f"The score {verdict}: of all pairs of a wrong and a right answer, the wrong one scores higher in {share:.0%} "
-        f"({n_wrong} wrong, {n_right} right). "
-        "Crosses in the upper right are where it lies."
+        f"({n_wrong} wrong, {n_right} right). Crosses in the upper right are where it misleads."
     )
 
 
-def difference_sentence(found: Difference) -> str:
+def difference_sentence(difference: Difference) -> str:
     """What changed from A to B."""
-    right = sum(c.turned == "now right" for c in found.changes)
-    wrong = sum(c.turned == "now wrong" for c in found.changes)
-    said = (
-        f"Of {len(found.changes)} objects that both runs have, B is better in {len(found.better)} and worse in "
-        f"{len(found.worse)}; {right} became right, {wrong} became wrong."
+    right = sum(c.turned == "now right" for c in difference.changes)
+    wrong = sum(c.turned == "now wrong" for c in difference.changes)
+    left = [f"{n} only in {side}" for n, side in ((difference.only_a, "A"), (difference.only_b, "B")) if n]
+    return (
+        f"Of {len(difference.changes)} objects that both runs have, B is better in {len(difference.better)} and worse "
+        f"in {len(difference.worse)}; {right} became right, {wrong} became wrong."
+        + (f" Left out: objects {' and '.join(left)}." if left else "")
     )
-    left = [f"{n} only in {side}" for n, side in ((found.only_a, "A"), (found.only_b, "B")) if n]
-    return said + (f" Left out: objects {' and '.join(left)}." if left else "")
 
 
 def pair_failures_sentence(failures: Gallery, has_truth: bool) -> str:
@@ -149,8 +142,6 @@ def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:
     return f"{n_shown} {what}{'s' * (n_shown != 1)}, {order}{more}."
 
 
-# What to do next about a run's wrong answers, from the causes that diagnosis found.
-
 FEW = 5
 """Wrong answers below this number say little about other frames."""
 _STARVED = "each came right when its best hypothesis got the whole budget, so try "
@@ -167,7 +158,7 @@ ADVICE = {
     Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
-    Cause.POOL: "no initial pose led to the truth, so more or better ones are needed ([hypotheses])",
+    Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
     Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
     "(hypotheses.files, hypotheses.estimate)",
 }
@@ -193,13 +184,13 @@ OWN_ADVICE = {
 class NextStep:
     """A sentence that ends with the answer to begin with."""
 
-    said: str
+    text: str
     """Up to that answer."""
     begin: ObjectRow
 
 
-def next_step(run: Loaded) -> NextStep | None:
-    """What the causes of a run's wrong answers ask for; None where there is nothing to do."""
+def next_step(run: LoadedRun) -> NextStep | None:
+    """What to do next about a run's wrong answers, from their causes; None where there is nothing to do."""
     wrong = run.failures
     if not wrong:
         return None
@@ -223,11 +214,11 @@ def next_step(run: Loaded) -> NextStep | None:
 def advice(cause: str, method: str) -> str:
     """What to try against a cause; of one that this version does not know, where to look."""
     if cause not in set(Cause):
-        return "look at what the cards below say"
+        return "look at the cards below"
     return OWN_ADVICE.get(method, {}).get(Cause(cause), ADVICE[Cause(cause)])
 
 
-def _lead(run: Loaded, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, int]]) -> str:
+def _lead(run: LoadedRun, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, int]]) -> str:
     cause, n = counts[0]
     title = cause_title(cause)
     if len(wrong) == 1:
@@ -236,8 +227,8 @@ def _lead(run: Loaded, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, i
     others = [f"next: {_shown(counts[1:])}"] if len(counts) > 1 else []
     others += [f"{n_unknown} not explained"] if n_unknown else []
     others += ["few cases, which say little about other frames"] if len(wrong) < FEW else []
-    said = f"{n} of {_of(len(wrong))} {'has' if n == 1 else 'have'} the cause “{title}”"
-    return said + (f" ({'; '.join(others)})" if others else "")
+    lead = f"{n} of {_of(len(wrong))} {'has' if n == 1 else 'have'} the cause “{title}”"
+    return lead + (f" ({'; '.join(others)})" if others else "")
 
 
 def _shown(counts: Sequence[tuple[str, int]]) -> str:

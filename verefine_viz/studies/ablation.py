@@ -1,9 +1,13 @@
-"""What each part of the method is worth, over the error of the initial pose. Source: Sec. V-A, Fig. 4."""
+"""The two studies of parts of the method.
+
+Ablation: what each part is worth, over the error of the initial pose (Sec. V-A, Fig. 4). Robustness: how much depth may
+be missing (Sec. V-B, Fig. 5).
+"""
 
 from __future__ import annotations
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.studies.disturb import disturbed, occluded, without_top
+from verefine_viz.studies.disturbance import disturbed, occluded, without_top
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
 ITERATIONS = 5
@@ -14,6 +18,9 @@ STEP, LARGEST = 5, 30
 SINGLE = (("refiner alone", "refine"), ("PhysBefore", "phys_before"), ("PhysAfter", "phys_after"))
 SINGLE += (("PIR", "pir"), ("SIR", "sir"))
 SEVERAL = (("EVEN", "even"), ("EXPL", "expl"), ("RIR", "rir"))
+ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
+"""Error of the initial poses where depth is missing."""
+ROBUSTNESS_TREND = "the refiner alone loses most as depth goes; what physics adds (SIR, RIR) lasts longest"
 
 
 def ablation(quick: bool = False) -> Study:
@@ -63,13 +70,6 @@ def _initial_poses(error: str, n: int) -> Prepare:
     return prepare
 
 
-# How much depth may be missing. Source: Sec. V-B, Fig. 5.
-
-ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
-"""Error of the initial poses."""
-TREND = "the refiner alone loses most as depth goes; what physics adds (SIR, RIR) lasts longest"
-
-
 def robustness(quick: bool = False) -> Study:
     """Two diagrams: depth lost behind rectangles, or above a height.
 
@@ -84,15 +84,15 @@ def robustness(quick: bool = False) -> Study:
     claims = (Claim("SIR", "refiner alone"), Claim("RIR", "refiner alone"), Claim("RIR", "SIR"))
     label = "share of the object's depth that is missing"
     panels = (
-        Panel("occlusion", label, xs, curves, _with_loss(by_height=False), claims, TREND),
-        Panel("material", label, xs, curves, _with_loss(by_height=True), claims, TREND),
+        Panel("occlusion", label, xs, curves, _rectangles_lost, claims, ROBUSTNESS_TREND),
+        Panel("material", label, xs, curves, _top_lost, claims, ROBUSTNESS_TREND),
     )
     return Study("robustness", "Robustness: missing depth (paper, Fig. 5)", panels)
 
 
-def _with_loss(by_height: bool) -> Prepare:
-    def prepare(problem: Problem, x: float, seed: int) -> Problem:
-        first = disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
-        return without_top(first, x) if by_height else occluded(first, x, seed)
+def _rectangles_lost(problem: Problem, x: float, seed: int) -> Problem:
+    return occluded(disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed), x, seed)
 
-    return prepare
+
+def _top_lost(problem: Problem, x: float, seed: int) -> Problem:
+    return without_top(disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed), x)

@@ -1,4 +1,4 @@
-"""The study as a figure: a diagram per panel, what the paper says beside it, and whether that holds here."""
+"""A study's curves: means with bands over the seeds, whether the paper's claims hold, and the figure of both."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from verefine_viz.core.paths import atomic
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Claim, Panel, Study
 
-# From outcomes to curves: means with bands over the seeds, and whether they lie as the paper says.
-
 RESAMPLES = 2000
 """Draws of the bootstrap."""
 AT_ONCE = 1_000_000
@@ -26,6 +24,13 @@ AT_ONCE = 1_000_000
 FEWEST = 6
 """Pairs that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap of them
 would then be sure."""
+WIDTH_IN, HEIGHT_IN = 6.4, 5.6
+DPI = 150
+BELOW_PT = -42
+"""Where the text below a diagram begins, under the label of its x axis [pt]."""
+COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
+"""After Okabe and Ito, safe for colour-blind readers; a method has the same in every panel."""
+MARKERS = "osD^vPX*"
 
 Points = Mapping[tuple[str, str, float], Sequence[Outcome]]
 """Outcomes by panel, curve and x."""
@@ -75,27 +80,27 @@ class Verdict:
         )
 
 
-def points(outcomes: Iterable[Outcome]) -> Points:
+def points_of(outcomes: Iterable[Outcome]) -> Points:
     """The outcomes sorted into the points of the curves, in the order they come in."""
-    found: dict[tuple[str, str, float], list[Outcome]] = {}
+    points: dict[tuple[str, str, float], list[Outcome]] = {}
     for o in outcomes:
-        found.setdefault((o.panel, o.curve, o.x), []).append(o)
-    return found
+        points.setdefault((o.panel, o.curve, o.x), []).append(o)
+    return points
 
 
-def lines(panel: Panel, found: Points) -> list[Line]:
+def lines(panel: Panel, points: Points) -> list[Line]:
     """The curves of a panel, in its order."""
-    return [_line(panel, curve.label, found) for curve in panel.curves]
+    return [_line(panel, curve.label, points) for curve in panel.curves]
 
 
-def verdicts(panel: Panel, found: Points) -> list[Verdict]:
-    """What the paper says of the panel's curves, tested on these data: pairs of the same object, frame, x and seed."""
+def verdicts(panel: Panel, points: Points) -> list[Verdict]:
+    """The paper's claims about the panel's curves, tested on pairs of the same object, frame, x and seed."""
     tested: list[Verdict] = []
     for claim in panel.claims:
         gains: dict[tuple[str, str, int, int], list[float]] = {}
         for x in panel.xs:
-            worse = {_case(o): o.quality.ar for o in found.get((panel.name, claim.worse, x), ())}
-            for o in found.get((panel.name, claim.better, x), ()):
+            worse = {_case(o): o.quality.ar for o in points.get((panel.name, claim.worse, x), ())}
+            for o in points.get((panel.name, claim.better, x), ()):
                 if (case := _case(o)) in worse:
                     gains.setdefault(case, []).append(o.quality.ar - worse[case])
         if gains:
@@ -105,12 +110,12 @@ def verdicts(panel: Panel, found: Points) -> list[Verdict]:
     return tested
 
 
-def rows(study: Study, found: Points) -> Iterator[dict[str, str | float]]:
+def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
     """The study as a table: a row per panel, curve and x."""
     for panel in study.panels:
-        for line in lines(panel, found):
+        for line in lines(panel, points):
             for x, ar, low, high in zip(line.xs.tolist(), line.ar, line.low, line.high, strict=True):
-                mine = found.get((panel.name, line.label, x), ())
+                mine = points.get((panel.name, line.label, x), ())
                 if not mine:
                     continue
                 add = np.array([np.nan if o.quality.add_s_mm is None else o.quality.add_s_mm for o in mine])
@@ -133,8 +138,8 @@ def rows(study: Study, found: Points) -> Iterator[dict[str, str | float]]:
                 }
 
 
-def _line(panel: Panel, label: str, found: Points) -> Line:
-    values = [np.array([o.quality.ar for o in found.get((panel.name, label, x), ())]) for x in panel.xs]
+def _line(panel: Panel, label: str, points: Points) -> Line:
+    values = [np.array([o.quality.ar for o in points.get((panel.name, label, x), ())]) for x in panel.xs]
     means = np.array([v.mean() if v.size else np.nan for v in values])
     low, high = np.array([band(v) for v in values]).T
     return Line(label, np.array(panel.xs), means, low, high)
@@ -156,15 +161,6 @@ def band(values: Float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-WIDTH_IN, HEIGHT_IN = 6.4, 5.6
-DPI = 150
-BELOW_PT = -42
-"""Where the text below a diagram begins, under the label of its x axis [pt]."""
-COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
-"""After Okabe and Ito, told apart by everybody; a method has the same in every panel."""
-MARKERS = "osD^vPX*"
-
-
 def draw(study: Study, points: Points, about: str, notes: Sequence[str] = ()) -> Figure:
     """All panels.
 
@@ -182,11 +178,10 @@ def draw(study: Study, points: Points, about: str, notes: Sequence[str] = ()) ->
     figure.suptitle(f"{study.title}\n{about}", fontsize=12)
     for k, panel in enumerate(panels, start=1):
         axes = figure.add_subplot(n_rows, columns, k)
-        found = lines(panel, points)
         if len(panel.xs) > 1:
-            _curves(axes, panel, found, methods)
+            _curves(axes, panel, lines(panel, points), methods)
         else:
-            _bars(axes, found)
+            _bars(axes, lines(panel, points))
         if len(panels) > 1:
             axes.set_title(panel.name)
         axes.annotate(
@@ -220,42 +215,42 @@ def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
 
 
 def _method(label: str) -> str:
-    """What comes before the comma says how it was used."""
+    """The method's name comes before a comma, how it was used after it."""
     return label.split(",")[0]
 
 
-def _curves(axes: Axes, panel: Panel, found: Sequence[Line], methods: Sequence[str]) -> None:
-    for line in found:
+def _curves(axes: Axes, panel: Panel, curves: Sequence[Line], methods: Sequence[str]) -> None:
+    for line in curves:
         k = methods.index(_method(line.label))
         color = COLORS[k % len(COLORS)]
         axes.plot(line.xs, 100 * line.ar, color=color, marker=MARKERS[k % len(MARKERS)], ms=4, label=line.label)
         axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.12, lw=0)
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel("average recall AR [%]")
-    low = min(float((100 * line.low).min()) for line in found)
+    low = min(float((100 * line.low).min()) for line in curves)
     axes.set_ylim(max(0.0, low - 5), 101)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="lower left")
 
 
-def _bars(axes: Axes, found: Sequence[Line]) -> None:
-    places = range(len(found))
-    values = [100 * float(line.ar[0]) for line in found]
+def _bars(axes: Axes, bars: Sequence[Line]) -> None:
+    ys = range(len(bars))
+    values = [100 * float(line.ar[0]) for line in bars]
     spread = [
-        [v - 100 * float(line.low[0]) for v, line in zip(values, found, strict=True)],
-        [100 * float(line.high[0]) - v for v, line in zip(values, found, strict=True)],
+        [v - 100 * float(line.low[0]) for v, line in zip(values, bars, strict=True)],
+        [100 * float(line.high[0]) - v for v, line in zip(values, bars, strict=True)],
     ]
-    axes.barh(places, values, xerr=spread, color=COLORS[2], ecolor="#555555", capsize=2)
-    axes.set_yticks(places, [line.label for line in found], fontsize=8)
+    axes.barh(ys, values, xerr=spread, color=COLORS[2], ecolor="#555555", capsize=2)
+    axes.set_yticks(ys, [line.label for line in bars], fontsize=8)
     axes.invert_yaxis()
     axes.set_xlabel("average recall AR [%]")
     axes.grid(axis="x", alpha=0.3)
 
 
-def _below(panel: Panel, found: Sequence[Verdict], notes: Sequence[str]) -> str:
+def _below(panel: Panel, tested: Sequence[Verdict], notes: Sequence[str]) -> str:
     width = 100 if len(panel.xs) > 1 else 130
-    said = textwrap.wrap(f"Paper: {panel.trend}." if panel.trend else "", width)
+    trend = textwrap.wrap(f"Paper: {panel.trend}." if panel.trend else "", width)
     below = [
         line for note in notes for line in textwrap.wrap(note, width, initial_indent="– ", subsequent_indent="   ")
     ]
-    return "\n".join([*said, *(f"• {v}" for v in found), *below])
+    return "\n".join([*trend, *(f"• {v}" for v in tested), *below])

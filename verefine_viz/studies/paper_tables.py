@@ -1,15 +1,18 @@
-"""Refiner × method × budget on the frames as they are: the paper's Tables I-III (Sec. V-C) as far as the data allow."""
+"""Refiner × method × budget on the frames as they are: the paper's Tables I-III (Sec. V-C) as far as the data allow.
+
+Rows of these tables that cannot be made from the frames at hand are named, with the reason.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.studies.disturb import disturbed, with_truth
+from verefine_viz.studies.disturbance import disturbed, with_ground_truth
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
 
 REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
@@ -22,12 +25,12 @@ SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
 TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
 
 
-def tables(quick: bool = False, keep_pools: bool = False) -> Study:
+def tables(quick: bool = False, own_initial_poses: bool = False) -> Study:
     """One panel with one x: every row is a curve.
 
     Args:
         quick: ICP only, and the short budget.
-        keep_pools: the session's own initial poses instead of disturbed ground truth.
+        own_initial_poses: the session's own initial poses instead of disturbed ground truth.
     """
     curves: list[Curve] = []
     refiners = dict(list(REFINERS.items())[:1]) if quick else REFINERS
@@ -44,7 +47,7 @@ def tables(quick: bool = False, keep_pools: bool = False) -> Study:
         rows = [f"{name} {suffix}".strip() + f", {budget}" for suffix, _ in (*SINGLE, *SEVERAL)]
         claims += [Claim(rows[3], rows[2]), Claim(rows[4], rows[3]), Claim(rows[5], rows[4])]
         claims.append(Claim(rows[5], f"PHYSIM-MCTS, {budget}"))
-    panel = Panel("table", "", (0.0,), tuple(curves), _as_it_is if keep_pools else _far, tuple(claims), TREND)
+    panel = Panel("table", "", (0.0,), tuple(curves), _as_it_is if own_initial_poses else _far, tuple(claims), TREND)
     return Study("tables", "Methods and budgets (paper, Tables I-III)", (panel,))
 
 
@@ -53,14 +56,12 @@ def _settings(method: str, refiner: str, budget: int) -> dict[str, dict[str, Any
 
 
 def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
-    return with_truth(problem)
+    return with_ground_truth(problem)
 
 
 def _far(problem: Problem, x: float, seed: int) -> Problem:
     return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
 
-
-# The rows of the paper's Tables I-III, and why some of them cannot be made from the frames at hand.
 
 NO_DENSEFUSION = "DenseFusion and its refiner are not part of this package"
 SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets"}
@@ -77,7 +78,7 @@ class PaperRows:
     data: str
     """What the paper calls it."""
     parts: str
-    """Initial poses, refiner and methods, for people."""
+    """Initial poses, refiner and methods, in words."""
     source: str
     """``hypotheses.source`` of the initial poses; empty: not here at all."""
 
@@ -90,15 +91,14 @@ ROWS = (
 )
 
 
-def missing_rows(sessions: Iterable[Session]) -> tuple[str, ...]:
+def missing_rows(sessions: Collection[Session]) -> tuple[str, ...]:
     """A sentence for each group of the paper's rows that these sessions do not make, with the reason."""
-    every = list(sessions)
-    found: list[str] = []
+    sentences: list[str] = []
     for rows in ROWS:
-        reasons = [_reason(rows, session) for session in every]
+        reasons = [_reason(rows, session) for session in sessions]
         if all(reasons):
-            found.append(f"Table {rows.table}, {rows.data}, {rows.parts}: {reasons[0]}")
-    return tuple(found)
+            sentences.append(f"Table {rows.table}, {rows.data}, {rows.parts}: {reasons[0]}")
+    return tuple(sentences)
 
 
 def _reason(rows: PaperRows, session: Session) -> str:
@@ -110,6 +110,6 @@ def _reason(rows: PaperRows, session: Session) -> str:
     if not rows.source:
         reasons.append(NO_DENSEFUSION)
     elif session.hypotheses.source != rows.source:
-        first = GIVEN[session.hypotheses.source]
-        reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {first}')
+        given = GIVEN[session.hypotheses.source]
+        reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {given}')
     return "; ".join(reasons)

@@ -3,54 +3,136 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from pydantic import BaseModel
+
+from verefine_viz.batch.folder import LOCK_FILE
+from verefine_viz.batch.journal import read_entry, save_entry
+from verefine_viz.batch.rows import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
+from verefine_viz.core.json_files import read_json, write_json
+from verefine_viz.core.paths import check_folder, clear_parts, try_lock
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
-from verefine_viz.studies.journal import Journal
 from verefine_viz.studies.paper_tables import tables
 from verefine_viz.studies.solve_unit import Outcome, Solver
 from verefine_viz.studies.study_plan import Study, Unit
 
-# The studies by name.
-
 STUDIES = ("ablation", "robustness", "tables")
+STUDY_FILE = "study.json"
+"""In the folder of a study's journal: which study, and the sessions of its scenes."""
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StudyRequest:
     """Which study; small and plain, so that every worker can build the same."""
 
     name: str
     quick: bool = False
-    keep_pools: bool = False
+    own_initial_poses: bool = False
+    """The tables start from the session's own initial poses instead of disturbed ground truth."""
 
     def study(self) -> Study:
-        """The study.
-
+        """
         Raises:
-            SettingsError: there is none of this name.
+            SettingsError: there is no study of this name.
         """
         if self.name == "ablation":
             return ablation(self.quick)
         if self.name == "robustness":
             return robustness(self.quick)
         if self.name == "tables":
-            return tables(self.quick, self.keep_pools)
+            return tables(self.quick, self.own_initial_poses)
         raise SettingsError(unknown("study", self.name, STUDIES))
 
 
-Tell = Callable[[int, int], None]
-"""(units done, units in all)."""
-_solver: list[Solver] = []
-"""In a worker process: its solver, made once."""
+class UnitResult(BaseModel):
+    """An entry of a study's journal."""
+
+    unit: Unit
+    outcomes: tuple[Outcome, ...]
+
+
+class StudyJournal:
+    """The finished units of a study, a file each, in a folder that this process alone writes to until :meth:`close`.
+
+    Args:
+        folder: made if it is not there.
+        about: what the study is (settings, scenes), as it comes from JSON.
+
+    Raises:
+        InputError: the folder holds something else, or a study with other settings, or cannot be written.
+        UnavailableError: another process is writing to it.
+    """
+
+    def __init__(self, folder: Path, about: Mapping[str, object]) -> None:
+        self._folder = folder
+        check_folder(folder)
+        if folder.exists() and not (folder / STUDY_FILE).exists() and not self._is_new():
+            raise self._no_journal()
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = try_lock(folder / LOCK_FILE)
+        if lock is None:
+            raise UnavailableError(f"another study is writing to {folder}; wait for it or choose another --out")
+        self._lock = lock
+        try:
+            self._check_study(about)
+            clear_parts(folder)
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, unit: Unit) -> tuple[Outcome, ...] | None:
+        """What a unit came to; None where it is not finished, or its entry is damaged."""
+        with suppress(InputError):
+            entry = read_entry(self._file(unit), UnitResult)
+            if entry is not None and entry.unit == unit:
+                return entry.outcomes
+        return None
+
+    def save(self, unit: Unit, outcomes: Sequence[Outcome]) -> None:
+        """Notes a finished unit; from now on a restart does not repeat it.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        save_entry(self._file(unit), UnitResult(unit=unit, outcomes=tuple(outcomes)))
+
+    def close(self) -> None:
+        """Lets others write to the folder."""
+        self._lock.close()
+
+    def _file(self, unit: Unit) -> Path:
+        return self._folder / f"{unit.scene} {file_stem(unit.frame)}, {unit.panel}, {unit.x:g}, seed {unit.seed}.json"
+
+    def _is_new(self) -> bool:
+        """Whether there is nothing in the folder but what a study that was killed at its start leaves."""
+        return all(file.name == LOCK_FILE or file.suffix == ".part" for file in self._folder.iterdir())
+
+    def _check_study(self, about: Mapping[str, object]) -> None:
+        file = self._folder / STUDY_FILE
+        if not file.exists():
+            write_json(file, about)
+            return
+        try:
+            before = read_json(file, dict)
+        except InputError:
+            raise self._no_journal() from None
+        if before != about:
+            raise InputError(
+                f"{self._folder} belongs to a study with other settings; choose another --out, or delete it"
+            )
+
+    def _no_journal(self) -> InputError:
+        return InputError(f"{self._folder} is no journal of a study; choose another --out, or delete it")
 
 
 def units_of(study: Study, frames: Mapping[str, tuple[str, ...]], seeds: int) -> list[Unit]:
@@ -66,63 +148,60 @@ def units_of(study: Study, frames: Mapping[str, tuple[str, ...]], seeds: int) ->
 
 
 def run_study(
-    wanted: Wanted, sessions: Mapping[str, Session], seeds: int, workers: int, journal_path: Path, tell: Tell
+    request: StudyRequest,
+    sessions: Mapping[str, Session],
+    seeds: int,
+    workers: int,
+    journal_folder: Path,
+    report: Callable[[int, int], None],
 ) -> list[Outcome]:
     """All outcomes, in the same order whatever the number of workers.
 
     Args:
-        wanted: which study.
+        request: which study.
         sessions: scenes by name, with the settings that the study leaves alone.
         seeds: how many disturbances of each frame.
         workers: processes; 1 = none but this one.
-        journal_path: what is done so far.
-        tell: is told the progress.
+        journal_folder: where finished units are saved; those of more seeds than now are not used.
+        report: takes how many units are done, and how many there are.
 
     Raises:
         VerefineError: a session, a frame or the journal cannot be used.
     """
     frames = {name: Toolbox(session).frames for name, session in sessions.items()}
-    study = wanted.study()
-    units = units_of(study, frames, seeds)
+    units = units_of(request.study(), frames, seeds)
     about = {
-        "wanted": asdict(wanted),
+        "study": asdict(request),
         "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
     }
-    journal = Journal(journal_path, about)
-    try:
-        left = [unit for unit in units if unit not in journal.done]
-        tell(len(units) - len(left), len(units))
-        if workers == 1:
-            solver = Solver(sessions, study.panels)
-            for k, unit in enumerate(left, start=1):
-                journal.add(unit, solver.solve(unit))
-                tell(len(units) - len(left) + k, len(units))
-        elif left:
-            _in_parallel(wanted, sessions, left, len(units), workers, journal, tell)
-        asked = set(units)  # an earlier call may have had more seeds
-        return [o for o in journal.outcomes() if Unit(o.panel, o.x, o.seed, o.scene, o.frame) in asked]
-    finally:
-        journal.close()
+    with closing(StudyJournal(journal_folder, about)) as journal:
+        done = {unit: outcomes for unit in units if (outcomes := journal.read(unit)) is not None}
+        report(len(done), len(units))
+        with closing(_solved(request, sessions, [unit for unit in units if unit not in done], workers)) as results:
+            for unit, outcomes in results:
+                journal.save(unit, outcomes)
+                done[unit] = outcomes
+                report(len(done), len(units))
+    return [outcome for unit in sorted(done) for outcome in done[unit]]
 
 
-def _in_parallel(
-    wanted: Wanted,
-    sessions: Mapping[str, Session],
-    left: list[Unit],
-    n_units: int,
-    workers: int,
-    journal: Journal,
-    tell: Tell,
-) -> None:
+def _solved(
+    request: StudyRequest, sessions: Mapping[str, Session], units: Sequence[Unit], workers: int
+) -> Generator[tuple[Unit, tuple[Outcome, ...]]]:
+    """The units as they are done; closing it in the middle ends the worker processes."""
+    if workers == 1 or not units:
+        solver = Solver(sessions, request.study().panels)
+        for unit in units:
+            yield unit, solver.solve(unit)
+        return
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
-    with ProcessPoolExecutor(min(workers, len(left)), context, _start, (dict(sessions), wanted)) as pool:
+    with ProcessPoolExecutor(min(workers, len(units)), context, _start, (dict(sessions), request)) as pool:
         try:
             with interrupts_ignored():
-                found: dict[Future[list[Outcome]], Unit] = {pool.submit(_solve, unit): unit for unit in left}
-            for k, future in enumerate(as_completed(found), start=1):
-                journal.add(found[future], future.result())
-                tell(n_units - len(left) + k, n_units)
+                unit_of: dict[Future[tuple[Outcome, ...]], Unit] = {pool.submit(_solve, unit): unit for unit in units}
+            for future in as_completed(unit_of):
+                yield unit_of[future], future.result()
         except BrokenProcessPool:
             raise InputError("a worker process was killed (out of memory?); the same command goes on") from None
         except BaseException:
@@ -133,9 +212,13 @@ def _in_parallel(
             raise
 
 
-def _start(sessions: Mapping[str, Session], wanted: Wanted) -> None:
-    _solver.append(Solver(sessions, wanted.study().panels))
+_solver: list[Solver] = []
+"""In a worker process: its solver, made once."""
 
 
-def _solve(unit: Unit) -> list[Outcome]:
+def _start(sessions: Mapping[str, Session], request: StudyRequest) -> None:
+    _solver.append(Solver(sessions, request.study().panels))
+
+
+def _solve(unit: Unit) -> tuple[Outcome, ...]:
     return _solver[0].solve(unit)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -25,11 +24,9 @@ from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Curve, Panel, Unit
 
-# How good one answer is: the shares of BOP's thresholds that it passes, and its errors.
-
 
 class Quality(BaseModel):
-    """Of one object in one frame; an object without an answer fails everything."""
+    """How good an answer is: the shares of BOP's thresholds that it passes, and its errors. No answer passes none."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -54,14 +51,14 @@ def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
     Source: Hodan et al., BOP challenge 2019.
     """
     T_gt = target.instance.T_cam_obj_gt
-    assert T_gt is not None, "studies keep objects with ground truth only"
+    assert T_gt is not None, "studies are about objects with ground truth only"
     if T_est is None:
         return Quality()
     instance, observation = target.instance, problem.observation
-    truth = GtInstance(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
-    image = GtImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (truth,))
+    gt = GtInstance(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
+    image = GtImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (gt,))
     estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
-    pair = pair_errors(Drawn(image), _model(target.model), [estimate], [truth], DELTA_MM)
+    pair = pair_errors(Drawn(image), _model(target.model), [estimate], [gt], DELTA_MM)
     recalls = average_recalls(pair.kinds[:, 0])
     errors = pose_errors(target.model, T_est, T_gt)
     return Quality(
@@ -81,7 +78,7 @@ def _model(model: ObjectModel) -> EvalModel:
 
 
 class Outcome(BaseModel):
-    """What one curve makes of one object."""
+    """The answer of one curve for one object."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -101,7 +98,7 @@ class Outcome(BaseModel):
 
 
 class Solver:
-    """Solves units of one study; keeps scenes and frames it has read. Belongs to one process."""
+    """Solves units of one study; caches the scenes, and the last frame it has read. Belongs to one process."""
 
     def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
         self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
@@ -109,20 +106,20 @@ class Solver:
         self._refiners: dict[tuple[str, IcpSettings, TricpSettings], Refiner] = {}
         self._last: tuple[tuple[str, str], Problem] | None = None
 
-    def solve(self, unit: Unit) -> list[Outcome]:
+    def solve(self, unit: Unit) -> tuple[Outcome, ...]:
         """A row per curve and object.
 
         Raises:
             VerefineError: the frame cannot be read or has no ground truth.
         """
         panel, toolbox = self._panels[unit.panel], self._toolboxes[unit.scene]
-        whole = self._frame(unit.scene, unit.frame)
-        problem = panel.prepare(whole, unit.x, unit.seed)
-        rows: list[Outcome] = []
+        frame = self._frame(unit.scene, unit.frame)
+        problem = panel.prepare(frame, unit.x, unit.seed)
+        outcomes: list[Outcome] = []
         for curve in panel.curves:
-            changed = toolbox.changed(_plain(curve.settings))
-            rows += _solved(unit, curve, changed, self._refiner(changed), problem, whole)
-        return rows
+            changed = toolbox.changed({section: dict(fields) for section, fields in curve.settings.items()})
+            outcomes += _outcomes(unit, curve, changed, self._refiner(changed), problem, frame)
+        return tuple(outcomes)
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
         """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
@@ -135,9 +132,10 @@ class Solver:
         return self._last[1]
 
 
-def _solved(
-    unit: Unit, curve: Curve, toolbox: Toolbox, refiner: Refiner, problem: Problem, whole: Problem
+def _outcomes(
+    unit: Unit, curve: Curve, toolbox: Toolbox, refiner: Refiner, problem: Problem, frame: Problem
 ) -> list[Outcome]:
+    """One for each object; ``frame`` is ``problem`` before it was disturbed."""
     counted = _Counted(refiner)
     toolbox.__dict__["refiner"] = counted
     toolbox.prepare(problem)
@@ -157,7 +155,7 @@ def _solved(
             curve=curve.label,
             instance_id=target.instance.instance_id,
             obj_id=target.instance.obj_id,
-            quality=quality(target, None if best is None else best.T_cam_obj, whole),
+            quality=quality(target, None if best is None else best.T_cam_obj, frame),
             ms=ms / n,
             # A method that brings its own refiner calls it once an iteration.
             refiner_calls=(counted.calls or run.length) / n,
@@ -176,7 +174,3 @@ class _Counted:
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         self.calls += 1
         return self._inner.refine(target, T_cam_obj, fixed)
-
-
-def _plain(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    return {section: dict(fields) for section, fields in settings.items()}

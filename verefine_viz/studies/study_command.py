@@ -1,4 +1,4 @@
-"""What ``verefine-viz study`` does: runs, writes CSV and figures, and says what holds."""
+"""What ``verefine-viz study`` does: runs a study, writes CSV and figures, and prints which claims hold."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from verefine_viz.batch.progress import counted_bar
 from verefine_viz.core.paths import atomic, clear_parts
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.figure import Points, draw, points, rows, save, verdicts
+from verefine_viz.studies.figure import Points, draw, points_of, rows, save, verdicts
 from verefine_viz.studies.paper_tables import missing_rows
-from verefine_viz.studies.run_study import Wanted, run_study
+from verefine_viz.studies.run_study import StudyRequest, run_study
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Study
 
@@ -29,7 +29,7 @@ QUICK_TABLE_SCENES = ("duck", "bowl", "stack")
 """The same for tables, whose methods of whole scenes differ only where objects touch."""
 PRESET = "published"
 """With them. With the recommended settings every method finds nearly every pose in these scenes: the refiner's wider
-gate and ten inner iterations leave little to tell methods apart by."""
+gate and ten inner iterations leave little difference between methods."""
 SEEDS, QUICK_SEEDS = 5, 3
 
 
@@ -50,33 +50,33 @@ def run_one(
     """
     sessions = scenes(name, session, overrides, quick)
     source = next(iter(sessions.values())).hypotheses.source
-    wanted = Wanted(name, quick, keep_pools=session is not None and source != "perturb")
+    request = StudyRequest(name, quick, own_initial_poses=session is not None and source != "perturb")
     n_seeds = seeds if seeds is not None else QUICK_SEEDS if quick else SEEDS
-    if wanted.keep_pools and name == "tables":
+    if request.own_initial_poses and name == "tables":
         n_seeds = 1  # nothing is drawn
-    study = wanted.study()
-    with counted_bar(f"study {name}") as tell:
+    study = request.study()
+    with counted_bar(f"study {name}") as report:
         outcomes = run_study(
-            wanted,
+            request,
             sessions,
             n_seeds,
             workers,
-            out / f"{name}.journal.jsonl",
-            lambda done, total: tell(f"study {name}", done, total),
+            out / f"{name}.journal",
+            lambda done, total: report(f"study {name}", done, total),
         )
-    found = points(outcomes)
+    points = points_of(outcomes)
     clear_parts(out, name)
-    write_csv(study, found, out / f"{name}.csv")
+    write_csv(study, points, out / f"{name}.csv")
     write_objects(outcomes, out / f"{name}_objects.csv")
     missing = missing_rows(sessions.values()) if name == "tables" else ()
     notes = ("Rows of the paper that are not here:", *missing) if missing else ()
-    png, svg = save(draw(study, found, _about(sessions, outcomes, n_seeds), notes), out, name)
-    _say(study, found, notes, (png, svg))
+    png, svg = save(draw(study, points, _about(sessions, outcomes, n_seeds), notes), out, name)
+    _print_results(study, points, notes, (png, svg))
     return 0
 
 
 def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
-    """The session's scene, or built-in ones that tell something in this study, by name."""
+    """The session's scene, or built-in ones that suit this study, by name."""
     if session is not None or "scene" in overrides:
         one = load_session(session, dict(overrides))
         return {session.stem if session is not None else (one.scene.demo or "scene"): one}
@@ -85,9 +85,9 @@ def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick
     return {name: load_session(None, {"preset": PRESET, **overrides, "scene": {"demo": name}}) for name in names}
 
 
-def write_csv(study: Study, found: Points, path: Path) -> None:
+def write_csv(study: Study, points: Points, path: Path) -> None:
     """The curves: a row per panel, curve and x."""
-    _write(path, [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows(study, found)])
+    _write(path, [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows(study, points)])
 
 
 def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
@@ -110,25 +110,25 @@ def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: 
     return f"{', '.join(sessions)}: {len(frames)} frames, {len(objects)} objects, {seeds} seeds"
 
 
-def _say(study: Study, found: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
+def _print_results(study: Study, points: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
     console = Console(highlight=False, soft_wrap=True)
     if len(study.panels) == 1:
-        console.print(_table(study, found))
+        console.print(_table(study, points))
     for panel in study.panels:
         console.print(f"[bold]{escape(panel.name)}[/bold]  paper: {escape(panel.trend)}")
-        for verdict in verdicts(panel, found):
+        for verdict in verdicts(panel, points):
             console.print(escape(f"  {verdict}"))
     for note in notes:
         console.print(escape(note))
     console.print(escape(f"Figures: {figures[0]}, {figures[1].name}; numbers: {study.name}.csv beside them"))
 
 
-def _table(study: Study, found: Points) -> Table:
+def _table(study: Study, points: Points) -> Table:
     table = Table(title=study.title)
     table.add_column("", no_wrap=True)
     for heading in ("AR", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
         table.add_column(heading, justify="right")
-    for r in rows(study, found):
+    for r in rows(study, points):
         shares = [f"{100 * float(r[k]):.1f}" for k in ("ar", "ar_vsd", "ar_mssd", "ar_mspd")]
         table.add_row(
             str(r["curve"]),

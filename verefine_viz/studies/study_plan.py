@@ -1,4 +1,4 @@
-"""What a study is: panels of curves, and what is expected of them."""
+"""What a study is: panels of curves, what the paper claims about them, and the units of work they make."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Panel:
     prepare: Prepare = field(repr=False)
     claims: tuple[Claim, ...] = ()
     trend: str = ""
-    """What the paper says, in a sentence."""
+    """What the paper reports, in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Study:
 
 @dataclass(frozen=True, order=True)
 class Unit:
-    """What one worker does at once: all curves of a panel at one x, one seed and one frame."""
+    """What a worker does at once: all curves of a panel at one x, one seed and one frame."""
 
     panel: str
     x: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from verefine_viz.batch.ranking_auc import misled
+from verefine_viz.batch.totals import misranked_share
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, sentence, text
@@ -110,7 +110,7 @@ class ScoreErrorPanel:
 
 def trust_in_score(plot: ScorePlot) -> str:
     """How far the score can be trusted, in a sentence."""
-    share = misled(entry.row for entry in plot.entries)
+    share = misranked_share(entry.row for entry in plot.entries)
     if share is None:
         return "Score over error. Whether the score lies shows once there are right and wrong answers."
     verdict = "it tells them apart" if share < 0.05 else "it knows nothing" if share > 0.45 else "it lies at times"

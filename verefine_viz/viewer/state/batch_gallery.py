@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.index import BatchIndex, Order, place_in, read_batch, run_folders
+from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch, sort_key
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError
@@ -109,7 +109,7 @@ class Gallery:
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
         if order not in self._sorted:
-            place = place_in(order)
+            place = sort_key(order)
             self._sorted[order] = tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
         return self._sorted[order]
 
@@ -230,7 +230,7 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
     Raises:
         InputError: there is none, none is finished, or a file is damaged.
     """
-    folders = run_folders(folder)
+    folders = find_runs(folder).runs
     finished = [path for path in folders if (path / "frames.csv").is_file()]
     indices = [index for path in finished or folders[:1] if (index := read_batch(path)).rows]
     if not indices:

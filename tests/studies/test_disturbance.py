@@ -15,7 +15,7 @@ from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.studies.disturb import disturbed, occluded, without_top
+from verefine_viz.studies.disturbance import disturbed, occluded, without_top
 from verefine_viz.studies.paper_tables import tables
 
 PROBLEM = box_problem(n_instances=3)
@@ -83,7 +83,7 @@ def test_frames_that_cannot_be_used_say_why() -> None:
     with pytest.raises(InputError, match=r"has no ground truth, expected scene_gt\.json"):
         disturbed(blind, 1, 5, 5, 0)
     with pytest.raises(InputError, match="has no ground truth"):
-        tables(keep_pools=True).panels[0].prepare(blind, 0.0, 0)
+        tables(own_initial_poses=True).panels[0].prepare(blind, 0.0, 0)
     plane = replace(PROBLEM.observation, support=None, support_note="no plane was found")
     with pytest.raises(InputError, match="no plane was found; heights are measured from it"):
         without_top(replace(PROBLEM, observation=plane), 0.5)

@@ -25,13 +25,13 @@ def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: flo
     Raises:
         InputError: no object has a ground-truth pose.
     """
-    known = with_truth(problem)
+    known = with_ground_truth(problem)
     instances = (_disturbed(i, problem, n, rotation_deg, translation_mm, seed) for i in known.instances)
     return replace(known, instances=tuple(instances))
 
 
-def with_truth(problem: Problem) -> Problem:
-    """The frame with the objects whose true pose is known.
+def with_ground_truth(problem: Problem) -> Problem:
+    """The frame with the objects that have ground truth.
 
     Raises:
         InputError: there is none.
@@ -46,8 +46,8 @@ def _disturbed(
     i: Instance, problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int
 ) -> Instance:
     assert i.T_cam_obj_gt is not None, "objects without ground truth are left out before"
-    found = perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, _seeds(i, problem, seed))
-    return replace(i, hypotheses=found)
+    hypotheses = perturbed(i.T_cam_obj_gt, n, rotation_deg, translation_mm, _seeds(i, problem, seed))
+    return replace(i, hypotheses=hypotheses)
 
 
 def _seeds(i: Instance, problem: Problem, seed: int) -> tuple[int, ...]:
@@ -89,7 +89,7 @@ def without_top(problem: Problem, share: float) -> Problem:
     Stands for material that the sensor does not see (transparent, black).
 
     Raises:
-        InputError: the frame has no support plane, so nobody knows what is high.
+        InputError: the frame has no support plane, from which heights are measured.
     """
     support = problem.observation.support
     if support is None:
@@ -107,11 +107,11 @@ def without_top(problem: Problem, share: float) -> Problem:
 
 def without_depth(problem: Problem, lost: Mask) -> Problem:
     """The frame with no measurement at ``lost`` (H, W). Masks, support plane and dependency order stay."""
-    seen = problem.observation
-    depth_m = np.where(lost, np.float32(0), seen.depth_m)
-    observation = replace(seen, depth_m=depth_m, normals_cam=estimate_normals(depth_m, seen.camera))
+    before = problem.observation
+    depth_m = np.where(lost, np.float32(0), before.depth_m)
+    observation = replace(before, depth_m=depth_m, normals_cam=estimate_normals(depth_m, before.camera))
     instances = tuple(
-        replace(i, points_cam=segment_cloud(depth_m, seen.camera, i.mask, len(i.points_cam), 0))
+        replace(i, points_cam=segment_cloud(depth_m, before.camera, i.mask, len(i.points_cam), 0))
         for i in problem.instances
     )
     return replace(problem, observation=observation, instances=instances)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from verefine_viz.batch.ranking_auc import misled
 from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.totals import misranked_share
 
 SCORES = st.lists(st.sampled_from([0.1, 0.5, 0.9]), min_size=1, max_size=8)
 
@@ -20,10 +20,10 @@ def rows(scores: list[float], add_s_mm: float) -> list[ObjectRow]:
 @given(SCORES, SCORES)
 def test_it_is_the_share_of_pairs_and_a_draw_counts_half(right: list[float], wrong: list[float]) -> None:
     pairs = [1.0 if w > r else 0.5 if w == r else 0.0 for w in wrong for r in right]
-    assert misled(rows(right, 1.0) + rows(wrong, 50.0)) == pytest.approx(sum(pairs) / len(pairs))
+    assert misranked_share(rows(right, 1.0) + rows(wrong, 50.0)) == pytest.approx(sum(pairs) / len(pairs))
 
 
 def test_without_pairs_nobody_can_say() -> None:
-    assert misled(rows([0.5], 1.0)) is None
-    assert misled(rows([0.5], 50.0)) is None
-    assert misled([]) is None
+    assert misranked_share(rows([0.5], 1.0)) is None
+    assert misranked_share(rows([0.5], 50.0)) is None
+    assert misranked_share([]) is None

@@ -1,4 +1,7 @@
-"""A worker process: builds a session's tools once, then solves the frames it is given; it may get another session."""
+"""A worker process: builds a session's tools once, then solves the frames it is given; it may get another session.
+
+This module must not import numpy or numba, which read the number of threads when they are imported.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +9,40 @@ import os
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from verefine_viz.core.settings import Session
 
-if TYPE_CHECKING:  # It imports numpy and numba, which must wait.
-    from verefine_viz.batch.tasks import TaskName
-
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+TaskName = Literal["solve", "explain", "estimate"]
+"""What workers do with a frame: solve it; solve it and explain wrong answers; only make initial poses."""
 
 
 def work(channel: connection.Connection, session: Session, out: Path, task: TaskName) -> None:
     """The process's main: receives frames or another (session, out), sends results, until the channel closes.
 
-    Before a result it may send a word on what takes long meanwhile.
+    Before a result it may send a sentence on what is taking long.
     """
-    # One frame per core beats several threads in one frame. Must be set before numpy and numba are imported.
+    # One frame per core beats several threads in one frame.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    from verefine_viz.batch.tasks import task_named
+    from verefine_viz.batch.solve_frame import TASKS
     from verefine_viz.core.progress_token import ProgressToken
     from verefine_viz.session.kernel_compilation import COMPILING, compiling_reported
     from verefine_viz.session.toolbox import Toolbox
 
     progress = ProgressToken(report_once=channel.send)
-    toolbox, run = Toolbox(session, progress), task_named(task)
+    toolbox, solve = Toolbox(session, progress), TASKS[task]
     try:
         with compiling_reported(lambda: channel.send(COMPILING)):
             while True:
-                given = channel.recv()
-                if isinstance(given, str):
-                    channel.send(run(toolbox, given, out))
+                received = channel.recv()
+                if isinstance(received, str):
+                    channel.send(solve(toolbox, received, out))
                 else:
-                    session, out = given
+                    session, out = received
                     toolbox = Toolbox(session, progress)
     except (EOFError, BrokenPipeError):
         return
