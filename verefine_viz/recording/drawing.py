@@ -17,7 +17,7 @@ from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, S
 from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
-from verefine_viz.recording.graphs import Tree
+from verefine_viz.recording.graphs import TreeGraphs
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.lossless_log import ENTRY, NO_CONTACTS, Entry, framed
 from verefine_viz.recording.poses import Poses
@@ -38,7 +38,7 @@ class Drawing:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._poses = Poses(layout)
-        self._tree = Tree(layout)
+        self._trees = TreeGraphs(layout)
         self._last_scores = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
         self._worked_on: int | None = None
         self._started: set[int] = set()
@@ -82,7 +82,7 @@ class Drawing:
                 curves.send_curves(file, branch, block, own, self._last_scores[branch.instance_id])
         if self._layout.is_scene or self._layout.has_tree:
             curves.send_scene_curves(file, self._layout, block)
-        self._tree.send(file, block.iterations)
+        self._trees.send(file, block.iterations)
         _send_events(file, self._layout, block)
         _send_choices(file, block)
 

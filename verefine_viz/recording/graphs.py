@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import rerun as rr
 
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
-from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.core.records import Iteration
+from verefine_viz.pictures.visited_tree import GrowingTree, Node
 from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
@@ -90,99 +90,67 @@ def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
     return "\n".join(lines)
 
 
-@dataclass
-class _Node:
-    parent: int
-    instance_id: int
-    arm: int
-    depth: int
-    visits: int = 0
-    cost_px: float = 0.0
-    children: list[int] = field(default_factory=list)
-
-
-class Tree:
-    """Adds up the steps; each iteration is drawn as the whole tree it left."""
+class TreeGraphs:
+    """The search trees as they grow; each iteration is drawn as the whole tree it left."""
 
     def __init__(self, layout: Layout) -> None:
         self._names = {b.instance_id: b.name for b in layout.branches}
         self._colors = {b.instance_id: OBJECT_COLORS[k % 10] for k, b in enumerate(layout.branches)}
-        self._clusters: dict[int, dict[int, _Node]] = {}
-
-    def add(self, step: TreeStep) -> None:
-        """Takes the next step."""
-        nodes = self._clusters.setdefault(step.cluster, {0: _Node(-1, -1, -1, 0)})
-        if step.node is not None and step.node.node not in nodes:
-            parent = nodes[step.node.parent]
-            nodes[step.node.node] = _Node(step.node.parent, step.node.instance_id, step.node.arm, parent.depth + 1)
-            parent.children.append(step.node.node)
-        for n in step.branch:
-            nodes[n].visits += 1
-            nodes[n].cost_px += step.cost_px
+        self._by_cluster: dict[int, GrowingTree] = {}
 
     def send(self, file: RecordingFile, iterations: Sequence[Iteration]) -> None:
-        """The tree after each of the iterations that did something to it."""
-        indices: list[int] = []
-        ids: list[str] = []
+        """The tree after each of the next iterations that did something to it."""
+        steps = [(i.index, i.tree) for i in iterations if i.tree is not None]
+        if not steps:
+            return
         labels: list[str] = []
         positions: list[tuple[float, float]] = []
         colors: list[RGB] = []
         edges: list[tuple[str, str]] = []
         n_nodes: list[int] = []
-        for iteration in iterations:
-            step = iteration.tree
-            if step is None:
-                continue
-            self.add(step)
-            nodes = self._clusters[step.cluster]
-            indices.append(iteration.index)
+        for index, step in steps:
+            growing = self._by_cluster.setdefault(step.cluster, GrowingTree(step.cluster))
+            growing.add(index, step)
+            nodes = growing.tree.nodes
             n_nodes.append(len(nodes))
-            ids += [str(n) for n in nodes]
-            labels += [self._label(node) for node in nodes.values()]
-            places = _tree_places(nodes)
-            positions += [places[n] for n in nodes]
-            marked = set(step.branch)
-            colors += [ON_BRANCH if n in marked else self._color(node) for n, node in nodes.items()]
-            edges += [(str(node.parent), str(n)) for n, node in nodes.items() if n]
-        if not indices:
-            return
+            labels += [self._label(node) for node in nodes]
+            positions += _tree_positions(nodes)
+            colors += [ON_BRANCH if n.number in step.branch else self._color(n) for n in nodes]
+            edges += [(str(node.parent), str(node.number)) for node in nodes[1:]]
+        ids = [str(k) for n in n_nodes for k in range(n)]
         graph_nodes = rr.GraphNodes.columns(node_ids=ids, labels=labels, positions=positions, colors=colors)
         graph_edges = rr.GraphEdges.columns(edges=edges) if edges else []
         file.send(
             entities.TREE,
-            indices,
+            [index for index, _ in steps],
             graph_nodes.partition(n_nodes),
             [column.partition([n - 1 for n in n_nodes]) for column in graph_edges],
         )
 
-    def _label(self, node: _Node) -> str:
+    def _label(self, node: Node) -> str:
         if not node.depth:
             return f"nothing placed, {node.visits}×"
         name = self._names.get(node.instance_id, f"#{node.instance_id}")
-        mean_px = node.cost_px / max(node.visits, 1)
-        return f"{name} h{node.arm + 1}, {node.visits}×, {mean_px:.0f} px"
+        return f"{name} h{node.arm + 1}, {node.visits}×, {node.cost_px / max(node.visits, 1):.0f} px"
 
-    def _color(self, node: _Node) -> RGB:
+    def _color(self, node: Node) -> RGB:
         return self._colors.get(node.instance_id, ROOT_COLOR)
 
 
-def _tree_places(nodes: dict[int, _Node]) -> dict[int, tuple[float, float]]:
+def _tree_positions(nodes: Sequence[Node]) -> list[tuple[float, float]]:
     """Leaves one below the other, parents to the left of the middle of their children."""
-    places: dict[int, tuple[float, float]] = {}
-    leaves = 0
-    order: list[int] = []
-    waiting = [0]
+    down = [0.0] * len(nodes)
+    n_leaves = 0
+    parents_first: list[Node] = []
+    waiting = [nodes[0]]
     while waiting:
-        n = waiting.pop()
-        order.append(n)
-        waiting += reversed(nodes[n].children)
-    for n in order:
-        if not nodes[n].children:
-            places[n] = (DEEPER * nodes[n].depth, BESIDE * leaves)
-            leaves += 1
-    for n in reversed(order):
-        children = nodes[n].children
-        if children:
-            middle = (places[children[0]][1] + places[children[-1]][1]) / 2
-            places[n] = (DEEPER * nodes[n].depth, middle)
-    return places
+        node = waiting.pop()
+        parents_first.append(node)
+        waiting += [nodes[k] for k in reversed(node.children)]
+        if not node.children:
+            down[node.number] = BESIDE * n_leaves
+            n_leaves += 1
+    for node in reversed(parents_first):
+        if node.children:
+            down[node.number] = (down[node.children[0]] + down[node.children[-1]]) / 2
+    return [(DEEPER * node.depth, down[node.number]) for node in nodes]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, cast, get_args
 
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.scores import MAP_NAMES
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.build import snapshot_of
 from verefine_viz.viewer.snapshot.partial_iteration import OF_ITERATION, is_answer
@@ -59,8 +60,8 @@ def _compare(options: ViewOptions, command: c.Compare) -> ViewOptions:
 
 
 def _show_map(options: ViewOptions, command: c.ShowMap) -> ViewOptions:
-    if command.name not in c.MAP_NAMES:
-        raise InputError(unknown("map", command.name, c.MAP_NAMES))
+    if command.name not in MAP_NAMES:
+        raise InputError(unknown("map", command.name, MAP_NAMES))
     return replace(options, map=command.name)
 
 

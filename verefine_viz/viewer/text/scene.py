@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.pictures.visited_tree import tree_of
 from verefine_viz.viewer.snapshot.scene_state import ClosedPass, SceneState, labels_of
-from verefine_viz.viewer.snapshot.search_tree import tree_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.names import is_correct
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.palette import RGB, lookup_table
+from verefine_viz.pictures.visited_tree import Node, Tree
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import Row, carries, swatch, table, text
-from verefine_viz.viewer.snapshot.search_tree import Node, Tree
 
-# Which nodes of a big search tree are drawn, and what the others are folded into.
-#
-# The way to the best scene and the branch of this iteration are always drawn, then what was visited most, as long as
-# every box stays wide enough to be read and clicked. Of the rest one box per parent remains.
+# Which nodes of a big search tree are drawn, and what the others are folded into. The way to the best scene and the
+# branch of this iteration are always drawn, then what was visited most, as long as every box stays wide enough to be
+# read and clicked. Of the rest one box per parent remains.
 
 
 @dataclass(frozen=True)
