@@ -10,6 +10,9 @@ from dataclasses import dataclass, replace
 
 from verefine_viz.core.records import Iteration, TreeStep
 
+ROOT = -1
+"""``instance_id`` of the root, which places nothing."""
+
 
 @dataclass(frozen=True)
 class Node:
@@ -69,7 +72,7 @@ class GrowingTree:
 
     def __init__(self, cluster: int) -> None:
         self._cluster = cluster
-        self._nodes = [Node(0, -1, 0, -1, -1, 0.0, 0)]
+        self._nodes = [Node(0, -1, 0, ROOT, -1, 0.0, 0)]
         self._incumbent: tuple[tuple[int, ...], float, int] = ((0,), float("inf"), 0)
         self._costs: list[tuple[int, float, float]] = []
         self._branch: tuple[int, ...] = (0,)

@@ -21,11 +21,11 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording.background import log_background
-from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.graphs import log_dependencies
-from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.lossless_log import Entry, Journal
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors
+from verefine_viz.recording.recorded_layout import Layout, layout_of
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
@@ -35,7 +35,7 @@ SCHEMA = 4
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 BLOCK_WITH_MAPS = 10
-"""The same where score maps are recorded, which are large: a file that is cut later keeps what lies before the cut."""
+"""The same where score maps are recorded, which are large: of a file that is truncated, what lies before is saved."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
 
@@ -61,7 +61,7 @@ class Recorder:
             path: the recording, ``….rrd``; its folder is made if needed.
             session: what is being run; written into the recording.
             problem: the frame.
-            verifier_of: what judged iteration k, to make its score maps; None = no maps, whatever the session says.
+            verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
             live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
             block: iterations drawn together, with score maps at most 10; with a live viewer every iteration is drawn
                 at once.
@@ -81,7 +81,7 @@ class Recorder:
         self._pending_maps = PendingMaps()
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
-        self._truth = _AgainstTruth()
+        self._errors = _GroundTruthErrors()
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -122,7 +122,7 @@ class Recorder:
             InputError: the file cannot be written any more.
         """
         assert self._file is not None, "on_start comes first"
-        errors = self._truth.errors(self._targets[iteration.instance_id], iteration)
+        errors = self._errors.errors(self._targets[iteration.instance_id], iteration)
         entry = Entry.of(iteration, errors)
         self._journal.append(entry)
         self._pending.append(entry)
@@ -148,7 +148,7 @@ class Recorder:
         try:
             self._draw(file)
             if self._live_port is None:
-                # Last: where a file is cut, its iterations matter more.
+                # Last: where a file is truncated, its iterations matter more.
                 file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
             file.close(self._n_drawn)
             # The journal is not needed any more.
@@ -187,14 +187,14 @@ class Recorder:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
 
 
-class _AgainstTruth:
-    """Judges iterations one after another; remembers each object's best pose, which seldom changes."""
+class _GroundTruthErrors:
+    """Errors of iterations, one after another; remembers those of each object's best pose, which seldom changes."""
 
     def __init__(self) -> None:
         self._best: dict[int, tuple[Best, float]] = {}
 
     def errors(self, target: Target, iteration: Iteration) -> Float:
-        """What ``Entry.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
+        """``Entry.errors``. ADD(-S) goes over all points, so only when the best pose changed."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return _UNKNOWN
