@@ -15,7 +15,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
-from verefine_viz.core.records import Iteration, PlacedPose
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.entities import branch
@@ -68,10 +68,10 @@ class Layout:
     """From where: near the camera, a little to the side [m]."""
     width_m: float
     """How far apart the objects reach on the table, along the world's x or y."""
-    method: str = ""
-    has_graph: bool = False
+    method: str
+    has_graph: bool
     """Whether it has a dependency graph."""
-    has_clusters: bool = True
+    has_clusters: bool
     """Whether some objects are solved together."""
 
     def __post_init__(self) -> None:
@@ -138,7 +138,7 @@ class Layout:
                 raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
             if i.path is not None and not len(i.path.Ts_cam_obj):
                 raise ValueError(f"the simulation of iteration {i.index} has no pose")
-            unknown = {p.instance_id for p in _placed(i)} - arms.keys()
+            unknown = set(_other_instances(i)) - arms.keys()
             if unknown:
                 raise ValueError(f"iteration {i.index} places instance {min(unknown)}, which is not recorded")
             if i.tree is not None:
@@ -155,7 +155,7 @@ class Layout:
         return json.dumps({**vars(self), "branches": [vars(b) for b in self.branches]}, separators=(",", ":"))
 
 
-def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
+def layout_of(problem: Problem, state: RunState, method: str) -> Layout:
     """The layout of a problem, given the state before the first iteration and the name of the method."""
     branches: list[Branch] = []
     for instance, scores in zip(problem.instances, state.initial, strict=True):
@@ -169,14 +169,17 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
     return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
 
 
-def _placed(iteration: Iteration) -> Iterator[PlacedPose]:
-    """All poses of other objects that the iteration names."""
+def _other_instances(iteration: Iteration) -> Iterator[int]:
+    """Of all poses beside its stages that the iteration names."""
     scene, tree = iteration.scene, iteration.tree
-    yield from iteration.placed
+    poses = [*iteration.placed]
     if scene is not None:
-        yield from (*scene.poses, *scene.incumbent)
+        poses += [*scene.poses, *scene.incumbent]
     if tree is not None:
-        yield from (*tree.rollout, *tree.incumbent)
+        poses += [*tree.rollout, *tree.incumbent]
+        if tree.node is not None:
+            yield tree.node.instance_id
+    yield from (pose.instance_id for pose in poses)
 
 
 _UNKNOWN = (0.0,) * 10

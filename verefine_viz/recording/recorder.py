@@ -52,7 +52,6 @@ class Recorder:
         session: Session,
         problem: Problem,
         verifier_of: Callable[[int], Verifier] | None = None,
-        live_port: int | None = None,
         block: int = BLOCK,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
@@ -62,20 +61,13 @@ class Recorder:
             session: what is being run; written into the recording.
             problem: the frame.
             verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
-            live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
-            block: iterations drawn together, with score maps at most 10; with a live viewer every iteration is drawn
-                at once.
+            block: iterations drawn together, with score maps at most 10.
         """
         self._path = path
         self._session = session
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
-        self._live_port = live_port
-        self._block = block
-        if self._verifier_of is not None:
-            self._block = min(block, BLOCK_WITH_MAPS)
-        if live_port is not None:
-            self._block = 1
+        self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
         self._pending_maps = PendingMaps()
@@ -102,11 +94,9 @@ class Recorder:
             part_path(self._path).unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        file = self._file = RecordingFile(part_path(self._path), self._live_port)
+        file = self._file = RecordingFile(part_path(self._path))
         # What makes the iterations readable comes first.
         file.send_properties(about, f"{about['title']} {about['frame']} {about['method']}".strip())
-        if self._live_port is not None:
-            file.send_blueprint(blueprint_of(self._layout, has_maps))
         self._drawing.start(file)
         if self._problem.dependencies is not None and self._layout.is_scene:
             log_dependencies(file, self._problem.dependencies, self._layout)
@@ -147,9 +137,8 @@ class Recorder:
         file, self._file = self._file, None
         try:
             self._draw(file)
-            if self._live_port is None:
-                # Last: where a file is truncated, its iterations matter more.
-                file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
+            # Last: where a file is truncated, its iterations matter more.
+            file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
             file.close(self._n_drawn)
             # The journal is not needed any more.
             part_path(self._path).replace(self._path)

@@ -23,7 +23,6 @@ from rerun.chunk import Chunk, RrdReader
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.recording import entities
 
-LOOPBACK = "127.0.0.1"
 COMPLETE = "complete"
 """The last property of a finished recording: how many iterations it holds."""
 
@@ -39,29 +38,22 @@ def journal_path(path: Path) -> Path:
 
 
 class RecordingFile:
-    """Writes a recording to a file, and serves it to rerun viewers if asked to."""
+    """Writes a recording to a file."""
 
-    def __init__(self, path: Path, live_port: int | None = None) -> None:
-        """Creates the file.
-
-        Args:
-            path: the file; what is there is replaced.
-            live_port: also serve it on this port of 127.0.0.1.
+    def __init__(self, path: Path) -> None:
+        """Creates the file; what is there is replaced.
 
         Raises:
-            InputError: the file cannot be written, or the port is taken.
+            InputError: it cannot be written.
         """
         self._path = path
         self._error: OSError | None = None
         self._stream = rr.RecordingStream(entities.APPLICATION, send_properties=False)
         self._encoded = self._stream.binary_stream()
         try:
-            if live_port is not None:
-                self._stream.set_sinks(self._encoded, rr.GrpcServerSink(bind_ip=LOOPBACK, port=live_port))
             self._file = path.open("wb", buffering=0)
-        except (OSError, RuntimeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
-            raise InputError(f"cannot write the recording {path}: {reason}") from None
+        except OSError as error:
+            raise InputError(f"cannot write the recording {path}: {error.strerror}") from None
 
     def send_properties(self, values: Mapping[str, str], name: str = "") -> None:
         """What the recording is about, and what viewers call it; in the file when this returns."""

@@ -15,8 +15,10 @@ from urllib.parse import quote
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import MAPS, SCENE_MAPS
 from verefine_viz.recording.reader import Recorded, existing, final_path, has_content, read_recording
-from verefine_viz.recording.recording_file import COMPLETE, LOOPBACK, RecordingFile, executable, saved_chunks
+from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, executable, saved_chunks
 from verefine_viz.recording.views import blueprint_of
+
+LOOPBACK = "127.0.0.1"
 
 
 @dataclass(frozen=True)

@@ -45,12 +45,12 @@ class Entry:
 
     @property
     def can_be_opened(self) -> bool:
-        """A frame that failed as a whole fails again, and an object that was left out is again."""
+        """Not so a frame that failed or an object that was excluded: they would be again."""
         return self.row.was_asked_for
 
     @property
     def iteration(self) -> int:
-        """Where to look first: where it went wrong, else where the answer was made; 0 = before iteration 1."""
+        """What is opened: where it went wrong, else where the answer was made; 0 = before iteration 1."""
         row = self.row
         return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
 
@@ -90,19 +90,19 @@ class Gallery:
         """How many objects are right, in words; as in a batch, one without an answer is not."""
         objects = [e.row for e in self.entries if e.row.is_object]
         known = [row for row in objects if row.has_truth or row.is_correct is not None]
-        said = f"{len(objects)} objects"
+        counted = f"{len(objects)} objects"
         if known:
-            said = f"{sum(row.is_correct is True for row in known)} of {len(known)} objects"
+            counted = f"{sum(row.is_correct is True for row in known)} of {len(known)} objects"
         if self.has_several_runs:
-            said += f" of {len(self.runs)} runs"
+            counted += f" of {len(self.runs)} runs"
         else:
             n_frames = len({e.row.frame for e in self.entries})
-            said += f" in {n_frames} frame{'s' * (n_frames != 1)}"
-        said += " are right" if known else ""
+            counted += f" in {n_frames} frame{'s' * (n_frames != 1)}"
+        counted += " are right" if known else ""
         missing = sum(row.status != "ok" for row in objects)
-        said += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+        counted += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
         unknown = len(self.entries) - len(objects)
-        return f"{said}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else said
+        return f"{counted}; {unknown} frame{'s' * (unknown != 1)} failed" if unknown else counted
 
     @cached_property
     def doubt(self) -> str:
@@ -112,8 +112,8 @@ class Gallery:
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
         if order not in self._sorted:
-            place = place_in(order)
-            self._sorted[order] = tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
+            sort_key = place_in(order)
+            self._sorted[order] = tuple(sorted(self.entries, key=lambda entry: sort_key(entry.row)))
         return self._sorted[order]
 
     def shown(self, order: Order, only: Mapping[str, str]) -> tuple[Entry, ...]:
@@ -124,10 +124,10 @@ class Gallery:
             only: chosen values by filter: result, cause (its title), object, method, run; none = all, of results
                 :attr:`first_result`.
         """
-        asked = order, dict(only)
-        if self._shown[0] != asked:
+        choice = order, dict(only)
+        if self._shown[0] != choice:
             passed = set(self.matching(only))
-            self._shown = asked, tuple(entry for entry in self.sorted_by(order) if entry in passed)
+            self._shown = choice, tuple(entry for entry in self.sorted_by(order) if entry in passed)
         return self._shown[1]
 
     def matching(self, only: Mapping[str, str]) -> tuple[Entry, ...]:
@@ -143,21 +143,21 @@ class Gallery:
 
     @cached_property
     def first_result(self) -> str:
-        """Which results are shown before anyone chooses: wrong ones, if any are known to be."""
+        """Which results are shown until the user chooses: wrong ones, if any are known to be."""
         return WRONG if any(entry.is_wrong for entry in self.entries) else ALL
 
     @cached_property
     def choices(self) -> dict[str, tuple[str, ...]]:
-        """What can be filtered for, by filter; filters that leave no choice are left out."""
-        found = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
-        return {"result": RESULTS} | {by: (ALL, *values) for by, values in found.items() if len(values) > 1}
+        """What can be filtered for, by filter; without filters that leave no choice."""
+        by_filter = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
+        return {"result": RESULTS} | {by: (ALL, *values) for by, values in by_filter.items() if len(values) > 1}
 
     def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
-        """What a run says about an object."""
+        """The answer of a run for an object."""
         return self._by_object.get((run, frame, instance_id))
 
     def doubt_in(self, run: str, frame: str) -> str:
-        """What a run found not to fit together in the data of a frame; empty where nothing was found."""
+        """What does not fit together in the data of a frame, by a run's checks; empty where all fits."""
         return self._doubt_by_frame.get((run, frame), "")
 
     @cached_property
@@ -184,7 +184,7 @@ class Gallery:
 
 
 class Browsing:
-    """The gallery and the place in it.
+    """The gallery and what is open of it.
 
     Args:
         gallery: None = no batch was opened.
@@ -208,7 +208,7 @@ class Browsing:
         return run.iteration.stages[-1].name
 
     def entry(self, instance_id: int) -> Entry | None:
-        """What the batch says about an object of the open frame; None where something else is open."""
+        """The batch's answer for an object of the open frame; None where something else is open."""
         gallery = self.gallery
         if gallery is None or not self._is_open(gallery.session(self.run)):
             return None
@@ -225,7 +225,7 @@ _FILTERS = ("cause", "object", "method", "run")
 
 
 def value_of(entry: Entry, by: str) -> str:
-    """What a filter looks at."""
+    """What a filter compares."""
     if by == "cause":
         return cause_title(entry.row.cause)
     return entry.run if by == "run" else entry.row.name if by == "object" else entry.row.method
